@@ -215,6 +215,67 @@ def test_a_rolling_disk_and_the_start_of_a_curve(page: Any, replica: Path) -> No
     assert page.inner_text(".state") == "Done"
 
 
+def decay(size: float) -> bytes:
+    rows = "".join(f"{t},{size * 2.0 ** (-t / 3) + 0.01 * (-1) ** t:.3f}\n" for t in range(10))
+    return f"t [s],U [V]\n{rows}".encode()
+
+
+def test_several_files_are_one_fit_or_a_table_that_a_class_fills(page: Any) -> None:
+    axe = pytest.importorskip(
+        "axe_playwright_python.sync_playwright", reason="axe is not installed: .ci/run installs it"
+    ).Axe()
+
+    def is_accessible() -> bool:
+        found = settled(page, lambda: axe.run(page)).response["violations"]
+        return [f"{each['id']}: {each['nodes'][0]['html']}" for each in found] == []
+
+    drop(page, {"one.csv": decay(2.0), "two.csv": decay(3.0)})
+    page.wait_for_selector("h1:text('one.csv, two.csv')")
+    wait_until(page, "document.getElementById('points')?.naturalWidth > 0")
+    assert is_accessible()
+    assert fits_the_width(page)
+    page.fill("#formula", "a*exp(-t/tau)")
+    page.fill("#u-y", "0.01")
+    page.fill("#own", "a")
+    page.click(".end button")
+    page.wait_for_selector(".state", timeout=MINUTES)
+    assert "a[two]" in page.inner_text(".said")
+    page.click("text=Ask something else")
+    page.check("text=each file by itself")
+    assert not page.is_visible("#own")
+    page.click(".end button")
+    page.wait_for_selector("text=stop that")
+    page.click("text=Hand in a file")
+    page.fill("#who", "Ana")
+    assert is_accessible()
+    assert fits_the_width(page)
+    drop(page, {"data.csv": decay(2.5)})
+    page.wait_for_selector("h1:text('Ana: data.csv')")
+    page.wait_for_selector(".state", timeout=MINUTES)
+    page.click("text=The table of all files")
+    page.wait_for_selector("text=/2[.]5.* ± /", timeout=MINUTES)
+    assert page.locator("tbody tr").count() == 3
+    assert is_accessible()
+    assert fits_the_width(page)
+
+
+def test_files_that_are_there_are_ticked_and_put_together(chromium: Any, address: str) -> None:
+    context = chromium.new_context(java_script_enabled=False)
+    page = context.new_page()
+    page.goto(f"http://{address}/?token={TOKEN}")
+    for name in ("three.csv", "four.csv"):
+        page.set_input_files("#files", {"name": name, "mimeType": "text/csv", "buffer": LINE})
+        page.click("text=Look at the file")
+        page.wait_for_selector("#formula")
+        page.click("text=Files and answers")
+    page.check("input[aria-label='three.csv'] >> nth=0")
+    page.check("input[aria-label='four.csv'] >> nth=0")
+    page.click("text=Ask about the ticked files together")
+    page.wait_for_selector("h1:text('three.csv')")
+    assert page.locator("input[name=files]:checked").count() == 2
+    context.close()
+
+
 def test_the_whole_way_by_keyboard_in_spanish(page: Any) -> None:
     page.click("text=español")
     page.focus("button:has-text('té')")

@@ -17,7 +17,7 @@ from tracker_files import point_mass, trk
 
 from estim import fit_curve
 from estim.campaign import Campaign, TableChoices, campaign_of_table, load_campaign
-from estim.campaign.table_campaign import text_of_table
+from estim.campaign.table_campaign import run_names, text_of_table
 from estim.cli.commands import cli
 from estim.common.errors import EstimError, InputError
 from estim.fitting import fit_problem
@@ -762,3 +762,80 @@ def test_a_real_recording_as_a_rolling_disk(name: str, unit: str) -> None:
     assert run.columns["x_m"][0] == 0.0
     with pytest.raises(InputError, match="goes with a table"):
         rolled(REAL / name, y="x")
+
+
+# ---- several tables with one curve ----
+
+
+@pytest.fixture
+def two(tmp_path: Path, rng: np.random.Generator) -> list[Path]:
+    """Tables of one decay from 2.0 and from 3.0, the second in a folder of its own."""
+    files = [tmp_path / "cup.csv", tmp_path / "later" / "cup.csv"]
+    files[1].parent.mkdir()
+    t = np.linspace(0.0, 10.0, 31)
+    for file, size in zip(files, (2.0, 3.0), strict=True):
+        u = size * np.exp(-t / 3.0) + 0.5 + 0.02 * rng.standard_normal(t.size)
+        rows = "\n".join(f"{a:.4f},{b:.6f}" for a, b in zip(t, u, strict=True))
+        file.write_text(f"t [s],U [V]\n{rows}\n")
+    return files
+
+
+def test_several_tables_share_all_parameters_but_those_of_their_own(
+    two: list[Path], rng: np.random.Generator
+) -> None:
+    choices = TableChoices(formula="a*exp(-t/tau) + c", own=("a", "a"), u_y="0.02")
+    problem = campaign_of_table(two[0], choices, two[1]).problem(["cup", "cup-2"])
+    assert problem.names == ("tau", "c", "a[cup]", "a[cup-2]")
+    fit = fit_problem(problem, rng=rng)
+    found = dict(zip(problem.names, zip(fit.values, fit.sds, strict=True), strict=True))
+    for name, truth in {"a[cup]": 2.0, "a[cup-2]": 3.0, "tau": 3.0, "c": 0.5}.items():
+        value, sd = found[name]
+        assert abs(value - truth) < 4.0 * sd, name
+    # one value for both is a wrong model
+    alike = campaign_of_table(two[0], TableChoices(formula=choices.formula, u_y="0.02"), two[1])
+    wrong = fit_problem(alike.problem(["cup", "cup-2"]), rng=rng)
+    assert wrong.values.size == 3
+    assert wrong.chi2 > 100.0 * fit.chi2
+
+
+def test_a_file_gives_its_run_a_name_that_no_other_has() -> None:
+    files = [Path(name) for name in ("a.csv", "a-2.csv", "b/A.csv", "a.txt", "report.csv", "+.csv")]
+    assert run_names(files) == ["a", "a-2", "A-3", "a-4", "report-run", "run"]
+
+
+def test_one_line_fits_tables_jointly_as_the_campaign_that_its_report_prints(
+    two: list[Path],
+) -> None:
+    folder = two[0].parent
+    curve = ["--formula", FORMULA, "--own", "a", "--u-y", "0.02"]
+    said = ["--joint", "--figures", "none", "--out"]
+    done = runner().invoke(cli, ["fit", *map(str, two), *curve, *said, str(folder / "one")])
+    assert done.exit_code == 0, done.output
+    report = (folder / "one" / "report.md").read_text()
+    assert "`estim fit --joint` gives the same result from it" in report
+    (text,) = re.findall("```toml\n(.*?)```", report, re.DOTALL)
+    (folder / "both.toml").write_text(text)
+    done = runner().invoke(cli, ["fit", str(folder / "both.toml"), *said, str(folder / "two")])
+    assert done.exit_code == 0, done.output
+    one, other = (
+        json.loads((folder / out / "result.json").read_text())["parameters"]
+        for out in ("one", "two")
+    )
+    assert one == other
+    assert set(one) == {"a[cup]", "a[cup-2]", "tau", "c"}
+    made = ["new", folder / "n", *(f"--from={file}" for file in two), *curve]
+    assert runner().invoke(cli, list(map(str, made))).exit_code == 0
+    problem = load_campaign(folder / "n.toml").problem(["cup", "cup-2"])
+    assert problem.names == tuple(one)
+
+
+def test_what_does_not_go_with_several_tables_is_refused(two: list[Path], tmp_path: Path) -> None:
+    assert "'FILE...' goes with --formula and tables" in told("fit", *two)
+    assert "'--own' needs --joint" in told("fit", *two, "--formula", FORMULA, "--own", "a")
+    said = ("--formula", FORMULA, "--joint")
+    assert "names no parameter" in told("fit", *two, *said, "--own", "q")
+    (tmp_path / "c.toml").write_text("")
+    assert "needs a table of points" in told("fit", two[0], tmp_path / "c.toml", *said)
+    two[1].write_text(two[1].read_text().replace("[s]", "[ms]"))
+    assert "'t [s]' is missing (the header has t [ms], U [V])" in told("fit", *two, *said)
+    assert "must be in ms, as the header of" in told("fit", *two, *said, "--x", "t", "--y", "U")

@@ -21,12 +21,14 @@ from urllib.parse import urlencode
 import numpy as np
 import pytest
 from conftest import REAL
+from markupsafe import escape
 from tracker_files import point_mass, trk
 from web_pages import Browser, entered, served, words
 from workbooks import xlsx
 
 from estim.cli.commands import fit
 from estim.common import EstimError, InputError
+from estim.plugins import plugins
 from estim.web import At
 from estim.web.listening import listening
 from estim.web.question import arguments_of, fields_of
@@ -306,8 +308,7 @@ def test_a_file_that_cannot_be_read_says_why_and_several_are_listed(browser: Bro
     form = browser.get(asked.place)
     assert form.status == 200
     assert "The file cannot be read as it is" in form.text
-    asked = browser.hand_in({"one.csv": LINE, "two.csv": LINE})
-    assert asked.place == "/#files-here"
+    browser.hand_in({"one.csv": LINE, "two.csv": LINE})
     page = browser.get("/").text
     assert ">one.csv<" in page
     assert ">two.csv<" in page
@@ -347,6 +348,207 @@ def test_the_first_page_is_small_and_asks_nothing_from_elsewhere(browser: Browse
         assert not re.findall(r"(?<!xmlns=\")https?://", browser.get(place).text), place
     script = Path(__file__).parents[1] / "estim" / "web" / "static" / "estim.js"
     assert len(script.read_text().splitlines()) <= 150
+
+
+# ---- several files, and a class ----
+
+
+def decay(size: float, seed: int = 1, tau: float = 3.0) -> bytes:
+    """A table of size*exp(-t/tau) with errors of 0.02."""
+    rng = np.random.default_rng(seed)
+    t = np.linspace(0.0, 9.0, 25)
+    u = size * np.exp(-t / tau) + 0.02 * rng.standard_normal(t.size)
+    rows = "".join(f"{a:.3f},{b:.5f}\n" for a, b in zip(t, u, strict=True))
+    return f"t [s],U [V]\n{rows}".encode()
+
+
+DECAY = {"formula": "a*exp(-t/tau)", "x": "t", "y": "U", "u-y": "0.02"}
+
+
+def repeated(browser: Browser, answer: str, folder: Path) -> None:
+    """Repeats an answer by the command of its download, to the last byte."""
+    packed = zipfile.ZipFile(io.BytesIO(browser.get(f"{answer}/all.zip").body))
+    packed.extractall(folder)
+    before = {name: (folder / name).read_bytes() for name in packed.namelist()}
+    command = shlex.split((folder / "command.txt").read_text().splitlines()[-1])
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
+    subprocess.run([sys.executable, "-m", *command], cwd=folder, check=True, env=environment)
+    assert before == {name: (folder / name).read_bytes() for name in packed.namelist()}
+
+
+def test_several_files_are_one_joint_fit_that_a_command_repeats(
+    browser: Browser, tmp_path: Path
+) -> None:
+    asked = browser.hand_in({"Cup 1.csv": decay(2.0), "Cup 2.csv": decay(3.0, 2)})
+    form = browser.get(asked.place)
+    assert re.findall(r'name="files" value="([^"]*)" checked> ([^<]*)<', form.text) == [
+        ("cup-1.csv", "Cup 1.csv"),
+        ("cup-2.csv", "Cup 2.csv"),
+    ]
+    picture = browser.get(f"{asked.place}/points-0-1.png").body
+    alone = browser.get(f"{browser.hand_in({'Cup 1.csv': decay(2.0)}).place}/points-0-1.png").body
+    assert picture.startswith(b"\x89PNG")
+    assert picture != alone  # the points of both
+    fields = DECAY | {"files": "cup-1.csv\ncup-2.csv", "how": "joint", "own": "a"}
+    answer = browser.fill_in(asked.place, **fields)
+    page = unescape(browser.ended(answer.place).text)
+    assert "estim fit cup-1.csv cup-2.csv" in page
+    assert "--joint --own=a" in page
+    assert "cup-1, cup-2: ok" in page
+    repeated(browser, answer.place, tmp_path)
+    values = json.loads((tmp_path / "report" / "result.json").read_text())["parameters"]
+    assert set(values) == {"a[cup-1]", "a[cup-2]", "tau"}
+    for name, truth in {"a[cup-1]": 2.0, "a[cup-2]": 3.0, "tau": 3.0}.items():
+        assert abs(values[name]["mean"] - truth) < 4.0 * values[name]["sd"], name
+    # a parameter that is none comes back beside its field, one file is no joint fit
+    again = browser.ended(browser.fill_in(asked.place, **fields | {"own": "b"}).place)
+    form = browser.get(again.place).text
+    assert 'id="wrong-own"' in form
+    assert browser.fill_in(asked.place, **DECAY).status == 422
+    one = browser.fill_in(asked.place, **DECAY, files="cup-2.csv")
+    assert "--joint" not in browser.get(one.place).text
+
+
+def test_files_that_are_there_are_put_together(browser: Browser) -> None:
+    places = [browser.hand_in({"same.csv": decay(2.0, i)}).place for i in range(2)]
+    ids = [place.rpartition("/")[2] for place in places]
+    body = "&".join(f"ids={at}" for at in (*ids, ids[0], "nothing")).encode()
+    kind = {"Content-Type": "application/x-www-form-urlencoded"}
+    asked = browser.send("POST", "/together", body, kind)
+    form = browser.get(asked.place).text
+    assert "<h1>same.csv, same.csv</h1>" in form
+    assert 'value="same-2.csv"' in form
+    together = asked.place.rpartition("/")[2]
+    for few in ((ids[0],), (together, ids[0]), ()):
+        refused = browser.send(
+            "POST", "/together", "&".join(f"ids={at}" for at in few).encode(), kind
+        )
+        assert refused.status == 422
+        assert "Tick two files or more" in refused.text
+
+
+def test_each_file_by_itself_is_a_table_in_which_one_bad_file_spoils_nothing(
+    browser: Browser, tmp_path: Path
+) -> None:
+    bad = b"t [s],W [V]\n0,1\n1,2\n2,4\n"
+    asked = browser.hand_in({"a.csv": decay(2.0), "b.csv": decay(2.0, 2), "bad.csv": bad})
+    fields = DECAY | {"files": "a.csv\nb.csv\nbad.csv", "how": "each"}
+    assert browser.fill_in(asked.place, **fields | {"formula": ""}).status == 422
+    table = browser.fill_in(asked.place, **fields).place
+    answers = re.findall(r'href="(/answers/[^"]*)"', browser.get(table).text)
+    assert len(answers) == 3
+    pages = [browser.ended(answer) for answer in answers]
+    assert [page.status for page in pages] == [200] * 3
+    page = browser.get(table)
+    assert page.headers["refresh"] == "10"
+    assert "refresh" not in browser.get(f"{table}?still=1").headers
+    rows = [words(row).split() for row in re.findall(r"<tr>(.*?)</tr>", page.text, re.DOTALL)]
+    assert rows[0] == ["file", "a", "(V)", "tau", "(s)", "status"]
+    assert [row[0] for row in rows[1:4]] == ["a.csv", "b.csv", "bad.csv"]
+    assert rows[1][-1] == "ok"
+    assert abs(float(rows[1][1]) - 2.0) < 4.0 * float(rows[1][3])
+    assert rows[3][1:3] == ["not", "understood"]
+    assert "the header has t [s], W [V]" in unescape(page.text)
+    # the numbers are those of the command of each row, and of estim batch
+    repeated(browser, answers[0], tmp_path)
+    summary = browser.get(table.replace("table", "summary.csv")).text.splitlines()
+    mean = json.loads((tmp_path / "report" / "result.json").read_text())["parameters"]["a"]["mean"]
+    assert summary[0].startswith("campaign,run,status,why,a [V],a [V] sd")
+    assert summary[1].startswith(f"a.csv,,ok,,{mean},")
+    assert summary[3].startswith("bad.csv,,no result,")
+
+
+def test_a_class_hands_in_and_the_table_grows_and_names_what_stands_apart(browser: Browser) -> None:
+    asked = browser.hand_in({"teacher.csv": decay(2.0)})
+    answer = browser.fill_in(asked.place, **DECAY, asked="formula", title="Mine").place
+    assert "or of a class" in browser.ended(answer).text
+    batch = browser.send("POST", f"{answer}/batch").place
+    page = browser.get(batch).text
+    assert "A file needs the columns t and U." in page
+    assert f'href="{batch}"' in browser.get("/").text
+    assert "No file has been handed in yet." in browser.get(f"{batch}/table").text
+    places: dict[str, str] = {}
+
+    def hand_in(who: str, data: bytes) -> None:
+        student = Browser(browser.address, dict(browser.cookies))
+        fields = {"batch": batch.rpartition("/")[2], "who": who}
+        places[who] = student.hand_in({"data.csv": data}, fields=fields).place
+
+    sizes = dict.fromkeys("ABCDEF", 2.0) | {"<b>O'Neill</b>": 4.0, '=1+"x"': 2.0}
+    threads = [
+        threading.Thread(target=hand_in, args=[who, decay(size, seed)])
+        for seed, (who, size) in enumerate(sizes.items())
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(set(places.values())) == len(sizes)
+    for who, place in places.items():
+        page = browser.ended(place).text
+        assert f"<h1>{escape(who)}: data.csv</h1>" in page
+        assert f'href="{batch}/table"' in page
+        title = re.findall("<title>(.*?)</title>", browser.get(f"{place}/report/report.html").text)
+        assert "Mine" not in title[0]
+    table = browser.get(f"{batch}/table").text
+    assert "<b>" not in table
+    rows = re.findall(r'<tr><th scope="row"><a.*?</tr>', table, re.DOTALL)
+    assert len(rows) == len(sizes)
+    assert [words(row).split(":")[0].strip() for row in rows if "stands apart" in row] == [
+        "&lt;b&gt;O&#39;Neill&lt;/b&gt;"
+    ]
+    summary = browser.get(f"{batch}/summary.csv").text
+    assert '\n\'=1+""x' in summary.replace("\"'=", "'=")
+    assert len(summary.splitlines()) == len(sizes) + 1
+
+
+def test_what_a_class_cannot_hand_in_is_said_where_it_was_handed_in(browser: Browser) -> None:
+    asked = browser.hand_in({"line.csv": LINE})
+    answer = browser.fill_in(asked.place, asked="formula", formula="a*x + b", x="t", y="U").place
+    browser.ended(answer)
+    batch = browser.send("POST", f"{answer}/batch").place
+    fields = {"batch": batch.rpartition("/")[2], "who": "A"}
+    for files, said in (
+        ({"c.toml": b""}, "A campaign brings its own question"),
+        ({"run.exe": b"MZ"}, "run.exe is not one of"),
+        ({"": b""}, "Choose a file first."),
+    ):
+        refused = browser.hand_in(files, fields=fields)
+        assert refused.status == 422
+        assert said in refused.text
+        assert 'name="who"' in refused.text
+    assert browser.hand_in({"a.csv": LINE}, fields=fields | {"batch": "none"}).status == 404
+    line = browser.fill_in(asked.place, asked="line").place
+    browser.ended(line)
+    assert browser.send("POST", f"{line}/batch").status == 404
+    for place in ("/batches/none", "/batches/none/table", "/batches/none/summary.csv"):
+        assert browser.get(place).status == 404
+
+
+def test_a_file_of_an_installed_reader_is_taken(
+    browser: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert browser.hand_in({"a.sweep": LINE}).status == 422
+    info = tmp_path / "estim_sweeps-0.3.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: estim-sweeps\nVersion: 0.3\n")
+    (info / "entry_points.txt").write_text("[estim.readers]\nsweep = estim_sweeps:read\n")
+    code = "def read(data):\n    return data.decode().replace(',', chr(9))\n"
+    (tmp_path / "estim_sweeps.py").write_text(code)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    path = os.pathsep.join([str(tmp_path), str(Path(__file__).parents[1])])
+    monkeypatch.setenv("PYTHONPATH", path)  # of the workers
+    plugins.cache_clear()
+    try:
+        assert ".sweep" in browser.get("/").text
+        asked = browser.hand_in({"Run 1.sweep": LINE})
+        assert "t s 5 0 4" in words(browser.get(asked.place).text)
+        answer = browser.fill_in(asked.place, asked="formula", formula="a*x + b", x="t", y="U")
+        page = browser.ended(answer.place).text
+        assert "run-1: ok" in page
+        assert "read by the package estim-sweeps 0.3" in page
+    finally:
+        plugins.cache_clear()
 
 
 # ---- who may ask ----

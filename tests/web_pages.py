@@ -82,9 +82,12 @@ class Browser:
         kind = {"Content-Type": "application/x-www-form-urlencoded"}
         return self.send("POST", path, urlencode(fields).encode(), kind)
 
-    def hand_in(self, files: Mapping[str, bytes], **headers: str | None) -> Reply:
-        """Uploads files, by the names that they shall have."""
-        parts = b""
+    def hand_in(
+        self, files: Mapping[str, bytes], *, fields: Mapping[str, str] = {}, **headers: str | None
+    ) -> Reply:
+        """Uploads files, by the names that they shall have, in a form with further fields."""
+        start = '--edge\r\nContent-Disposition: form-data; name="'
+        parts = "".join(f'{start}{key}"\r\n\r\n{text}\r\n' for key, text in fields.items()).encode()
         for name, data in files.items():
             quoted = name.replace("\\", "\\\\").replace('"', "%22")
             parts += (

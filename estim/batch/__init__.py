@@ -1,10 +1,10 @@
 """Many runs one by one, on the cores of this machine or on any `concurrent.futures.Executor`; each
 result is written as it comes.
 
-Read `running` first.  Only `reports` and `cli` may import it.
+Read `running` first.  Only `reports`, `web` and `cli` may import it.
 """
 
 from estim.batch.overview import Spread, odd_runs, spreads
-from estim.batch.rows import Row
+from estim.batch.rows import Row, failed, row_of
 from estim.batch.running import Settings, run_batch
-from estim.batch.units import shard_of, units_of
+from estim.batch.units import Unit, shard_of, units_of

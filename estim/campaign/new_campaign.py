@@ -18,7 +18,6 @@ from estim.reading import (
     numeric_columns,
     read_layout,
     value_columns,
-    way_to,
 )
 
 GUESS = "a + b*x"  # linear, so that any start will do
@@ -37,9 +36,11 @@ _MORE = """# window = {min = 0.0, max = 10.0}    # in x
 # correlated = true                   # errors follow each other in the order of the rows"""
 
 
-def drafted_campaign(file: Path, choices: TableChoices, *, within: Path) -> tuple[str, str]:
-    """The text of a campaign in the folder `within` that fits a curve to `file`, and which columns
-    are x and y; without a formula, a guess.
+def drafted_campaign(
+    file: Path, choices: TableChoices, *others: Path, within: Path
+) -> tuple[str, str]:
+    """The text of a campaign in the folder `within` that fits a curve to `file` and to `others`,
+    and which columns are x and y; without a formula, a guess.
 
     Raises InputError where the table cannot be read as it would be.
     """
@@ -60,12 +61,11 @@ def drafted_campaign(file: Path, choices: TableChoices, *, within: Path) -> tupl
         columns = listed(columns_of(file, choices))
         if not choices.formula:
             choices = _guessed(file, choices)
-    campaign = campaign_of_table(file, choices)
-    name = way_to(file, within)
+    campaign = campaign_of_table(file, choices, *others)
     lines = (
         [f"# Columns of numbers in {file.name}: {columns}".replace("\n", " ")] if columns else []
     )
-    written = text_of_table(file, choices, name=name).splitlines()
+    written = text_of_table(file, choices, *others, within=within).splitlines()
     stated = any(line.startswith("u_y = ") for line in written)
     for line in written:
         key = line.partition(" =")[0]

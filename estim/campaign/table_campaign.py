@@ -1,5 +1,5 @@
-"""A campaign of one table, made of what was said on the command line: its text is what a file would
-hold, and is read like one.
+"""A campaign of one table, or of several that have one curve, made of what was said on the command
+line: its text is what a file would hold, and is read like one.
 
 `estim fit data.csv --formula "a*exp(-x/tau)+c" --start tau=2` says so little that defaults fill in
 the rest, each of which the text shows.  In place of a formula, `--rolling radius_m=0.15` and the
@@ -47,6 +47,7 @@ from estim.reading import (
     read_layout,
     uncertainty_of,
     value_columns,
+    way_to,
 )
 
 _COMMAND_LINE = "command line"
@@ -66,6 +67,7 @@ class TableChoices:
     start : parameter -> "2.0" or "2.0 s".
     low, high : parameter -> limit.  value : parameter -> an exact or a measured value, "9.81(2)".
     u_x, u_y : a number, a number with its uncertainty, or a column.
+    own : parameters of which each table has one of its own; the others are one for all.
     window : lowest and highest x.
     noise : "poisson" where y are counts, in place of u_y.
     rolling : in place of a formula and all that goes with it, key of a campaign -> value, of a disk
@@ -78,6 +80,7 @@ class TableChoices:
     low: Mapping[str, str] = field(default_factory=dict)
     high: Mapping[str, str] = field(default_factory=dict)
     value: Mapping[str, str] = field(default_factory=dict)
+    own: Sequence[str] = ()
     x: str | None = None
     y: str | None = None
     u_x: str | None = None
@@ -111,18 +114,30 @@ class Axis:
         return {"column": self.column} | said
 
 
-def campaign_of_table(file: Path, choices: TableChoices) -> Campaign:
-    """The campaign that fits one curve to the table `file`.  Raises InputError where something is
-    missing, with the option that says it.
+def campaign_of_table(file: Path, choices: TableChoices, *others: Path) -> Campaign:
+    """The campaign that fits one curve to the table `file`, and to `others`.  Raises InputError
+    where something is missing, with the option that says it.
     """
-    text = text_of_table(file, choices)
+    text = text_of_table(file, choices, *others)
     return bound(campaign_file_of(text, file.parent / f"({_COMMAND_LINE})", shown=_COMMAND_LINE))
 
 
-def text_of_table(file: Path, choices: TableChoices, *, name: str | None = None) -> str:
-    """The TOML of that campaign, to be kept beside `file`, or where that is called `name`."""
+def text_of_table(
+    file: Path, choices: TableChoices, *others: Path, within: Path | None = None
+) -> str:
+    """The TOML of that campaign, to be kept in the folder `within`, or beside `file`.
+
+    others : tables with columns of the same names.
+    """
+    names = run_names([file, *others])
+    heads = [
+        {"name": name, "file": way_to(table, within or file.parent)}
+        for name, table in zip(names, (file, *others), strict=True)
+    ]
     if choices.rolling:
-        return _text_of_rolling(file, choices, name or file.name)
+        if others:
+            raise InputError("goes with one table", field="--rolling", value=str(others[0]))
+        return _text_of_rolling(file, choices, heads[0])
     stated = (*choices.start, *choices.low, *choices.high, *choices.value)
     variables = {*_ABSCISSAS}.intersection(choices.formula.replace("+", " ").split())
     model = called_by_name(choices.formula, stated, variables)
@@ -155,26 +170,25 @@ def text_of_table(file: Path, choices: TableChoices, *, name: str | None = None)
     parameters = {
         name: _parameter(name, starts, choices)
         for name in formula.names
-        if model is None or name in stated
+        if model is None or name in (*stated, *choices.own)
     }
-    run = {
-        "name": run_name(file),
-        "file": name or file.name,
-        "track": choices.track,
-        "release": None if choices.release is None else _release(choices.release),
-    }
-    tables = {"[curve]": curve} | ({"[curve.parameters]": parameters} if parameters else {})
-    return _text(file, choices, {**tables, "[[runs]]": run})
+    own = {name: parameters.pop(name) for name in dict.fromkeys(choices.own)}
+    tables = [("[curve]", curve)] + ([("[curve.parameters]", parameters)] if parameters else [])
+    release = None if choices.release is None else _release(choices.release)
+    read = {"track": choices.track, "release": release, "parameters": own or None}
+    return _text(file, choices, [*tables, *(("[[runs]]", {**head, **read}) for head in heads)])
 
 
-def _text(file: Path, choices: TableChoices, tables: Mapping[str, Mapping[str, object]]) -> str:
+def _text(
+    file: Path, choices: TableChoices, tables: Sequence[tuple[str, Mapping[str, object]]]
+) -> str:
     lines = toml_lines({"title": choices.title or file.stem, "kind": choices.kind})
-    for head, table in tables.items():
+    for head, table in tables:
         lines += ["", head, *toml_lines(table)]
     return "\n".join(lines) + "\n"
 
 
-def _text_of_rolling(file: Path, choices: TableChoices, name: str) -> str:
+def _text_of_rolling(file: Path, choices: TableChoices, named: Mapping[str, str]) -> str:
     """The TOML of a campaign of one run of a rolling disk: what was said, each key where it belongs
     so that further runs can be added, and the usual kappa and rolling resistance.
     """
@@ -202,20 +216,16 @@ def _text_of_rolling(file: Path, choices: TableChoices, name: str) -> str:
     else:
         columns = _columns_of_run(file, choices)
     dialect = {key: getattr(choices.dialect, key) for key in DIALECT_KEYS}
-    head = {"name": run_name(file), "body": _BODY, "file": name}
+    read = track | dialect | {"columns": columns}
+    whole = {**named, "body": _BODY, **read, **run, "window": window or None}
     return _text(
         file,
         choices,
-        {
-            "[shared]": shared | {"noise": noise or None},
-            f"[bodies.{_BODY}]": said,
-            "[[runs]]": head
-            | track
-            | dialect
-            | {"columns": columns}
-            | run
-            | {"window": window or None},
-        },
+        [
+            ("[shared]", shared | {"noise": noise or None}),
+            (f"[bodies.{_BODY}]", said),
+            ("[[runs]]", whole),
+        ],
     )
 
 
@@ -264,10 +274,17 @@ def _known(key: str, text: str) -> object:
     return {"prior": "uniform", "low": _number(low, key), "high": _number(high, key)}
 
 
-def run_name(file: Path) -> str:
-    """The name of a file as that of a run."""
-    name = re.sub(r"[^\w.+-]+", "-", file.stem).lstrip("-.+")[:60] or "run"
-    return f"{name}-run" if name.lower() in ("figures", "report", "result", "draws") else name
+def run_names(files: Sequence[Path]) -> list[str]:
+    """The names of files as those of runs, each once."""
+    names: list[str] = []
+    taken = set[str]()
+    for file in files:
+        name = re.sub(r"[^\w.+-]+", "-", file.stem).lstrip("-.+")[:60] or "run"
+        name += "-run" * (name.lower() in ("figures", "report", "result", "draws"))
+        ends = ("", *(f"-{number}" for number in range(2, len(files) + 1)))
+        names.append(next(name + end for end in ends if (name + end).lower() not in taken))
+        taken.add(names[-1].lower())
+    return names
 
 
 def _axes(
@@ -397,6 +414,7 @@ def _check_parameters(formula: Formula, choices: TableChoices) -> None:
         ("--low", choices.low),
         ("--high", choices.high),
         ("--value", choices.value),
+        ("--own", choices.own),
     ):
         for name in given:
             if name not in formula.names:

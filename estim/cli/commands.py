@@ -116,7 +116,7 @@ def cli() -> None:
 
 
 @cli.command()
-@click.argument("campaign", metavar="CAMPAIGN|FILE", type=PATH)
+@click.argument("paths", nargs=-1, required=True, metavar="CAMPAIGN|FILE...", type=PATH)
 @RUNS
 @JOINT
 @STEPS
@@ -141,7 +141,7 @@ def cli() -> None:
 )
 @RESUME
 def fit(
-    campaign: Path,
+    paths: tuple[Path, ...],
     runs: tuple[str, ...],
     joint: bool,
     max_steps: int,
@@ -154,10 +154,11 @@ def fit(
     figures: FigureChoice,
     said: Mapping[str, Any],
 ) -> None:
-    """Fit runs of CAMPAIGN, or the points of a table FILE, and write a report.
+    """Fit runs of CAMPAIGN, or the points of tables FILE..., and write a report.
 
     A table needs no campaign: estim fit data.csv --formula "a*exp(-x/tau) + c" --start tau=2.  The
-    report ends with the equivalent campaign file (docs/your-own-curve.md).
+    report ends with the equivalent campaign file (docs/your-own-curve.md).  Several tables are its
+    runs: with --joint they share all parameters but those of --own.
 
     Each run is fitted separately unless --joint is given.  Exit code 3 means that a result is not
     reliable; the report explains why.  With the extra `arviz` installed the draws are written too,
@@ -168,10 +169,13 @@ def fit(
     there and samples the others; a run that was under way begins anew, and so does one whose data,
     priors, noise, settings, seed or versions have changed (docs/long-runs.md).
     """
-    loaded, folder = load_or_make(campaign, said, out, runs)
+    loaded, folder = load_or_make(paths[0], said, out, runs, paths[1:])
     groups = groups_of(loaded, runs, joint=joint)
     if marginal and not joint:
         raise InputError("needs --joint: a single run has no shared parameters", field="--marginal")
+    if said["own"] and not joint:
+        rule = "needs --joint: by itself each table has its own values of all parameters"
+        raise InputError(rule, field="--own", value=said["own"][0])
     if compare and (explain or marginal is not None):
         raise InputError(
             "cannot be combined with --explain, --marginal or --full", field="--compare"
@@ -193,7 +197,7 @@ def fit(
                 explain=explain,
                 store=store,
                 figures=figures,
-                file=campaign.name,
+                file=paths[0].name,
             )
     exit_unless(all_ok)
 
@@ -236,13 +240,14 @@ def _fit_groups(
             )
         analysis = with_causes(campaign, analysis, group, asked=explain)
         place = folder if len(groups) == 1 else folder / group[0]
+        command = "estim fit --joint" if len(group) > 1 else "estim fit"
         with progress_bar(together(group)) as progress:
             progress(100, phrase("report and figures"))
             files, results[group[0]] = report_and_result(campaign, analysis, figures=figures)
             draws = {"draws.nc": to_netcdf(analysis)} if can_write_netcdf() else {}
             write_report(
                 place,
-                with_campaign(files, campaign.source.written, file=file) | draws,
+                with_campaign(files, campaign.source.written, file=file, command=command) | draws,
                 within=folder,
             )
         reasons = (

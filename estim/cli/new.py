@@ -22,13 +22,15 @@ if TYPE_CHECKING:
 @click.argument("name", type=PATH)
 @click.option(
     "--from",
-    "file",
+    "files",
+    multiple=True,
     type=PATH,
     metavar="FILE",
-    help="The table, .trk or .trz to be fit.  [default: asked for]",
+    help="The table, .trk or .trz to be fit; again for further ones, each a run.  [default: asked "
+    "for]",
 )
 @curve_options
-def new_campaign(name: Path, file: Path | None, said: Mapping[str, Any]) -> None:
+def new_campaign(name: Path, files: tuple[Path, ...], said: Mapping[str, Any]) -> None:
     """Write NAME.toml, a commented campaign for the table FILE, for `estim fit`.
 
     Its curve is a guess unless --formula is given.  Without --from, the program asks in the
@@ -41,16 +43,17 @@ def new_campaign(name: Path, file: Path | None, said: Mapping[str, Any]) -> None
     path = name if name.suffix.lower() == ".toml" else name.with_name(f"{name.name}.toml")
     if path.exists() or path.is_symlink():
         raise InputError("is there already and is not overwritten", field="NAME", value=str(path))
-    if file is None:
+    if not files:
         if not _in_a_terminal():
             raise InputError(
                 "must name the table to be fit (without it, questions are asked in a terminal)",
                 field="--from",
             )
         file, choices = _asked(said)
+        files = (file,)
     else:
         choices = choices_of_table(said)
-    text, columns = drafted_campaign(file, choices, within=path.parent)
+    text, columns = drafted_campaign(files[0], choices, *files[1:], within=path.parent)
     write_files(path.parent, {path.name: text.encode()})
     if columns:
         say(columns)

@@ -31,6 +31,7 @@ _ENCODINGS = (
     "cp850",
 )
 _AS_SAID = (
+    "own",
     "x",
     "y",
     "u_x",
@@ -120,6 +121,12 @@ _CURVE = (
         multiple=True,
         metavar="NAME=VALUE",
         help='A parameter that is known: g=9.81 is exact, g="9.81(2)" was measured.',
+    ),
+    click.option(
+        "--own",
+        multiple=True,
+        metavar="NAME",
+        help="A parameter of which each of several tables has its own.  [default: one for all]",
     ),
     click.option(
         "--x", metavar="COLUMN", help='Column of x: "time [s]".  [default: the first of two]'
@@ -239,10 +246,14 @@ def dialect_of(said: Mapping[str, Any]) -> Dialect:
 
 
 def load_or_make(
-    file: Path, said: Mapping[str, Any], out: Path | None, runs: Sequence[str] = ()
+    file: Path,
+    said: Mapping[str, Any],
+    out: Path | None,
+    runs: Sequence[str] = (),
+    others: Sequence[Path] = (),
 ) -> tuple[Campaign, Path]:
     """The campaign in `file`, with the tables of `runs`, or the one that fits a formula to the
-    table `file`; and the folder of its report.
+    table `file` and to `others`; and the folder of its report.
     """
     from estim.campaign import campaign_of_table, load_campaign
     from estim.reading import is_table
@@ -253,6 +264,9 @@ def load_or_make(
         if value not in (None, (), False)
     ]
     if said["formula"] is None and not said["rolling"]:
+        if others:
+            rule = "goes with --formula and tables; runs of several campaigns: estim batch"
+            raise InputError(rule, field="FILE...", value=str(others[0]))
         if given:
             campaign = file.suffix.lower() == ".toml"
             rule = (
@@ -268,13 +282,14 @@ def load_or_make(
             )
             raise InputError(rule, field="CAMPAIGN|FILE", value=str(file))
         return load_campaign(file, asked=runs), out or out_folder(file)
-    if file.suffix.lower() == ".toml":
+    if any(path.suffix.lower() == ".toml" for path in (file, *others)):
         raise InputError(
             "needs a table of points; the curve of a campaign is stated in its file",
             field="--formula" if said["formula"] else "--rolling",
             value=said["formula"],
         )
-    return campaign_of_table(file, choices_of_table(said)), out or Path("out") / file.stem
+    stem = f"{file.stem}-and-{len(others)}-more" if others else file.stem
+    return campaign_of_table(file, choices_of_table(said), *others), out or Path("out") / stem
 
 
 def choices_of_table(said: Mapping[str, Any]) -> TableChoices:

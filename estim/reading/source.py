@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from estim.common import InputError, listed, phrase
-from estim.plugins import Plugin, plugin_called, told
+from estim.plugins import Plugin, plugin_called, plugins, told
 from estim.reading.archive import opened, unpacked
 from estim.reading.dialect import Dialect
 from estim.reading.input_file import decoded, read_bytes
@@ -88,6 +89,16 @@ def reader_of(path: Path) -> Plugin | None:
     """
     suffix = path.suffix.lower()
     return None if suffix in _OWN else plugin_called(GROUP, suffix[1:])
+
+
+def read_suffixes() -> tuple[str, ...]:
+    """Suffixes of the files that can be read, those that installed packages add at the end."""
+    added = []
+    for plugin in plugins(GROUP):
+        path = Path(f"a.{plugin.name}")
+        with suppress(InputError):  # offered by several packages
+            added += [path.suffix] if reader_of(path) == plugin else []
+    return (*_OWN, *added)
 
 
 def known_readers() -> Iterator[str | InputError]:

@@ -77,15 +77,19 @@ def page(
     return images | {"report.md": unbroken(text(pictures=drawn.keys())).encode()}
 
 
-def with_campaign(files: Mapping[str, bytes], text: str, *, file: str) -> dict[str, bytes]:
+def with_campaign(
+    files: Mapping[str, bytes], text: str, *, file: str, command: str
+) -> dict[str, bytes]:
     """The files of a report with the TOML `text` at its end, as they are where that is empty.
 
     text : no line of it begins with a grave accent, and all of it is printable.
     file : name of the table.
+    command : by which the campaign is fit.
     """
     if not text:
         return dict(files)
-    section = render("kept_campaign.md.j2", text=Markdown(text.rstrip()), file=file)
+    written = Markdown(text.rstrip())
+    section = render("kept_campaign.md.j2", text=written, file=file, command=command)
     return {**files, "report.md": files["report.md"].rstrip() + b"\n\n" + section.encode()}
 
 

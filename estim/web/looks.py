@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from starlette.responses import HTMLResponse
 
-from estim.common import LANGUAGES, language, phrase
+from estim.common import LANGUAGES, format_quantity, format_rounded, language, phrase
 
 if TYPE_CHECKING:
     import jinja2
@@ -51,5 +51,10 @@ def _environment() -> jinja2.Environment:
         lstrip_blocks=True,
     )
     environment.filters["when"] = lambda at: f"{at[:4]}-{at[4:6]}-{at[6:8]} {at[9:11]}:{at[11:13]}"
-    environment.globals |= {"phrase": phrase, "languages": LANGUAGES}
+    environment.globals |= {
+        "phrase": phrase,
+        "languages": LANGUAGES,
+        "quantity": format_quantity,
+        "rounded": format_rounded,
+    }
     return environment

@@ -10,7 +10,7 @@ import asyncio
 import io
 import json
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib.resources import files
 from importlib.util import find_spec
@@ -27,10 +27,12 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from estim.common import LANGUAGES, EstimError, InputError, language, phrase
+from estim.reading import read_suffixes
 from estim.web.looks import LANGUAGE, closed, page
 from estim.web.preview import picture_name, preview_name, start_name
 from estim.web.question import arguments_of, command_line, field_of, fields_of
-from estim.web.store import ENDINGS, MOST_BYTES, MOST_FILES, Answer, Kept, Shelf, Store, Upload
+from estim.web.rows import answers_of, rows_of, summary_of
+from estim.web.store import MOST_BYTES, MOST_FILES, Answer, Batch, Kept, Shelf, Store, Upload
 from estim.web.work import Job, Workers
 
 if TYPE_CHECKING:
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
 
 _SECONDS, _PREVIEW_SECONDS = 600, 30
 _PATIENCE = 20.0  # s that a page waits for a preview
+_LOOKS = 10  # s between two looks at the table of a batch
 _REPORT_POLICY = (
     "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'self'"
 )
@@ -62,6 +65,7 @@ class Pages:
                 Route("/", self.start),
                 Route("/files", self.take_in, methods=post),
                 Route("/examples/{id}", self.example, methods=post),
+                Route("/together", self.together, methods=post),
                 Route("/files/{id}", self.question),
                 Route("/files/{id}", self.ask, methods=post),
                 Route("/files/{id}/points-{x:int}-{y:int}.png", self.points),
@@ -74,6 +78,10 @@ class Pages:
                 Route("/answers/{id}/all.zip", self.everything),
                 Route("/answers/{id}/report.pdf", self.on_paper),
                 Route("/answers/{id}/report/{path:path}", self.report_file),
+                Route("/answers/{id}/batch", self.set_batch, methods=post),
+                Route("/batches/{id}", self.batch),
+                Route("/batches/{id}/table", self.table),
+                Route("/batches/{id}/summary.csv", self.summary),
                 Route("/language/{to}", self.speak),
                 Mount("/static", StaticFiles(packages=[("estim.web", "static")])),
             ],
@@ -88,25 +96,51 @@ class Pages:
             status,
             answers=self._store.answers.records,
             uploads=self._store.uploads.records,
-            endings=ENDINGS,
+            batches=self._store.batches.records,
+            endings=read_suffixes(),
             most=MOST_BYTES // 1024**2,
             error=error,
         )
 
     async def take_in(self, request: Request) -> Response:
-        async with self._taking, request.form(max_files=MOST_FILES, max_fields=0) as form:
+        """Keeps what is handed in, for a question that follows, or for that of a batch."""
+        async with self._taking, request.form(max_files=MOST_FILES, max_fields=2) as form:
+            said = fields_of(form.multi_items())
+            batch = _found(self._store.batches, request, said["batch"]) if "batch" in said else None
             given = {
                 (value.filename or "").replace("\\", "/").rpartition("/")[2]: await value.read()
                 for value in form.getlist("files")
                 if isinstance(value, UploadFile) and value.filename
             }
             try:
-                uploads = await asyncio.to_thread(self._store.take_in, given)
+                if not given:
+                    raise InputError(phrase("Choose a file first."))
+                who = said.get("who", "") if batch else None
+                uploads = await asyncio.to_thread(self._store.take_in, given, who)
+                if batch is not None:
+                    return self._answered(batch, uploads)
+                if len(uploads) > 1:
+                    uploads = [await asyncio.to_thread(self._store.together, uploads)]
             except InputError as error:
+                if batch is not None:
+                    return self._hand_in(batch, 422, error.rule)
                 return await self.start(request, 422, error.rule)
-        if not uploads:
-            return await self.start(request, 422, phrase("Choose a file first."))
-        return _to(f"/files/{uploads[0].id}" if len(uploads) == 1 else "/#files-here")
+        return _to(f"/files/{uploads[0].id}")
+
+    async def together(self, request: Request) -> Response:
+        """One question about several of the files that are there."""
+        async with request.form(max_files=0) as form:
+            ids = dict.fromkeys(map(str, form.getlist("ids")))
+        known = self._store.uploads.records
+        parts = [known[at] for at in ids if at in known and _may_be_part(known[at])]
+        try:
+            if not 2 <= len(parts) <= MOST_FILES:
+                words = phrase("Tick two files or more, at most {most}.", most=MOST_FILES)
+                raise InputError(words)
+            upload = await asyncio.to_thread(self._store.together, parts)
+        except InputError as error:
+            return await self.start(request, 422, error.rule)
+        return _to(f"/files/{upload.id}")
 
     async def example(self, request: Request) -> Response:
         if (name := request.path_params["id"]) not in EXAMPLES:
@@ -158,11 +192,13 @@ class Pages:
         if upload is None:
             return page("propagate", status, fields=fields, error=error)
         seen = await self._preview(upload)
+        known = self._store.uploads.records
         fields = {"asked": "formula", **fields}
         return page(
             "question",
             status,
             upload=upload,
+            parts={n: known[at].given if at in known else n for n, at in upload.parts.items()},
             seen={**seen, "busy": seen.get("busy") or begun.get("busy")},
             begun=begun,
             fields=fields,
@@ -174,14 +210,27 @@ class Pages:
         """Begins the command.  Its answer is kept whole when it ends, whoever still looks."""
         upload = self._upload(request)
         fields = fields_of((await request.form(max_files=0)).multi_items())
-        if self._fits.is_full:
-            raise HTTPException(503)
+        if upload and upload.parts:
+            fields["asked"] = "formula"
         try:
-            file, given = (upload.file, upload.given.rpartition(".")[0]) if upload else ("", "")
-            arguments = arguments_of(fields, file, given)
-            answer = self._store.begin(upload, fields, arguments)
+            if upload and upload.parts and fields.get("how") == "each":
+                known, ids = self._store.uploads.records, upload.parts
+                parts = [known[ids[name]] for name in _ticked(upload, fields) if ids[name] in known]
+                arguments_of(fields, upload.file, "")  # a question that is none begins nothing
+                return self._answered(self._store.set_batch(fields), parts)
+            answer = self._begin(upload, fields)
         except InputError as error:
             return await self._form(upload, fields, error.rule, error.field, 422)
+        return _to(f"/answers/{answer.id}")
+
+    def _begin(self, upload: Upload | None, fields: Mapping[str, str], batch: str = "") -> Answer:
+        """A new answer, whose command waits for its turn.  Raises InputError for the page."""
+        if self._fits.is_full:
+            raise HTTPException(503)
+        file, given = (upload.file, upload.given.rpartition(".")[0]) if upload else ("", "")
+        file, *others = _ticked(upload, fields) if upload and upload.parts else [file]
+        arguments = arguments_of(fields, file, given, others)
+        answer = self._store.begin(upload, fields, arguments, batch)
         folder = self._store.answers.folder / answer.id
         job = self._jobs[answer.id] = Job(folder, ["run", *arguments], seconds=_SECONDS)
 
@@ -200,7 +249,7 @@ class Pages:
                 del self._jobs[answer.id]
 
         self._fits.submit(job, keep)
-        return _to(f"/answers/{answer.id}")
+        return answer
 
     async def _preview(self, upload: Upload) -> dict[str, Any]:
         """What is known of a file; "busy" where that takes too long, "failed" where its process
@@ -232,7 +281,8 @@ class Pages:
         data = None
         if max(numbers) < len((await self._preview(upload)).get("columns", [])):
             x, y = map(str, numbers)
-            data = await self._seen(upload, picture_name(x, y), "preview", x, y)
+            others = list(upload.parts)[1:]
+            data = await self._seen(upload, picture_name(x, y), "preview", x, y, *others)
         return _picture(data)
 
     async def start_picture(self, request: Request) -> Response:
@@ -245,7 +295,7 @@ class Pages:
 
     async def answer(self, request: Request) -> Response:
         answer = _found(self._store.answers, request)
-        if answer.standing == "refused":
+        if answer.standing == "refused" and not answer.batch:
             place = f"/files/{answer.upload}" if answer.upload else "/propagate"
             return _to(f"{place}?answer={answer.id}")
         return page(
@@ -312,6 +362,44 @@ class Pages:
         headers = {"Content-Disposition": "attachment"}
         return Response(packed.getvalue(), media_type="application/zip", headers=headers)
 
+    # ---- the batch: one question, many files ----
+
+    async def set_batch(self, request: Request) -> Response:
+        """The question of an answer, for other files."""
+        answer = _found(self._store.answers, request)
+        if not answer.is_curve:
+            raise HTTPException(404)
+        return _to(f"/batches/{self._store.set_batch(answer.fields).id}")
+
+    async def batch(self, request: Request) -> Response:
+        return self._hand_in(_found(self._store.batches, request))
+
+    def _hand_in(self, batch: Batch, status: int = 200, error: str = "") -> Response:
+        return page("batch", status, batch=batch, endings=read_suffixes(), error=error)
+
+    def _answered(self, batch: Batch, uploads: Sequence[Upload]) -> Response:
+        """Begins the answer of each file, and shows the only one or the table."""
+        answers = [self._begin(upload, batch.fields, batch.id) for upload in uploads]
+        one = len(answers) == 1
+        return _to(f"/answers/{answers[0].id}" if one else f"/batches/{batch.id}/table")
+
+    async def table(self, request: Request) -> Response:
+        batch = _found(self._store.batches, request)
+        answers = answers_of(self._store, batch.id)
+        rows, spreads = await asyncio.to_thread(rows_of, self._store, answers)
+        still = "still" in request.query_params
+        shown = list(zip(answers, rows, strict=True))
+        answer = page("table", batch=batch, shown=shown, spreads=spreads, still=still, looks=_LOOKS)
+        if not still:
+            answer.headers["Refresh"] = str(_LOOKS)
+        return answer
+
+    async def summary(self, request: Request) -> Response:
+        answers = answers_of(self._store, _found(self._store.batches, request).id)
+        data = await asyncio.to_thread(summary_of, self._store, answers)
+        headers = {"Content-Disposition": "attachment"}
+        return Response(data, media_type="text/csv", headers=headers)
+
     # ---- the rest ----
 
     async def speak(self, request: Request) -> Response:
@@ -327,8 +415,9 @@ class Pages:
         return _found(self._store.uploads, request) if "id" in request.path_params else None
 
 
-def _found(shelf: Shelf[Kept], request: Request) -> Kept:
-    if (record := shelf.records.get(request.path_params["id"])) is None:
+def _found(shelf: Shelf[Kept], request: Request, at: str = "") -> Kept:
+    """The record of the id `at`, else of that in the address."""
+    if (record := shelf.records.get(at or request.path_params["id"])) is None:
         raise HTTPException(404)
     return record
 
@@ -337,6 +426,19 @@ def _picture(data: bytes | None) -> Response:
     if not data:
         raise HTTPException(404)
     return Response(data, media_type="image/png", headers={"Cache-Control": "private"})
+
+
+def _may_be_part(upload: Upload) -> bool:
+    """Whether it is one table, which may be asked about together with others."""
+    return not upload.parts and not upload.file.endswith(".toml")
+
+
+def _ticked(upload: Upload, fields: Mapping[str, str]) -> list[str]:
+    """The tables of an upload that a question is about.  Raises InputError."""
+    ticked = fields.get("files", "").splitlines()
+    if not (names := [name for name in upload.parts if name in ticked]):
+        raise InputError(phrase("Choose a file first."))
+    return names
 
 
 def _to(place: str) -> Response:

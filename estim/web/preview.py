@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -32,20 +33,21 @@ class _Column:
     values: FloatArray
 
 
-def preview(lang: str, file: str, *numbers: str) -> None:
+def preview(lang: str, file: str, *asked: str) -> None:
     """Writes what was read of `file`, or the message why it cannot be read, told in the language
-    `lang`; with two numbers of columns the picture of their points instead.
+    `lang`; with two numbers of columns the picture of their points instead, and of the columns of
+    the same names in the files named behind the numbers.
     """
     with spoken(lang):
         try:
-            seen = _campaign(Path(file)) if file.endswith(".toml") else _table(Path(file), *numbers)
+            seen = _campaign(Path(file)) if file.endswith(".toml") else _table(Path(file), *asked)
         except EstimError as error:
             seen = {"error": str(error)}
         if isinstance(seen, dict) and not file.endswith(".toml"):
             from estim.reading import is_track
 
             seen["track"] = is_track(Path(file))
-    name = picture_name(*numbers) if isinstance(seen, bytes) else preview_name(lang)
+    name = picture_name(*asked[:2]) if isinstance(seen, bytes) else preview_name(lang)
     write_whole(Path(name), seen if isinstance(seen, bytes) else as_json(seen))
 
 
@@ -93,16 +95,20 @@ def picture_name(x: str, y: str) -> str:
     return f"points-{x}-{y}.png"
 
 
-def _table(file: Path, *numbers: str) -> dict[str, Any] | bytes:
+def _table(file: Path, *asked: str) -> dict[str, Any] | bytes:
     """The columns of a file and which two a fit would take, or the picture of two of them."""
     from estim.reading import is_tracker_file
 
     columns, told, tracks = _read(file)
-    if numbers:
+    if asked:
         from estim.drawing import png
 
-        pair = [columns[int(number)] for number in numbers]
-        return png(lambda: _points(pair[0], pair[1]))
+        tables = {file.stem: columns}
+        for other in map(Path, asked[2:]):
+            with suppress(EstimError):  # its own answer says what is wrong
+                tables[other.stem] = _read(other)[0]
+        pair = [columns[int(number)] for number in asked[:2]]
+        return png(lambda: _points(pair[0], pair[1], tables))
     values = [i for i, c in enumerate(columns) if not c.name.startswith(("u_", "u("))] or [0]
     shown = [
         {
@@ -192,15 +198,26 @@ def _start(file: Path, fields: Mapping[str, str]) -> tuple[dict[str, float], byt
     axes = (run.x_name, run.x_unit, run.x), (run.y_name, run.y_unit, run.y)
     x, y = (_Column(name, "" if unit == "1" else unit, points) for name, unit, points in axes)
     shown = {name: values[name] for name in problem.names if name in run.curve_parameters}
-    return shown, png(lambda: _points(x, y, (grid, curve)))
+    return shown, png(lambda: _points(x, y, {file.stem: [x, y]}, (grid, curve)))
 
 
-def _points(x: _Column, y: _Column, curve: tuple[FloatArray, FloatArray] | None = None) -> Figure:
-    from estim.drawing import BLUE, ORANGE, new_figure
+def _points(
+    x: _Column,
+    y: _Column,
+    tables: Mapping[str, Sequence[_Column]],
+    curve: tuple[FloatArray, FloatArray] | None = None,
+) -> Figure:
+    from estim.drawing import COLOURS, ORANGE, new_figure
 
     figure = new_figure(3.2)
     ax = figure.subplots()
-    ax.plot(x.values, y.values, "o", ms=3.5, color=BLUE)
+    for i, (table, columns) in enumerate(tables.items()):
+        values = {column.name: column.values for column in columns}
+        if {x.name, y.name} <= values.keys():
+            colour = COLOURS[i % len(COLOURS)]
+            ax.plot(values[x.name], values[y.name], "o", ms=3.5, color=colour, label=table)
+    if 1 < len(tables) <= len(COLOURS):
+        ax.legend()
     if curve is not None:
         ax.plot(*curve, color=ORANGE)
     for column, name in ((x, ax.set_xlabel), (y, ax.set_ylabel)):

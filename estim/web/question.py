@@ -34,7 +34,8 @@ _NEEDED = (
 NAMED = "value start low high"
 """Fields with one NAME = VALUE a line."""
 _FLAGS = ("correlated", "jitter")
-_FURTHER = {"formula": NAMED, "rolling": _ROLLING}  # fields that are no options of their own
+# fields that are no options of their own
+_FURTHER = {"formula": f"{NAMED} own", "rolling": _ROLLING}
 
 
 def fields_of(form: Iterable[tuple[str, object]]) -> dict[str, str]:
@@ -46,11 +47,14 @@ def fields_of(form: Iterable[tuple[str, object]]) -> dict[str, str]:
     return found
 
 
-def arguments_of(fields: Mapping[str, str], file: str, given: str) -> list[str]:
+def arguments_of(
+    fields: Mapping[str, str], file: str, given: str, others: Iterable[str] = ()
+) -> list[str]:
     """Arguments of `estim` for a question, in the language that is spoken.
 
     file : the stored name of a table or campaign; "": a formula of named values.
     given : what a person calls it, the title of the report of a curve.
+    others : stored names of tables that are fit together with it.
 
     Raises InputError where nothing was asked.
     """
@@ -87,7 +91,10 @@ def arguments_of(fields: Mapping[str, str], file: str, given: str) -> list[str]:
         words += [f"--{name}" for name in _FLAGS if name in said]
     if kind == "rolling":
         words += [f"--rolling={key}={said[key]}" for key in _ROLLING.split() if key in said]
-    return [command, file, *words, *end]
+    if others:
+        own = re.split(r"[\s,;]+", said.get("own", ""))
+        words += ["--joint", *(f"--own={name}" for name in own if name)]
+    return [command, file, *others, *words, *end]
 
 
 def field_of(option: str, asked: str) -> str:

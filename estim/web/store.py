@@ -2,6 +2,7 @@
 
     FOLDER/files/ID/      record.json, the tables, preview-LANG.json, pictures of the points
     FOLDER/answers/ID/    record.json, the tables that the command reads, report/
+    FOLDER/batches/ID/    record.json
 
 Nothing else is remembered, so that a restart finds all of it.  Names that a person gave are kept to
 be shown; a file is stored under a name made here.  The one exception are the tables beside a
@@ -12,7 +13,7 @@ from __future__ import annotations
 
 import re
 import secrets
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -31,8 +32,8 @@ from estim.common import (
     shorten,
     write_whole,
 )
+from estim.reading import read_suffixes
 
-ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".xlsx", ".xls", ".ods", ".trk", ".trz", ".toml", ".zip")
 MOST_BYTES = 20 * 1024**2  # of one request
 MOST_FILES = 20  # in one request
 MOST_KEPT = 2000  # files handed in, and answers
@@ -46,7 +47,8 @@ _RECORD = "record.json"
 @dataclass(frozen=True)
 class Upload:
     """given : name to be shown.  file : name of the table or campaign in its folder.  names : of
-    all that is there.  asked : fields with which the question begins.
+    all that is there.  asked : fields with which the question begins.  parts : where these are
+    tables for one question, the name of each and the id of the file that it is.
     """
 
     id: str
@@ -54,6 +56,19 @@ class Upload:
     file: str
     names: tuple[str, ...]
     asked: Mapping[str, str] = field(default_factory=dict)
+    parts: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Batch:
+    """A question that is asked of each of many files by itself, as they come.
+
+    given : the question, to be shown.  fields : of the form, as they were filled in.
+    """
+
+    id: str
+    given: str
+    fields: Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -65,6 +80,7 @@ class Answer:
         or "stopped" (a limit).
     code : exit code of the command.  said : its lines.  error, field : its message where the input
         was wrong, and the option that it is about.
+    batch : id of the batch of which it is a row, "" where it is none.
     """
 
     id: str
@@ -77,6 +93,12 @@ class Answer:
     said: tuple[str, ...] = ()
     error: str = ""
     field: str = ""
+    batch: str = ""
+
+    @property
+    def is_curve(self) -> bool:
+        """Whether it fits a curve to a table, which may be asked of other tables too."""
+        return self.arguments[0] == "fit" and "formula" in self.fields
 
     @property
     def standing(self) -> str:
@@ -85,7 +107,7 @@ class Answer:
         return ended.get(self.code or 0, "failed") if self.state == "done" else self.state
 
 
-Kept = TypeVar("Kept", Upload, Answer)
+Kept = TypeVar("Kept", Upload, Answer, Batch)
 
 
 class Shelf(Generic[Kept]):
@@ -123,42 +145,71 @@ class Store:
     def __init__(self, root: Path) -> None:
         """Reads all records; what was under way when a server ended is interrupted."""
         self.uploads, self.answers = Shelf(root, "files", Upload), Shelf(root, "answers", Answer)
+        self.batches = Shelf(root, "batches", Batch)
         for answer in list(self.answers.records.values()):
             if answer.state == "running":
                 self.answers.keep(replace(answer, state="interrupted"), {})
 
-    def take_in(self, files: Mapping[str, bytes]) -> list[Upload]:
+    def take_in(self, files: Mapping[str, bytes], who: str | None = None) -> list[Upload]:
         """Keeps files by the names that a person gave them: each by itself, or a campaign with its
         tables.  Raises InputError with a sentence for the page.
+
+        who : hands in tables for a batch, None where they are for none.
         """
+        endings = read_suffixes()
         for name in files:
-            if not name.lower().endswith(ENDINGS):
-                values = {"name": shorten(name), "endings": " ".join(ENDINGS)}
+            if not name.lower().endswith(endings):
+                values = {"name": shorten(name), "endings": " ".join(endings)}
                 words = phrase("{name} is not one of {endings}: save it as a table.", **values)
                 raise InputError(words)
         campaign = next((name for name in files if name.lower().endswith(".toml")), None)
         if campaign is None:
-            return [self._kept(name, {_stored(name): data}) for name, data in files.items()]
+            by = f"{shorten(who, 60)}: " if who else ""
+            return [self._kept(by + name, {_stored(name): data}) for name, data in files.items()]
+        if who is not None:
+            raise InputError(phrase("A campaign brings its own question: hand in its table."))
         beside = {name: data for name, data in files.items() if _PLAIN.fullmatch(name)}
         return [self._kept(campaign, {"campaign.toml": files[campaign]} | beside)]
 
-    def _kept(self, given: str, files: Mapping[str, bytes]) -> Upload:
+    def together(self, parts: Sequence[Upload]) -> Upload:
+        """Tables that were handed in, for one question about all of them.  Raises InputError with
+        a sentence for the page.
+        """
+        files, ids = dict[str, bytes](), dict[str, str]()
+        for part in parts:
+            stem, _, ending = part.file.rpartition(".")
+            names = (part.file, *(f"{stem}-{i}.{ending}" for i in range(2, MOST_FILES + 1)))
+            name = next(name for name in names if name not in files)
+            files[name], ids[name] = self.uploads.read(part.id, part.file) or b"", part.id
+        if sum(map(len, files.values())) > MOST_BYTES:
+            raise InputError(phrase("That is too large."))
+        return self._kept(", ".join(part.given for part in parts), files, ids)
+
+    def _kept(
+        self, given: str, files: Mapping[str, bytes], parts: Mapping[str, str] | None = None
+    ) -> Upload:
         names = tuple(files)
-        upload = Upload(self.uploads.new_id(), shorten(given, 120), names[0], names)
+        shown = shorten(given, 120)
+        upload = Upload(self.uploads.new_id(), shown, names[0], names, parts=parts or {})
         return self.uploads.keep(upload, files)
 
     def begin(
-        self, upload: Upload | None, fields: Mapping[str, str], arguments: list[str]
+        self, upload: Upload | None, fields: Mapping[str, str], arguments: list[str], batch: str
     ) -> Answer:
         """A new answer, its tables beside it, for a command that is still to run.  Raises
         InputError with a sentence for the page.
         """
         at, given = (upload.id, upload.given) if upload else ("", fields["formula"])
         names = upload.names if upload else ()
-        answer = Answer(self.answers.new_id(), at, given, fields, tuple(arguments))
+        answer = Answer(self.answers.new_id(), at, given, fields, tuple(arguments), batch=batch)
         return self.answers.keep(
             answer, {name: self.uploads.read(at, name) or b"" for name in names}
         )
+
+    def set_batch(self, fields: Mapping[str, str]) -> Batch:
+        """A new batch of the question about a curve that `fields` hold."""
+        asked = {name: text for name, text in fields.items() if name != "title"}
+        return self.batches.keep(Batch(self.batches.new_id(), fields["formula"], asked), {})
 
     def report_files(self, answer: Answer) -> list[str]:
         """Paths below report/ of what the command wrote for a reader, in order."""

@@ -1,9 +1,10 @@
 """The process that works for the page: a command of estim, or a preview of a file, within limits.
 
-    python worker.py SECONDS BYTES run ARGUMENT...           the command `estim ARGUMENT...`
-    python worker.py SECONDS BYTES preview LANG FILE [X Y]   preview-LANG.json, points-X-Y.png
-    python worker.py SECONDS BYTES start LANG FILE FIELDS    start-N.json, start-N.png
-    python worker.py SECONDS BYTES paper LANG                report.pdf
+    python worker.py SECONDS BYTES run ARGUMENT...                   `estim ARGUMENT...`
+    python worker.py SECONDS BYTES preview LANG FILE                 preview-LANG.json
+    python worker.py SECONDS BYTES preview LANG FILE X Y [FILE...]   points-X-Y.png
+    python worker.py SECONDS BYTES start LANG FILE FIELDS            start-N.json, start-N.png
+    python worker.py SECONDS BYTES paper LANG                        report.pdf
 
 The working folder is that of the answer or the file.  The process ends, and all that it started,
 as soon as its standard input does: a server that is killed can tell nobody.

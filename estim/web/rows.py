@@ -1,0 +1,46 @@
+"""The table of a batch: a row for each file, made of the results by the code of `estim batch`.  A
+server loads it when the first table is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from estim.web.store import Answer, Store
+
+if TYPE_CHECKING:
+    from estim.batch import Row, Spread
+
+
+def answers_of(store: Store, batch: str) -> list[Answer]:
+    """The answers of a batch, the oldest first."""
+    return [answer for answer in store.answers.records.values() if answer.batch == batch]
+
+
+def rows_of(store: Store, answers: Sequence[Answer]) -> tuple[list[Row], list[Spread]]:
+    """A row for each of `answers`, and the quantities in them."""
+    from estim.batch import spreads
+
+    rows = [_row(store, answer) for answer in answers]
+    return rows, spreads(rows)
+
+
+def summary_of(store: Store, answers: Sequence[Answer]) -> bytes:
+    """`summary.csv` of the answers that have ended, as `estim batch` writes it."""
+    from estim.reports.batch import batch_report
+
+    ended = [answer for answer in answers if answer.state != "running"]
+    return batch_report(rows_of(store, ended)[0], figures="none")["summary.csv"]
+
+
+def _row(store: Store, answer: Answer) -> Row:
+    from estim.batch import Unit, failed, row_of
+
+    unit = Unit(Path(answer.given), "", answer.id)
+    made = answer.standing in ("ok", "doubtful")
+    result = store.answers.read(answer.id, "report/result.json") if made else None
+    if result is None:
+        return failed(unit, answer.error)
+    return row_of(unit, result, {}, key="", seconds=0.0, interval=None)
