@@ -279,7 +279,7 @@ def test_a_comparison_of_models_with_hostile_texts() -> None:
         posterior={"g": Summary("1", "", 0.1, 0.2, 0.1, -0.3, -0.1, 0.3, 0.5)},
     )
     values = {"kind": "measured", "rows": [row], "influential": 0.7, "behind": 4.0}
-    values |= {"folder": folder_of, "several_data": True, "verdict": "one model of two is ok"}
+    values |= {"folder": folder_of, "several_data": True, "verdict": "differ (γ)"}
 
     def common(symbol: str) -> list[SimpleNamespace]:
         return [SimpleNamespace(name="g", label=Notation(symbol).label("1"))]
@@ -298,7 +298,7 @@ def test_a_comparison_of_models_with_hostile_texts() -> None:
             runs=[text],
             common=common(text),
             data=[text],
-            **values | {"rows": [hostile]},
+            **values | {"rows": [hostile], "verdict": f"differ ({text})"},
         )
         assert outline(report) == outline(plain), text
         assert seen(report).startswith(f"{shown(text)}: noise models of {shown(text)}\n")
