@@ -240,7 +240,7 @@ def test_a_datum_and_a_prior_are_found_and_what_they_move(
     for words in ("the campaign file", "data: r.csv differs", "estimates moved by at most 0.1 sd"):
         assert words in apart.output, apart.output
     assert re.match(
-        r"(\d+ of \d+ estimates differ, |the \d+ estimates of both agree)", apart.output
+        r"(\d+ of \d+ estimates differ, |the \d+ estimates in both results agree)", apart.output
     )
     assert "same" not in apart.output
     assert run("diff", "first", "first/result.json").output == "the results are the same\n"

@@ -199,7 +199,7 @@ def test_a_rolling_disk_is_asked_with_what_is_known_of_it(browser: Browser, repl
 
     reply = browser.fill_in(asked.place, **fields)
     assert reply.status == 422
-    assert beside(reply.text, "gamma") == "This must be known."
+    assert beside(reply.text, "gamma") == "This value is needed."
     fields["gamma"] = "0.193(10)"
     page = browser.ended(browser.fill_in(asked.place, **fields).place)
     assert "'radius_m' must be a number" in beside(browser.get(page.place).text, "radius_m")
@@ -509,7 +509,7 @@ def test_what_a_class_cannot_hand_in_is_said_where_it_was_handed_in(browser: Bro
     batch = browser.send("POST", f"{answer}/batch").place
     fields = {"batch": batch.rpartition("/")[2], "who": "A"}
     for files, said in (
-        ({"c.toml": b""}, "A campaign brings its own question"),
+        ({"c.toml": b""}, "A campaign already contains a question"),
         ({"run.exe": b"MZ"}, "run.exe is not one of"),
         ({"": b""}, "Choose a file first."),
     ):

@@ -157,8 +157,8 @@ def fit(
     """Fit runs of CAMPAIGN, or the points of tables FILE..., and write a report.
 
     A table needs no campaign: estim fit data.csv --formula "a*exp(-x/tau) + c" --start tau=2.  The
-    report ends with the equivalent campaign file (docs/your-own-curve.md).  Several tables are its
-    runs: with --joint they share all parameters but those of --own.
+    report ends with the equivalent campaign file (docs/your-own-curve.md).  Several tables are
+    runs: with --joint they share all parameters except those named by --own.
 
     Each run is fitted separately unless --joint is given.  Exit code 3 means that a result is not
     reliable; the report explains why.  With the extra `arviz` installed the draws are written too,

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     multiple=True,
     type=PATH,
     metavar="FILE",
-    help="The table, .trk or .trz to be fit; again for further ones, each a run.  [default: asked "
-    "for]",
+    help="The table, .trk or .trz to be fitted; give it again for each further run.  [default: "
+    "asked for]",
 )
 @curve_options
 def new_campaign(name: Path, files: tuple[Path, ...], said: Mapping[str, Any]) -> None:

@@ -105,8 +105,8 @@ _CURVE = (
         "--rolling",
         multiple=True,
         metavar="KEY=VALUE",
-        help="FILE is a run of an eccentric disk that rolls up an incline: what is known of it, by "
-        'the keys of a campaign: radius_m="0.150(1)", kappa=0:1 is a range.',
+        help="FILE is a run of an eccentric disk that rolls up an incline.  State what is known "
+        'of it by the keys of a campaign: radius_m="0.150(1)"; kappa=0:1 is a range.',
     ),
     click.option(
         "--start",
@@ -126,7 +126,7 @@ _CURVE = (
         "--own",
         multiple=True,
         metavar="NAME",
-        help="A parameter of which each of several tables has its own.  [default: one for all]",
+        help="A parameter that has its own value in each table.  [default: one value for all]",
     ),
     click.option(
         "--x", metavar="COLUMN", help='Column of x: "time [s]".  [default: the first of two]'

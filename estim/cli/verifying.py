@@ -414,9 +414,9 @@ def diff(first: str, second: str, r: float | None) -> None:
     verdict = (
         f"{len(far)} of {n} estimates differ, {far[0].name} most, by {far[0].shift:+.2f} sd"
         if far
-        else f"the {n} estimates of both agree within {_FAR} sd"
+        else f"the {n} estimates in both results agree within {_FAR} sd"
     )
-    say(verdict + (f"; {alone} are in one result alone" if alone else ""))
+    say(verdict + (f"; {alone} are in one result only" if alone else ""))
     for line in pair.inputs:
         say(line)
     for row in far:

@@ -174,7 +174,9 @@ class Pages:
         data = await self._seen(upload, f"{name}.json", "start", asked)
         found: dict[str, Any] = {"busy": data is None}
         if data == b"":
-            found["error"] = phrase("No start was found in time: state some of them below.")
+            found["error"] = phrase(
+                "No starting values were found in time: state some of them below."
+            )
         found |= json.loads(data or b"{}")
         return await self._form(
             upload, fields, found.get("error", ""), found.get("field"), begun=found | {"name": name}
@@ -343,7 +345,7 @@ class Pages:
         lang = dict(pairwise(answer.arguments)).get("--lang", "en")
         data = await self._made(self._store.answers, answer.id, "report.pdf", "paper", lang)
         if not data:
-            words = phrase("The PDF was not made: print the report from its own page.")
+            words = phrase("The PDF could not be made: print the report from its own page.")
             return closed(503, words)
         headers = {"Content-Disposition": "attachment"}
         return Response(data, media_type="application/pdf", headers=headers)

@@ -78,7 +78,7 @@ def arguments_of(
     if kind == "rolling":
         for keys in _NEEDED:
             if not said.keys() & {*keys}:
-                raise InputError(phrase("This must be known."), field=keys[0])
+                raise InputError(phrase("This value is needed."), field=keys[0])
         if "imported" in said:  # of a track nothing is chosen
             said = {key: text for key, text in said.items() if key not in ("x", "y")}
     if command == "fit" and file.rpartition(".")[0] != given:

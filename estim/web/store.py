@@ -167,7 +167,9 @@ class Store:
             by = f"{shorten(who, 60)}: " if who else ""
             return [self._kept(by + name, {_stored(name): data}) for name, data in files.items()]
         if who is not None:
-            raise InputError(phrase("A campaign brings its own question: hand in its table."))
+            raise InputError(
+                phrase("A campaign already contains a question: hand in its table instead.")
+            )
         beside = {name: data for name, data in files.items() if _PLAIN.fullmatch(name)}
         return [self._kept(campaign, {"campaign.toml": files[campaign]} | beside)]
 
