@@ -461,7 +461,7 @@ def test_each_file_by_itself_is_a_table_in_which_one_bad_file_spoils_nothing(
 def test_a_class_hands_in_and_the_table_grows_and_names_what_stands_apart(browser: Browser) -> None:
     asked = browser.hand_in({"teacher.csv": decay(2.0)})
     answer = browser.fill_in(asked.place, **DECAY, asked="formula", title="Mine").place
-    assert "or of a class" in browser.ended(answer).text
+    assert "or those of a class" in browser.ended(answer).text
     batch = browser.send("POST", f"{answer}/batch").place
     page = browser.get(batch).text
     assert "A file needs the columns t and U." in page
