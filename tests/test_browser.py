@@ -244,7 +244,7 @@ def test_several_files_are_one_fit_or_a_table_that_a_class_fills(page: Any) -> N
     page.check("text=each file by itself")
     assert not page.is_visible("#own")
     page.click(".end button")
-    page.wait_for_selector("text=stop that")
+    page.wait_for_selector("text=stop updating")
     page.click("text=Hand in a file")
     page.fill("#who", "Ana")
     assert is_accessible()
