@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 
 import numpy as np
 
@@ -65,7 +66,7 @@ def guess_starts(
             len(ends) > (1 if len(search.bent) < _MANY else 2)
             and ends[1][1] <= ends[0][1] * (1.0 + _AGREE) + search.rounding
         ):
-            return {**search.whole(ends[0][0]), **known}
+            return {**search.whole(_positive(search, *ends[0])), **known}
     names = search.bent or sought
     why = (
         "from the points"
@@ -167,6 +168,32 @@ def _swept(
         if not end[1] < before * (1.0 - 0.01 * _AGREE):
             break
     return _down(search, [end[0]], _FINE)[0]
+
+
+def _positive(search: ProjectedCurve, values: FloatArray, squares: float) -> FloatArray:
+    """The same curve with as few negative parameters as changes of one or two signs make it, within
+    limits; sizes come before places and angles.
+    """
+    low, high = (
+        np.array([getattr(scale, end) for scale in search.scales]) for end in ("low", "high")
+    )
+    worth = np.array([1.0 if scale.places is None else 0.1 for scale in search.scales])
+    flips = [
+        np.array([-1.0 if i in pair else 1.0 for i in range(values.size)])
+        for n in (1, 2)
+        for pair in combinations(range(values.size), n)
+    ]
+    for flip in flips:
+        tried = values * flip
+        fewer = worth @ (tried < 0.0) < worth @ (values < 0.0) and bool(
+            np.all((tried > low) & (tried < high))
+        )
+        if (
+            fewer
+            and float(search.squares(tried[None, :])[0]) <= squares * (1.0 + 1e-9) + search.rounding
+        ):
+            values = tried
+    return values
 
 
 def _best_apart(
