@@ -194,7 +194,7 @@ def test_a_rolling_disk_and_the_start_of_a_curve(page: Any, replica: Path) -> No
     page.set_input_files("#files", replica / "runs" / "heavy-04.csv")
     page.wait_for_selector("#asked-rolling")
     page.click("button:has-text('polynomial2')")
-    page.click("text=Show the start")
+    page.click("text=Try the formula on the points")
     page.wait_for_selector("figcaption")
     assert page.input_value("#formula") == "polynomial2"
     assert fits_the_width(page)
@@ -300,7 +300,7 @@ def test_the_way_without_javascript(chromium: Any, address: str) -> None:
     page.set_input_files("#files", {"name": "a.csv", "mimeType": "text/csv", "buffer": LINE})
     page.click("text=Look at the file")
     page.click("button:has-text('line') >> nth=0")
-    page.click("text=Show the start")
+    page.click("text=Try the formula on the points")
     assert "slope = " in page.inner_text("figcaption")
     assert page.input_value("#formula") == "line"
     page.click(".end button")

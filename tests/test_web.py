@@ -266,7 +266,9 @@ def test_of_several_tracks_one_is_chosen_and_of_two_axes_the_livelier(browser: B
     assert re.findall(r'<option value="(ball|cart)"', form) == ["ball", "cart"]
     assert '<option value="y" selected>' in form
     asked = browser.hand_in({"film.trk": trk(point_mass("ball", falls)).encode()})
-    assert 'name="track"' not in browser.get(asked.place).text
+    form = browser.get(asked.place).text
+    assert 'name="track"' not in form
+    assert re.findall('id="asked-([a-z]+)"', form) == ["formula", "rolling"]  # others read tables
 
 
 def test_a_campaign_with_its_tables(browser: Browser, project: Path) -> None:

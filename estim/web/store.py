@@ -98,7 +98,8 @@ class Answer:
     @property
     def is_curve(self) -> bool:
         """Whether it fits a curve to a table, which may be asked of other tables too."""
-        return self.arguments[0] == "fit" and "formula" in self.fields
+        asked = self.fields.get("asked", "formula")
+        return self.arguments[0] == "fit" and asked == "formula" and "formula" in self.fields
 
     @property
     def standing(self) -> str:

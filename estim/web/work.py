@@ -99,7 +99,7 @@ class Job:
         with suppress(ValueError):
             record = json.loads(line) if line.startswith("{") else {}
             self.error, self.field = record.get("error", self.error), record.get("field") or ""
-            self.percent = record.get("percent", self.percent)
+            self.percent = max(self.percent, record.get("percent", 0))
             self.doing = record.get("doing", self.doing)
             if record:
                 return
