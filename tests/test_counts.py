@@ -32,6 +32,7 @@ from estim.fitting import fit_problem
 from estim.fitting.least_squares import fit_least_squares
 from estim.fitting.profile import profile_intervals
 from estim.problem import BINOMIAL, POISSON
+from estim.problem.count_distributions import deviance_residual
 
 EDGES = np.linspace(0.0, 10.0, 21)
 MIDDLES = 0.5 * (EDGES[1:] + EDGES[:-1])
@@ -770,3 +771,29 @@ def test_trials_that_all_end_alike_have_a_limit_and_no_curve(y: list[int], none:
     assert caught.value.field == "y"
     limit = 1.0 - 0.05 ** (1.0 / 15.0)
     assert limit == pytest.approx(0.18, abs=0.005)
+
+
+def test_successes_and_failures_are_two_ways_to_say_the_same() -> None:
+    """A line that ends at a probability of 1, or of 0: the same status, tests and intervals."""
+    x, n = np.arange(8.0), 20
+    hits = np.array([20, 20, 20, 18, 15, 10, 9, 4])
+    one, other = (
+        fit_curve("a + b*x", x, k, noise=Binomial(trials=n), start={"a": 0.5, "b": 0.0})
+        for k in (hits, n - hits)
+    )
+    assert one.status == other.status
+    assert one.values["a"] == pytest.approx(1.0 - other.values["a"], abs=1e-6)
+    assert one.p_value == pytest.approx(other.p_value, abs=0.05)
+    assert one.reasons == other.reasons or one.status == "ok"
+    for low, high in zip(one.intervals["b"][0.95], other.intervals["b"][0.95][::-1], strict=True):
+        assert low == pytest.approx(-high, abs=1e-4)
+
+
+def test_the_deviance_of_a_sure_success_is_as_exact_as_that_of_a_rare_one() -> None:
+    trials, rare = np.array([1e5]), 9e-6
+    residuals = [
+        deviance_residual(BINOMIAL, np.array([y]), np.array([m]), trials)
+        for y, m in ((0.0, rare), (1.0, 1.0 - rare), (1.0, 1.0), (0.0, 0.0))
+    ]
+    wanted = np.sqrt(-2e5 * np.log1p(-rare))
+    assert np.ravel(residuals) == pytest.approx([-wanted, wanted, 0.0, 0.0], rel=1e-6)

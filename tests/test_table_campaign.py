@@ -836,6 +836,7 @@ def test_what_does_not_go_with_several_tables_is_refused(two: list[Path], tmp_pa
     assert "names no parameter" in told("fit", *two, *said, "--own", "q")
     (tmp_path / "c.toml").write_text("")
     assert "needs a table of points" in told("fit", two[0], tmp_path / "c.toml", *said)
+    assert "'FILE...' must name each table once" in told("fit", *two, two[0], *said)
     two[1].write_text(two[1].read_text().replace("[s]", "[ms]"))
     assert "'t [s]' is missing (the header has t [ms], U [V])" in told("fit", *two, *said)
     assert "must be in ms, as the header of" in told("fit", *two, *said, "--x", "t", "--y", "U")

@@ -991,3 +991,18 @@ def test_a_taken_port_is_one_line_and_the_usual_one_gives_way(tmp_path: Path) ->
 )
 def test_other_machines_reach_all_but_a_loopback_address(host: str, local: bool) -> None:
     assert At(host, None, Path()).is_local is local
+
+
+def test_what_nobody_can_write_breaks_no_page(browser: Browser) -> None:
+    asked = browser.hand_in({"a.csv": LINE})
+    answer = browser.fill_in(asked.place, asked="formula", formula="a*x\x00 + b", x="t", y="U")
+    assert "ok" in browser.ended(answer.place).text
+    assert browser.get("/").status == 200
+    for bad in ("asked=bogus", "asked=line&asked=mean", "show=start&asked=bogus"):
+        assert browser.get(f"{asked.place}?{bad}").status == 200, bad
+    twice = browser.hand_in({"a.csv": LINE, "folder/a.csv": LINE})
+    assert twice.status == 422
+    assert "Two files have the same name" in twice.text
+    refused = browser.fill_in(asked.place, asked="bogus")
+    assert refused.status == 422
+    assert "Choose what you want to know." in refused.text

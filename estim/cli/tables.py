@@ -282,13 +282,19 @@ def load_or_make(
             )
             raise InputError(rule, field="CAMPAIGN|FILE", value=str(file))
         return load_campaign(file, asked=runs), out or out_folder(file)
-    if any(path.suffix.lower() == ".toml" for path in (file, *others)):
+    tables = [file, *others]
+    other = next((path for path in tables if path.suffix.lower() == ".toml"), None)
+    if other is not None:
         raise InputError(
             "needs a table of points; the curve of a campaign is stated in its file",
             field="--formula" if said["formula"] else "--rolling",
-            value=said["formula"],
+            value=str(other),
         )
-    stem = f"{file.stem}-and-{len(others)}-more" if others else file.stem
+    places = [path.resolve() for path in tables]
+    twice = next((path for i, path in enumerate(places) if path in places[:i]), None)
+    if twice is not None:
+        raise InputError("must name each table once", field="FILE...", value=str(twice))
+    stem = "+".join(path.stem for path in tables)[:80]
     return campaign_of_table(file, choices_of_table(said), *others), out or Path("out") / stem
 
 

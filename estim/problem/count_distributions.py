@@ -163,8 +163,10 @@ def deviance_residual(law: Law, y: FloatArray, mean: FloatArray, size: FloatArra
     maximum of the likelihood.
     """
     with np.errstate(all="ignore"):
-        close = (y - mean) ** 2 / law.variance(mean, size)
-        small = np.abs(y - mean) < 1e-5 * mean  # there the difference of two logarithms is rounding
+        variance = law.variance(mean, size)
+        close = (y - mean) ** 2 / variance
+        # there the difference of two logarithms is rounding
+        small = np.abs(y - mean) < 1e-5 * variance * size
         return np.asarray(
             np.sign(y - mean)
             * np.sqrt(np.where(small, close, np.maximum(law.deviance(y, mean, size), 0.0)))

@@ -157,7 +157,8 @@ class CountedResiduals:
                     mean + slack * (1.0 - 0.5 * np.exp(1.0 - 2.0 * by / slack)),
                     moved,
                 )
-        moved = np.maximum(moved, _LEAST)  # a difference of what is alike may leave nothing
+        # a difference of what is alike may leave nothing
+        moved = np.clip(moved, _LEAST, self.law.ceiling)
         return deviance_residual(self.law, mean + self.sd[:, None] * errors, moved, trials)
 
 

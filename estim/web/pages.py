@@ -107,14 +107,20 @@ class Pages:
         async with self._taking, request.form(max_files=MOST_FILES, max_fields=2) as form:
             said = fields_of(form.multi_items())
             batch = _found(self._store.batches, request, said["batch"]) if "batch" in said else None
-            given = {
-                (value.filename or "").replace("\\", "/").rpartition("/")[2]: await value.read()
+            handed = [
+                value
                 for value in form.getlist("files")
                 if isinstance(value, UploadFile) and value.filename
+            ]
+            given = {
+                (file.filename or "").replace("\\", "/").rpartition("/")[2]: await file.read()
+                for file in handed
             }
             try:
                 if not given:
                     raise InputError(phrase("Choose a file first."))
+                if len(given) < len(handed):
+                    raise InputError(phrase("Two files have the same name: rename one of them."))
                 who = said.get("who", "") if batch else None
                 uploads = await asyncio.to_thread(self._store.take_in, given, who)
                 if batch is not None:

@@ -34,16 +34,20 @@ _NEEDED = (
 NAMED = "value start low high"
 """Fields with one NAME = VALUE a line."""
 _FLAGS = ("correlated", "jitter")
+_UNWRITTEN = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 # fields that are no options of their own
 _FURTHER = {"formula": f"{NAMED} own", "rolling": _ROLLING}
 
 
 def fields_of(form: Iterable[tuple[str, object]]) -> dict[str, str]:
-    """What was filled in; of several alike, a line each."""
+    """What was filled in, without characters that nobody can write; of several alike, a line
+    each.
+    """
     found: dict[str, str] = {}
     for name, value in form:
-        if isinstance(value, str) and value.strip():
-            found[name] = "\n".join(filter(None, (found.get(name), value.strip())))
+        text = _UNWRITTEN.sub("", value).strip() if isinstance(value, str) else ""
+        if text:
+            found[name] = "\n".join(filter(None, (found.get(name), text)))
     return found
 
 
@@ -100,7 +104,8 @@ def arguments_of(
 def field_of(option: str, asked: str) -> str:
     """The field that an error is about, "" where the question that was asked has none for it."""
     name = option.removeprefix("--rolling ").removeprefix("--").partition(" ")[0]
-    shown = f"{_ASKED[asked][1]}{_OF_TABLES} {_FURTHER.get(asked, '')}".split()
+    options = _ASKED[asked][1] if asked in _ASKED else ""
+    shown = f"{options}{_OF_TABLES} {_FURTHER.get(asked, '')}".split()
     return name if name in shown else ""
 
 

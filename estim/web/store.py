@@ -148,7 +148,7 @@ class Store:
         self.uploads, self.answers = Shelf(root, "files", Upload), Shelf(root, "answers", Answer)
         self.batches = Shelf(root, "batches", Batch)
         for answer in list(self.answers.records.values()):
-            if answer.state == "running":
+            if answer.state in ("running", "waiting"):
                 self.answers.keep(replace(answer, state="interrupted"), {})
 
     def take_in(self, files: Mapping[str, bytes], who: str | None = None) -> list[Upload]:

@@ -59,6 +59,7 @@ class Job:
                 with self._lock:
                     if self.state != "waiting":
                         return
+                    self.state = "stopped"  # where no process can be started
                     process = self._process = self._started(writing)
                     self.state = "running"
             finally:
