@@ -348,6 +348,8 @@ class Pages:
     async def on_paper(self, request: Request) -> Response:
         """The report as PDF, made when it is first asked for."""
         answer = _found(self._store.answers, request)
+        if answer.id in self._jobs:  # its report is not whole yet
+            raise HTTPException(404)
         lang = dict(pairwise(answer.arguments)).get("--lang", "en")
         data = await self._made(self._store.answers, answer.id, "report.pdf", "paper", lang)
         if not data:

@@ -103,10 +103,10 @@ def _table(file: Path, *asked: str) -> dict[str, Any] | bytes:
     if asked:
         from estim.drawing import png
 
-        tables = {file.stem: columns}
+        tables = {file.name: columns}
         for other in map(Path, asked[2:]):
             with suppress(EstimError):  # its own answer says what is wrong
-                tables[other.stem] = _read(other)[0]
+                tables[other.name] = _read(other)[0]
         pair = [columns[int(number)] for number in asked[:2]]
         return png(lambda: _points(pair[0], pair[1], tables))
     values = [i for i, c in enumerate(columns) if not c.name.startswith(("u_", "u("))] or [0]
