@@ -733,6 +733,7 @@ def test_what_is_wrong_of_a_rolling_disk_names_its_key(replica: Path) -> None:
         with pytest.raises(InputError) as refused:
             rolled(file, **said)
         assert field in str(refused.value), said
+    assert told("fit", file, "--rolling", "kappa={") == "'kappa' is not valid TOML: {"
     words = told("fit", file, "--rolling", "radius_m=0.15(1)", "--u-y", "0.1")
     assert words == "'--u-y' cannot be combined with --rolling"
     assert "'--rolling' must be written NAME=VALUE" in told("fit", file, "--rolling", "0.15")

@@ -265,7 +265,10 @@ def _known(key: str, text: str) -> object:
     prior as TOML, or a word.
     """
     if text.startswith("{"):
-        return parse_toml(f"value = {text}", f"--rolling {key}")[0]["value"]
+        try:
+            return parse_toml(f"value = {text}", key)[0]["value"]
+        except InputError as error:
+            raise InputError("is not valid TOML", field=key, value=text) from error
     if not re.match(r"[+-]?[.\d]", text):
         return text
     low, mark, high = text.partition(":")

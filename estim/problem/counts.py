@@ -8,8 +8,9 @@ least squares (McCullagh and Nelder, Generalized Linear Models, 2nd ed., 1989, s
 see the same residuals against counts that are drawn at the fit.
 
 The likelihood of a count of 0 still rises where it ends, at an expectation of 0.  It goes on beyond
-as a steep parabola with the same slope there, so that a search may walk along the end; this adds a
-millionth to the deviance.
+with a quadratic penalty of the same slope there, so that a search may walk along the end (Nocedal
+and Wright, Numerical Optimization, 2nd ed., 2006, chapter 17); this adds a millionth to the
+deviance.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ from estim.problem.readings import Readings
 from estim.problem.size import Named, Scale, Size
 
 _LEAST = 1e-300  # expectation or variance, so that nothing is divided by 0
-# standard deviation of the wall, in counts, at which the likelihood of a count of 0 ends
-_WALL = 1e-3
+# standard deviation, in counts, of the penalty where a count of 0 is expected to be less than 0
+_PENALTY = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,14 +49,14 @@ class CountErrors(Likelihood):
 
     def pointwise(self, named: Named) -> FloatArray:
         mean, none = self._expected(named)
-        beyond = np.where(none < 0.0, none + 0.5 * np.square(none / _WALL), 0.0)
+        beyond = np.where(none < 0.0, none + 0.5 * np.square(none / _PENALTY), 0.0)
         return self.law.log_density(self.y, mean, self.trials) - beyond
 
     def residuals(self, named: Named) -> FloatArray:
         """Signed roots of the deviance, which are closer to normal than (y - m)/sd."""
         mean, none = self._expected(named)
         root = deviance_residual(self.law, self.y, mean, self.trials)
-        unseen = np.where(none < 0.0, none / _WALL + _WALL, np.sqrt(root**2 + _WALL**2))
+        unseen = np.where(none < 0.0, none / _PENALTY + _PENALTY, np.sqrt(root**2 + _PENALTY**2))
         return np.where(np.isfinite(none), np.where(self.y > 0.0, unseen, -unseen), root)
 
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
@@ -81,7 +82,7 @@ class CountErrors(Likelihood):
 
     def sd(self, named: Named) -> FloatArray:
         variance = self.law.variance(self._expected(named)[0][0], self.trials)
-        return np.sqrt(np.maximum(variance, np.square(_WALL / self.trials)))
+        return np.sqrt(np.maximum(variance, np.square(_PENALTY / self.trials)))
 
     def _expected(self, named: Named) -> tuple[FloatArray, FloatArray]:
         """(n_draw, n_obs) expectations, and how many are expected of what was not seen at all, as
@@ -101,7 +102,7 @@ class CountErrors(Likelihood):
         mean, none = self._expected(named)
         with np.errstate(all="ignore"):
             score = (mean - self.y) / self.law.variance(mean, self.trials)
-        edge = self.trials * (1.0 + np.minimum(none, 0.0) / _WALL**2)
+        edge = self.trials * (1.0 + np.minimum(none, 0.0) / _PENALTY**2)
         edge = np.where(self.y > 0.0, -edge, edge)
         return np.asarray(np.where(none > 0.0, score, edge)[0])
 
