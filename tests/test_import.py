@@ -431,7 +431,7 @@ def test_a_frame_rate_unlike_that_of_the_other_runs_is_suspected(write) -> None:
     assert campaign.tables["r1"].warnings == ()
 
 
-@pytest.mark.parametrize("factor", [1e-310, 1e-200])
+@pytest.mark.parametrize("factor", [1e-40, 1e-12])
 def test_times_that_no_clock_tells_apart_are_refused(write, factor: float) -> None:
     t, _, x, y = rolling(4.0)
     with pytest.raises(

@@ -504,7 +504,8 @@ def _is_in_symbols(unit: str) -> bool:
 
 
 def cells_differ(cells: int, width: int, delimiter: str, line: int) -> InputError:
-    commas = delimiter == "," and cells == 2 * width
+    # a blank last cell has no comma
+    commas = delimiter == "," and 2 * width - (width > 2) <= cells <= 2 * width
     cure = (
         '--decimal comma, or decimal = "comma"'
         if width == 1

@@ -3,64 +3,36 @@ names, in every dialect.
 
 Tabs, semicolons, commas, bars or blanks separate the cells; decimals have a point or a comma, never
 both.  Columns may come in any order; v and a are magnitudes and are not used as speeds.  An export
-does not say its unit of length unless the column's name does (`x (cm)`).  A file that another
-program has changed is refused with the first sign of it.
+does not say its unit of length unless the column's name does (`x (cm)`).  Where the columns are is
+found here; their cells are read as those of any table (`estim.reading.columns`).
 """
 
 from __future__ import annotations
 
 import csv
-import datetime as dt
-import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from estim.common import InputError, in_its_file, listed, phrase, read_number
-from estim.reading.cells import is_comment
+from estim.arrays import FloatArray
+from estim.common import InputError, in_its_file, listed, phrase
+from estim.reading.cells import Row, is_comment, is_missing
+from estim.reading.columns import table_of
+from estim.reading.dialect import Decimal, Dialect
 from estim.reading.input_file import lines_of, read_text
-from estim.reading.table import (
-    DECIMAL_COMMAS,
-    may_be_decimal_commas,
-    numbered_lines,
-    row_of,
-    split_cells,
-)
+from estim.reading.table import Layout, Table, numbered_lines, row_of, split_cells
 from estim.reading.tracker.track import METRES, Track
 
 Lines = list[tuple[int, str]]
 
-_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d{1,4})?", re.ASCII)
 _NAME = re.compile(r"(.{1,30}?)\s*[(\[]\s*(\w{1,5})\s*[)\]]")
-_DATE = re.compile(
-    r"\d{1,4}[./-](\d{1,2}|[^\W\d_]{3,9})\.?([./-]\d{1,4})?|[^\W\d_]{3,9}[./-]\d{2,4}|\d{1,2}\.\s?[^\W\d_]{3,9}\.?"
-)
-_DAYS = (36526.0, 54789.0)  # day numbers of a spreadsheet, years 2000 to 2049
 _COLUMNS = ("t", "x", "y", "v", "frame")
 _SECONDS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3}
 _SEARCHED = 10  # lines in which the names of the columns stand
-_LIMIT = 1e6  # m and s
-_SPREADSHEET = (
-    "a spreadsheet has changed this file: export the table from Tracker again and do "
-    "not save it in a spreadsheet"
-)
-
-
-@dataclass(frozen=True)
-class _Layout:
-    """line : number of the line of names.  width : columns.  places : column of t, x, y, v, frame.
-    units : of t, x, y, as named.
-    """
-
-    line: int
-    delimiter: str
-    width: int
-    places: Mapping[str, int]
-    units: Mapping[str, str]
-    track: str
 
 
 def head_of_export(text: str) -> tuple[int, str, bool] | None:
@@ -96,84 +68,53 @@ def read_export(
     """
     text, digest = read_text(path)
     lines = [(n, line) for n, line in numbered_lines(text) if not is_comment(line)]
-    layout = _layout(lines, track)
-    factor, unit_fact = _length_unit(layout, unit)
-    data = [(n, line) for n, line in lines if n > layout.line]
-    numbers, rows, blank = _rows(data, layout, drop_duplicates)
-    copies = len(data) - blank - len(rows)
-    if (
-        layout.delimiter == ","
-        and layout.width > len(layout.places)
-        and rows
-        and may_be_decimal_commas(line for _, line in data)
-    ):
-        raise InputError(DECIMAL_COMMAS, field="row", value=data[0][1], line=data[0][0])
-    table = np.array(rows, dtype=np.float64).reshape(-1, len(layout.places))
-    scales = {"t": _SECONDS[layout.units.get("t", "s")], "frame": 1.0}
-    columns = {
-        name: column * scales.get(name, factor)
-        for name, column in zip(layout.places, table.T, strict=True)
-    }
-    at = np.array(numbers, dtype=np.int64)
-    for name in [name for name in ("t", "x", "y") if name in columns]:
-        beyond = ~(np.abs(columns[name]) <= _LIMIT)
-        if np.any(beyond):
-            row = int(np.argmax(beyond))
-            raise InputError(
-                f"must lie within ±{_LIMIT:g} {'s' if name == 't' else 'm'}",
-                field=name,
-                value=float(columns[name][row]),
-                line=int(at[row]),
-            )
-    frames = columns.get("frame")
-    whole = (
-        frames is not None
-        and bool(np.all(np.abs(frames) < 1e9))
-        and bool(np.all(frames == np.rint(frames)))
+    name, layout = _laid_out(str(path), digest, lines, track)
+    units = dict(zip(layout.names, layout.units, strict=True))
+    factor, unit_fact = _length_unit(units, unit, layout.header_line)
+    copies = {row.number for before, row in pairwise(layout.rows) if row.cells == before.cells}
+    if drop_duplicates:
+        rows = [row for row in layout.rows if row.number not in copies]
+        layout = replace(layout, rows=rows)
+    table = table_of(layout, [key for key in ("t", "x", "y") if key in units], 1)
+    frames = _where_given("frame", layout, table)
+    whole = frames is not None and bool(
+        np.all((np.abs(frames) < 1e9) & (frames == np.rint(frames)))
     )
+    speed = _where_given("v", layout, table)
     dropped = (
         phrase("1 row that copies the previous one was dropped")
-        if copies == 1
-        else phrase("{n} rows that copy the previous one were dropped", n=copies)
+        if len(copies) == 1
+        else phrase("{n} rows that copy the previous one were dropped", n=len(copies))
     )
+    x, y = (factor * table.columns[key] if key in units else None for key in ("x", "y"))
     return Track(
         file=str(path),
         sha256=digest,
-        name=layout.track,
-        t=columns["t"],
-        x=columns.get("x"),
-        y=columns.get("y"),
+        name=name,
+        t=_SECONDS[units["t"] or "s"] * table.columns["t"],
+        x=x,
+        y=y,
         frames=frames.astype(np.int64) if frames is not None and whole else None,
-        lines=at,
-        speed=columns.get("v"),
-        calibration=(
-            unit_fact,
-            *([phrase("{n} rows without a position were excluded", n=blank)] if blank else []),
-        ),
-        warnings=(dropped,) if copies else (),
+        lines=table.lines,
+        speed=None if speed is None else factor * speed,
+        calibration=(unit_fact, *table.facts),
+        warnings=(dropped,) if drop_duplicates and copies else (),
     )
 
 
-def _rows(
-    lines: Lines, layout: _Layout, drop_duplicates: bool
-) -> tuple[list[int], list[list[float]], int]:
-    """Line numbers and numbers of the rows that hold a position, and how many do not."""
-    numbers: list[int] = []
-    rows: list[list[float]] = []
-    mark, blank = "", 0
-    for number, line in lines:
-        cells = _cells(line, layout, number)
-        mark = _decimal_mark(cells, mark, number)
-        values = {name: _value(cells[place], name, number) for name, place in layout.places.items()}
-        row = list(values.values())
-        if any(math.isnan(values.get(name, 0.0)) for name in ("x", "y")):
-            blank += 1
-        elif math.isnan(values["t"]):
-            raise InputError("must be a number", field="t", value="blank", line=number)
-        elif not (drop_duplicates and rows and repr(row) == repr(rows[-1])):  # a blank copies one
-            numbers.append(number)
-            rows.append(row)
-    return numbers, rows, blank
+def _where_given(name: str, layout: Layout, table: Table) -> FloatArray | None:
+    """A further column in the rows of `table`, NaN where its cell is blank; None where there is no
+    such column.
+    """
+    if name not in layout.names:
+        return None
+    place, wanted = layout.names.index(name), set(table.lines.tolist())
+    rows = [r for r in layout.rows if r.number in wanted and not is_missing(r.cells[place])]
+    column = np.full(table.lines.size, np.nan)
+    if rows:
+        given = table_of(replace(layout, rows=rows), [name], 1)
+        column[np.isin(table.lines, given.lines)] = given.columns[name]
+    return column
 
 
 # the header
@@ -204,8 +145,10 @@ def _is_header(line: str) -> bool:
     return "t" in names and bool({"x", "y"} & names)
 
 
-def _layout(lines: Lines, wanted: str | None) -> _Layout:
-    """Where the columns of the wanted track are.  Raises InputError."""
+def _laid_out(file: str, digest: str, lines: Lines, wanted: str | None) -> tuple[str, Layout]:
+    """The name of the wanted track, and where its columns are: all others have no name.  Raises
+    InputError.
+    """
     at = _header_at(lines)
     if at is None:
         raise _no_header(lines)
@@ -227,13 +170,31 @@ def _layout(lines: Lines, wanted: str | None) -> _Layout:
         places["t"] = next(i for i, (name, _) in enumerate(columns) if name == "t")
     if not {"x", "y"} & set(places):
         raise InputError("must have a column x or y", field=f"track {track}", line=number)
-    units = {name: columns[i][1] for name, i in places.items() if columns[i][1]}
     for name, known in (("t", _SECONDS), ("x", METRES), ("y", METRES)):
-        if name in units and units[name] not in known:
+        unit = columns[places[name]][1] if name in places else ""
+        if unit and unit not in known:
             raise InputError(
-                f"must be in one of {', '.join(known)}", field=name, value=units[name], line=number
+                f"must be in one of {', '.join(known)}", field=name, value=unit, line=number
             )
-    return _Layout(number, delimiter, len(cells), places, units, track)
+    rows = [Row(n, line, row_of(line, delimiter, n)) for n, line in lines[at + 1 :]]
+    if delimiter == ",":  # where all columns are read, the count of the cells tells decimal commas
+        decimal: Decimal | None = "point" if len(places) == len(cells) else None
+    else:
+        decimal = None if any("." in row.line for row in rows) else "comma"
+    used = set(places.values())
+    return track, Layout(
+        file,
+        digest,
+        Dialect(decimal=decimal),
+        delimiter,
+        tuple(name if i in used else "" for i, (name, _) in enumerate(columns)),
+        number,
+        tuple(unit for _, unit in columns),
+        [row._replace(cells=row.cells + [""] * (len(cells) - len(row.cells))) for row in rows],
+        (),
+        (),
+        False,
+    )
 
 
 def _track_names(lines: Lines, delimiter: str, width: int) -> list[tuple[str, int]]:
@@ -273,62 +234,33 @@ def _chosen(
 
 
 def _no_header(lines: Lines) -> InputError:
-    """Why a file without a line of names is refused: destroyed by a spreadsheet, or something
-    else.
-    """
+    """What is said of a file without a line of names."""
     rule = "must have a line of column names with t and x or y, as Tracker exports it"
     if not lines:
         return InputError(rule, field="header", value="nothing")
     number, line = lines[0]
     if "t_s" in re.split(r"[\s,;]+", line[:200]):
-        return InputError(
-            "is a table of estim already: name it in a campaign as it is",
-            field="header",
-            value=line,
-            line=number,
+        rule = "is a table of estim already: name it in a campaign as it is"
+    else:
+        rule += (
+            " (where a spreadsheet has changed it: export it again), or be fit as any table "
+            "(estim fit FILE --columns t,x,y)"
         )
-    short = line[:5000]
-    cells = [cell.strip() for cell in short.split(_delimiter(short))]
-    marks = {mark for cell in cells if _NUMBER.fullmatch(cell) for mark in ".," if mark in cell}
-    if marks == {".", ","} or (_DATE.fullmatch(cells[0]) and not _NUMBER.fullmatch(cells[0])):
-        day = _as_day(cells[0])
-        what = "mixes decimal points and commas" if len(marks) == 2 else "begins with a date"
-        return InputError(
-            f"{what} and the line of column names is gone; {_SPREADSHEET}",
-            field="row",
-            quoted=day,
-            value=line,
-            line=number,
-        )
-    return InputError(
-        f"{rule}, or be fit as any table (estim fit FILE --columns t,x,y)",
-        field="header",
-        value=line,
-        line=number,
-    )
+    return InputError(rule, field="header", value=line, line=number)
 
 
-def _as_day(cell: str) -> str:
-    """A number that a spreadsheet shows as a date, in words."""
-    value = float(cell.replace(",", ".")) if _NUMBER.fullmatch(cell) else 0.0
-    if value != round(value) or not _DAYS[0] <= value <= _DAYS[1]:
-        return ""
-    return (
-        f"a time became a date, {cell} is "
-        f"{(dt.date(1899, 12, 30) + dt.timedelta(value)).isoformat()}"
-    )
-
-
-def _length_unit(layout: _Layout, stated: str | None) -> tuple[float, str]:
+def _length_unit(
+    units: Mapping[str, str], stated: str | None, line: int | None
+) -> tuple[float, str]:
     """Metres in the unit of x and y, and where that is said."""
-    named = {layout.units[name] for name in ("x", "y") if name in layout.units}
+    named = {units[name] for name in ("x", "y") if units.get(name)}
     if len(named) > 1 or (stated is not None and named and named != {stated}):
         given = f"; --unit says {stated}" if stated else ""
         raise InputError(
             f"must all have one unit{given}",
             field="x, y",
             value=", ".join(sorted(named)),
-            line=layout.line,
+            line=line,
         )
     if stated is not None:
         return METRES[stated], phrase("lengths in {unit} as stated by the user", unit=stated)
@@ -341,54 +273,3 @@ def _length_unit(layout: _Layout, stated: str | None) -> tuple[float, str]:
         "lengths are taken to be in m, because an export does not state its unit (use "
         "--unit cm if it is another one)"
     )
-
-
-# the cells
-
-
-def _cells(line: str, layout: _Layout, number: int) -> list[str]:
-    """The cells of a row, as many as there are names; blank ones at its end may be missing or too
-    many.
-    """
-    cells = row_of(line, layout.delimiter, number)
-    if any(cells[layout.width :]):
-        hint = (
-            " (are decimals written with commas too? then export with semicolons or tabs)"
-            if layout.delimiter == ","
-            else ""
-        )
-        while not cells[-1]:
-            cells.pop()
-        raise InputError(
-            f"must have {layout.width} cells{hint}", field="row", value=len(cells), line=number
-        )
-    return cells[: layout.width] + [""] * (layout.width - len(cells))
-
-
-def _decimal_mark(cells: list[str], mark: str, number: int) -> str:
-    """The decimal mark in use; raises InputError where a cell has the other one."""
-    for cell in cells:
-        if _NUMBER.fullmatch(cell):
-            here = "," if "," in cell else "." if "." in cell else mark
-            if mark and here != mark:
-                names = {",": "comma", ".": "point"}
-                raise InputError(
-                    f"has a decimal {names[here]} where the file has decimal {names[mark]}s; "
-                    f"{_SPREADSHEET}",
-                    field="row",
-                    quoted=_as_day(cells[0]),
-                    value=cell,
-                    line=number,
-                )
-            mark = here
-    return mark
-
-
-def _value(cell: str, name: str, line: int) -> float:
-    """The number in a cell; NaN where it is blank."""
-    if not cell:
-        return math.nan
-    if not _NUMBER.fullmatch(cell):
-        rule = f"is a date; {_SPREADSHEET}" if _DATE.fullmatch(cell) else "must be a number"
-        raise InputError(rule, field=name, value=cell, line=line)
-    return read_number(cell.replace(",", "."))
