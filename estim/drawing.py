@@ -135,6 +135,17 @@ def _notebook_figure() -> type[Figure]:
     return NotebookFigure
 
 
+def logarithmic(ax: Axes, x: bool, y: FloatArray, sd: FloatArray) -> None:
+    """Logarithmic axes: of `x` where it is asked for, of y (n_obs,) where all readings are positive
+    by more than two standard deviations sd (n_obs,) and cover three decades or more.
+    """
+    if x:
+        ax.set_xscale("log")
+    if np.all(y > 2.0 * sd) and 0.0 < 1e3 * np.min(y) <= np.max(y):
+        ax.set_yscale("log")
+        ax.set_ylim(0.5 * np.min(y - sd), 2.0 * np.max(y + sd))
+
+
 def texts_of(artist: Artist) -> Iterator[Text]:
     """The texts of a figure but for those of ticks, which are written anew whenever they are drawn
     (`name_ticks`).

@@ -127,3 +127,32 @@ def test_counts_have_the_scatter_of_their_law_in_place_of_bars() -> None:
     assert "counts" in [text.get_text() for text in upper.get_legend().get_texts()]
     band = lower.collections[0].get_paths()[0].vertices
     assert band[:, 1].max() == pytest.approx(np.sqrt(fit.predict(X).value.max()))
+
+
+def test_axes_are_logarithmic_where_the_points_span_decades() -> None:
+    rng = np.random.default_rng(2)
+    f = np.geomspace(10.0, 1e5, 25)
+    gain = 1.0 / (1.0 + (f / 800.0) ** 2)
+    decades = fit_curve(
+        "1/(1+(x/f0)**2)",
+        f,
+        gain * (1.0 + rng.normal(0.0, 0.03, 25)),
+        u_y=0.03 * gain,
+        start={"f0": 500.0},
+        n_start=1,
+    )
+    figure = decades.plot()
+    assert [(ax.get_xscale(), ax.get_yscale()) for ax in figure.axes] == [
+        ("log", "log"),
+        ("log", "linear"),
+    ]
+    # the curve is drawn as finely in each decade
+    x = figure.axes[0].lines[0].get_xdata()
+    assert np.ptp(np.diff(np.log(np.asarray(x, dtype=float)))) < 1e-9
+    # an error of a fortieth of the largest reading hides what is beyond: y stays linear
+    noisy = fit_curve(
+        "1/(1+(x/f0)**2)", f, gain + 1e-4, u_y=0.025, start={"f0": 500.0}, n_start=1
+    ).plot()
+    assert (noisy.axes[0].get_xscale(), noisy.axes[0].get_yscale()) == ("log", "linear")
+    short = fit_curve("a*x+b", f[:8], 2.0 * f[:8] + 1.0, u_y=0.3, n_start=1).plot()
+    assert short.axes[0].get_xscale() == "linear"

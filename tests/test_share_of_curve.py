@@ -95,6 +95,18 @@ def test_a_new_reading_is_as_uncertain_as_the_curve_is_high() -> None:
     assert width[0] == pytest.approx(np.hypot(0.15, fit.sds["b"] / fit.values["b"]), rel=0.1)
 
 
+def test_a_new_reading_is_as_uncertain_as_the_readings_beside_it() -> None:
+    x = np.linspace(0.0, 1.0, 21)
+    u = 0.01 * np.exp(3.0 * x)
+    fit = fit_curve("a + b*x", x, 1.0 + x + u * np.cos(40.0 * x), u_y=u)
+    (bands,) = sample_curve(fit, seed=3).bands
+    low, high = bands.predictive[0.68]
+    curve = np.ptp(bands.credible[0.68], axis=0)
+    expected = np.hypot(2.0 * 0.994 * np.interp(bands.x, x, u), curve)
+    # not as uncertain as readings are on average, at either end
+    assert high - low == pytest.approx(expected, rel=0.06)
+
+
 def test_simulated_readings_scatter_about_the_curve_not_about_the_data(
     rng: np.random.Generator,
 ) -> None:

@@ -224,8 +224,9 @@ class CurveFit:
         run = self._run(data)
         ends = (run.noise.counted.bins if run.noise.counted is not None else None, run.x)
         low, high = (float(f(next(e for e in ends if e is not None))) for f in (np.min, np.max))
-        room = 0.0 if run.noise.counted is not None else 0.02 * (high - low)
-        x = np.linspace(low - room, high + room, _ALONG)
+        edges = run.noise.counted is not None or run.spread_in_decades
+        room = 0.0 if edges else 0.02 * (high - low)
+        x = run.along(low - room, high + room, _ALONG)
         outer, inner = (self.predict(x, probability=p, data=data) for p in (0.95, 0.68))
         along = self.predict(run.x, data=data).value
         gain = np.zeros(run.n_obs) if run.noise.counted is not None else run.noise.reading_gain()

@@ -162,6 +162,18 @@ class Observations:
     def n_obs(self) -> int:
         return int(self.x.size)
 
+    @property
+    def spread_in_decades(self) -> bool:
+        """Whether x is positive and covers two decades or more with most points in the lower ones,
+        so that figures have a logarithmic axis.
+        """
+        low, middle, high = (float(np.quantile(self.x, p)) for p in (0.0, 0.5, 1.0))
+        return not self.words.from_release and 0.0 < 100.0 * low <= high and middle < 0.25 * high
+
+    def along(self, low: float, high: float, n: int) -> FloatArray:
+        """(n,) places from low to high at which figures draw the curve."""
+        return (np.geomspace if self.spread_in_decades else np.linspace)(low, high, n)
+
     @cached_property
     def curve_parameters(self) -> frozenset[str]:
         """Names of the parameters of its curve."""

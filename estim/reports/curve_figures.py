@@ -30,6 +30,7 @@ from estim.drawing import (
     fill,
     grid,
     legend_below,
+    logarithmic,
     new_figure,
 )
 from estim.pipeline import Analysis
@@ -93,6 +94,10 @@ def phase_figure(analysis: Analysis) -> Figure:
         if run.words.from_release:
             ax.set_xlim(left=_low_end(run.x))
             ax.set_ylim(bottom=_low_end(run.y))
+        else:
+            logarithmic(
+                ax, run.spread_in_decades, run.y[~residuals.far], residuals.sd[~residuals.far]
+            )
     legend_below(figure)
     tidy_labels(pairs)
     figure.align_ylabels()

@@ -68,7 +68,7 @@ def curve_grid(run: Observations, end: FloatArray, n_x: int) -> FloatArray:
     A curve that is no motion from a release is drawn where its data are.
     """
     if not run.words.from_release:
-        return np.linspace(float(np.min(run.x)), float(np.max(run.x)), 4 * n_x)  # it may oscillate
+        return run.along(float(np.min(run.x)), float(np.max(run.x)), 4 * n_x)  # it may oscillate
     last = float(np.max(run.x))
     stop = float(np.sort(end)[int(0.98 * (end.size - 1))])
     far = stop if stop < 1.25 * last else 1.05 * last
@@ -113,7 +113,7 @@ def _bands(
     if (counted := run.noise.counted) is not None:
         new = counted.law.draw(curve, np.atleast_1d(np.rint(np.median(counted.trials))), rng)
     else:
-        new = curve + _new_errors(run, named, curve, scale, rng)
+        new = curve + _new_errors(run, named, x, curve, scale, rng)
     median, credible = central_intervals(curve, probabilities)
     _, predictive = central_intervals(new, probabilities)
     return Bands(
@@ -130,20 +130,25 @@ def _bands(
 def _new_errors(
     run: Observations,
     named: Mapping[str, FloatArray],
+    x: FloatArray,
     curve: FloatArray,
     scale: FloatArray,
     rng: np.random.Generator,
 ) -> FloatArray:
-    """Errors of one more reading (n_draw, 1), for the same interval at each x and a smooth band:
-    the same for all positions of a draw, or a share of the curve (n_draw, n_x).
+    """Errors of one more reading (n_draw, n_x), as large as those of the readings beside it or a
+    share of the curve (n_draw, n_x); one normal score for all positions of a draw, so that the band
+    is smooth.
     """
     n_draw = scale.size
     if run.noise.share:
         reading = reading_sd(run.noise, named, curve)
     else:
-        reading = np.broadcast_to(reading_sd(run.noise, named), (n_draw, run.n_obs)).mean(
-            axis=1, keepdims=True
-        )
+        order = np.argsort(run.x)
+        at = np.interp(x, run.x[order], np.arange(run.n_obs))
+        left = np.minimum(at.astype(int), max(run.n_obs - 2, 0))
+        right = np.minimum(left + 1, run.n_obs - 1)
+        reading = np.broadcast_to(reading_sd(run.noise, named), (n_draw, run.n_obs))[:, order]
+        reading = reading[:, left] + (at - left) * (reading[:, right] - reading[:, left])
     sd = np.hypot(reading, run.noise.size.scatter.at(named)) * scale[:, None]
     return np.asarray(sd * rng.standard_normal((n_draw, 1)))
 
