@@ -29,15 +29,7 @@ Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
 
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING, _FACTOR = 1e-3, 1e-9, 1e5, 10.0
-_HELD_ROUNDS = 3
-_TELLING = 2e-4  # of a reach: two slopes closer than that teach nothing of a curvature
-_ACCEPTABLE = 1e-4  # promised fall of a minimum below which no step leads, or not soon
-_MOST_STEPS = 60
 _PATIENCE = 4  # steps, after which descents are compared
-_LONGEST = 1.0  # step of least squares, of a parameter's size
-_CLOSING = 0.9  # of its way to a limit
-_NUMBERS = 400_000  # residuals at a time: they stay near the cache
-_INSIDE = 0.99  # of the way to where there is no height: it may be missing at a limit alone
 
 T = TypeVar("T")
 
@@ -180,10 +172,10 @@ class Squares:
 
     @property
     def closing(self) -> float:
-        return _CLOSING
+        return 0.9
 
     def reach(self, points: FloatArray) -> FloatArray:
-        return _LONGEST * np.maximum(np.abs(points), self.size)
+        return np.maximum(np.abs(points), self.size)
 
     def heights(self, points: FloatArray, which: Indices | None = None) -> FloatArray:
         """(n,) inf where the residuals are not finite."""
@@ -276,7 +268,8 @@ class Squares:
         return descents.points, 2.0 * descents.heights, descents.settled
 
     def _parts(self, n: int, columns: int) -> list[slice]:
-        rows = max(1, _NUMBERS // max(1, self.n_res * (1 + columns)))
+        # residuals at a time: they stay near the cache
+        rows = max(1, 400_000 // max(1, self.n_res * (1 + columns)))
         return [slice(k, k + rows) for k in range(0, max(1, n), rows)]
 
 
@@ -314,7 +307,7 @@ class _Descents:
     promise : of the step with next to no damping.
     """
 
-    def __init__(self, hill: Hill, n: int, *, share: float = 0.0, most: int = _MOST_STEPS) -> None:
+    def __init__(self, hill: Hill, n: int, *, share: float = 0.0, most: int = 60) -> None:
         n_par = hill.low.size
         self.hill, self.share, self.most = hill, share, most
         self.points, self.slopes = np.zeros((2, n, n_par))
@@ -389,8 +382,9 @@ class _Descents:
         reached, heights = self.hill.looked_at(trials[now], now)
         lost = np.flatnonzero(~np.isfinite(heights) & np.isfinite(self.heights[now]))
         if lost.size:
+            # of the way to where there is no height: it may be missing at a limit alone
             reached[lost], heights[lost] = self.hill.looked_at(
-                self.points[now[lost]] + _INSIDE * (trials - self.points)[now[lost]], now[lost]
+                self.points[now[lost]] + 0.99 * (trials - self.points)[now[lost]], now[lost]
             )
         self._started(now, heights)
         lower = heights < self.heights[now]
@@ -405,7 +399,8 @@ class _Descents:
         )
         self.steps[now] += 1
         stuck = now[(self.damping[now] > _MOST_DAMPING) | (self.steps[now] >= self.most)]
-        self.settled[stuck], self.going[stuck] = self.promise[stuck] < _ACCEPTABLE, False
+        # promised fall of a minimum below which no step leads, or not soon
+        self.settled[stuck], self.going[stuck] = self.promise[stuck] < 1e-4, False
 
     def _started(self, now: Indices, heights: FloatArray) -> None:
         """Where there was no height at a first point, look elsewhere, or end."""
@@ -423,11 +418,12 @@ class _Descents:
             return
         points, doubted = self.points[which], self.doubted[which]
         slopes, curvatures = self.hill.shape(points, which, doubted)
+        # of a reach: two slopes closer than that teach nothing of a curvature
         learned = _learned(
             self.curvatures[which],
             points - self.known[which],
             slopes - self.slopes[which],
-            _TELLING * self.hill.reach(points),
+            2e-4 * self.hill.reach(points),
         )
         self.curvatures[which] = np.where(doubted[:, None, None], curvatures, learned)
         self.slopes[which], self.known[which], self.learned[which], self.stale[which] = (
@@ -472,7 +468,7 @@ def steps_between(
     with np.errstate(all="ignore"):
         share = np.where(step == 0.0, 1.0, np.where(step > 0.0, high, low) / step)
         shorter = step * np.min(share, axis=1, initial=1.0)[:, None]
-    for _ in range(_HELD_ROUNDS):
+    for _ in range(3):
         beyond = free & ((step < low) | (step > high))
         if not np.any(beyond):
             break

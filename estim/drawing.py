@@ -39,8 +39,6 @@ PALE = "#AAD0E5"  # a third of the blue on white
 VERMILION = "#D55E00"  # what is wrong; orange is what was stated before
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE, INK, GREY)
 RUN_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, VERMILION, "#56B4E9", "#8C6D31", "#6A3D9A")
-_DPI = 150
-_COMPRESSION = 4  # of 9; more costs time and saves next to nothing
 MARKS = ("o", "s", "^", "D", "v", "P")
 WIDTH = 7.2
 STYLE = {
@@ -86,14 +84,13 @@ def as_png(figure: Figure) -> bytes:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     buffer = io.BytesIO()
-    figure.set_dpi(_DPI)
+    figure.set_dpi(150)
     canvas = FigureCanvasAgg(figure)
     if (layout := figure.get_layout_engine()) is not None:
         layout.execute(figure)
         figure.set_layout_engine("none")
-    canvas.print_png(
-        buffer, metadata={"Software": None}, pil_kwargs={"compress_level": _COMPRESSION}
-    )  # type: ignore[no-untyped-call]
+    # of 9; more costs time and saves next to nothing
+    canvas.print_png(buffer, metadata={"Software": None}, pil_kwargs={"compress_level": 4})  # type: ignore[no-untyped-call]
     return buffer.getvalue()
 
 

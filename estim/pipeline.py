@@ -87,13 +87,6 @@ from estim.sampling import (
 from estim.words import advice_for
 
 _LOG = logging.getLogger("estim")
-_BAND_DRAWS = 4000
-_MODE_DRAWS = 20_000
-_OUTLIER_DRAWS = 1000
-_ROLLING_DRAWS = 400
-_A_FEW = 60  # steps, where data and stated values contradict each other: for figures alone
-_FEW_RUNS = 4  # whose candidates are refit without being asked
-_NEGLIGIBLE = 1e-3  # share of an optimum whose ridges are not followed
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +132,7 @@ class Analysis:
         """Bands of every run."""
         rng = stream(self.seed, Stream.BANDS)
         return posterior_bands(
-            self.problem, self.chain.thinned(_BAND_DRAWS), rng=rng, forces=self.fit.forces
+            self.problem, self.chain.thinned(4000), rng=rng, forces=self.fit.forces
         )
 
     @cached_property
@@ -290,13 +283,11 @@ def analyse_fit(
     progress(100, phrase("checks"))
     goodness = check_goodness(fit, rng=stream(seed, Stream.GOODNESS)) if tested else untested(fit)
     identifiability = identify(fit)
-    modes = find_modes(fit, chain.thinned(_MODE_DRAWS))
-    outliers = find_outliers(fit.posterior, chain.thinned(_OUTLIER_DRAWS))
+    modes = find_modes(fit, chain.thinned(20_000))
+    outliers = find_outliers(fit.posterior, chain.thinned(1000))
     consistency = check_consistency(fit) if comparable(fit) else None
     moved = influences(fit)
-    rolling = check_rolling(
-        problem, chain.thinned(_ROLLING_DRAWS), rng=stream(seed, Stream.FRICTION)
-    )
+    rolling = check_rolling(problem, chain.thinned(400), rng=stream(seed, Stream.FRICTION))
     diagnosis = diagnose(
         fit,
         chain,
@@ -342,7 +333,8 @@ def _drawn(
     density = folded(fit.sampled, fit.symmetry, fit.values)
     most = MAX_TIED if problem.shared else MAX_PARAMETERS
     if conflict.flagrant:
-        few = replace(target, max_step=min(target.max_step, _A_FEW))
+        # where data and stated values contradict each other, a few steps are for figures alone
+        few = replace(target, max_step=min(target.max_step, 60))
         chain = sample_posterior(
             fit.sampled, fit.values, fit.cov, target=few, rng=rng, progress=progress
         )
@@ -366,7 +358,8 @@ def _drawn(
 
 def _optima_of(fit: Fit) -> Optima:
     ends = optima(fit)
-    modes = tuple(ends.values[1:][ends.shares[1:] > _NEGLIGIBLE])
+    # optima with so small a share have no ridges that are followed
+    modes = tuple(ends.values[1:][ends.shares[1:] > 1e-3])
     starts, covs = (*ends.values[1:], *fit.further_starts), (*ends.covs[1:], *fit.further_covs)
     return Optima(fit.values, fit.cov, starts, covs, modes, fit.parts)
 
@@ -383,7 +376,7 @@ def asks_for_a_cause(analysis: Analysis) -> bool:
         one.kind in (Kind.DEVIATION_TOO_LARGE, Kind.DEVIATION_TOO_SLOW)
         for one in analysis.diagnosis.findings
     )
-    return lacking and not refused and len(analysis.problem.runs) <= _FEW_RUNS
+    return lacking and not refused and len(analysis.problem.runs) <= 4
 
 
 def _lacks_a_force(fit: Fit) -> bool:

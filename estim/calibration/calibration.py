@@ -74,9 +74,6 @@ TrialProgress = Callable[[int], None]
 # chance that ranks are called uneven where none of them are, all quantities considered
 UNIFORM_BELOW = 0.001
 COVERAGE_SDS = 3.0
-_MOST_FAILED = 0.01  # of the trials
-_LEANING = 0.3  # posterior sd over prior sd
-_PLAIN = 3.0  # Monte-Carlo standard deviations from which ranks have a direction
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,7 +211,7 @@ def _leaning(fit: Fit) -> tuple[str, ...]:
     return tuple(
         p.name
         for p, sd in zip(fit.problem.parameters, sds, strict=True)
-        if p.name in held and sd > _LEANING * p.prior.sd
+        if p.name in held and sd > 0.3 * p.prior.sd
     )
 
 
@@ -255,7 +252,7 @@ def findings(calibration: Calibration) -> tuple[Finding, ...]:
                         parameters=(Amount(name),),
                     )
                 )
-    if calibration.n_failed > _MOST_FAILED * calibration.n_trial:
+    if calibration.n_failed > 0.01 * calibration.n_trial:
         worst = max(calibration.failures, key=lambda sentence: calibration.failures[sentence])
         faults.append(
             Finding(
@@ -278,7 +275,8 @@ def direction(calibration: Calibration, name: str) -> str:
         return "none"
     shift = (float(np.mean(place)) - 0.5) * np.sqrt(12.0 * place.size)
     spread_out = (float(np.mean((place - 0.5) ** 2)) - 1.0 / 12.0) * np.sqrt(180.0 * place.size)
-    if max(abs(shift), abs(spread_out)) < _PLAIN:
+    # Monte-Carlo standard deviations from which ranks have a direction
+    if max(abs(shift), abs(spread_out)) < 3.0:
         return ""
     if abs(shift) > abs(spread_out):
         return "low" if shift > 0.0 else "high"

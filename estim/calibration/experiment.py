@@ -36,8 +36,6 @@ from estim.reading import Run
 
 Values = Mapping[str, ArrayLike]
 
-_RELEASES = 400  # moments tried before the best is refined
-
 
 @runtime_checkable
 class Followed(Protocol):
@@ -251,7 +249,8 @@ def _release_time(run: Observations, named: Values) -> float:
         return np.sum(np.square(follow(run, t - np.reshape(moments, (-1, 1)), named) - x), axis=1)
 
     span = float(t[-1] - t[0])
-    moments = np.linspace(t[0] - 2.0 * span, t[0], _RELEASES)
+    # moments tried before the best is refined
+    moments = np.linspace(t[0] - 2.0 * span, t[0], 400)
     best, step = moments[int(np.nanargmin(misfit(moments)))], moments[1] - moments[0]
     return float(
         minimize_scalar(

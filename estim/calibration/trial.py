@@ -24,7 +24,6 @@ IntArray = NDArray[np.int64]
 What = Literal["sbc", "coverage"]
 
 N_RANK = 99
-_TRUSTED = 0.5  # k-hat
 _MOST_TRIES = 2000  # truths drawn for one simulated campaign
 _KINDS = {"sbc": Stream.RANK_TRIALS, "coverage": Stream.COVERAGE_TRIALS}
 
@@ -187,7 +186,7 @@ def posterior_draws(
         certificate = certify(
             fit.sampled, proposal, rng=rng, n_draw=n_draw, least_ess=engine.ess, max_draw=most
         )
-        if certificate.k_hat < _TRUSTED and certificate.ess >= engine.ess:
+        if certificate.k_hat < 0.5 and certificate.ess >= engine.ess:
             return certificate.draws, "importance sampling", ""
     target = Target(rhat=1.02, ess=engine.ess, n_tau=20.0, max_step=engine.max_step, n_ensemble=2)
     chain = sample_posterior(

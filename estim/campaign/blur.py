@@ -19,7 +19,6 @@ from estim.explanation import Cause, Scanned
 from estim.problem import Problem
 from estim.reading import Run
 
-_EXPOSURES = (1.0, 0.5, 0.25)  # of the time between two frames
 # frames on either side over which a speed is taken: its error does not matter beside that of a
 # reading
 _REACH = 3
@@ -71,7 +70,8 @@ def blurs(levels: Sequence[Levels], runs: Sequence[Run]) -> Iterator[tuple[float
     ):
         return
     interval = min(float(np.median(np.diff(run.columns["t_s"]))) for run in (data, *runs[1:]))
-    for share in _EXPOSURES:
+    # of the time between two frames
+    for share in (1.0, 0.5, 0.25):
         yield share * interval, msgspec.structs.replace(first, exposure_s=share * interval)
 
 

@@ -23,7 +23,6 @@ from estim.problem import Prior, as_prior
 
 _RESISTANCE = 0.01  # of the weight
 _SAG, _BOW = 0.005, 0.03  # of the length
-_PUSH = 0.05  # m/s: positions hardly depend on a speed about 0
 _RUN = "[[runs]]"
 
 
@@ -107,7 +106,8 @@ def _start(runs: Sequence[Surroundings]) -> Iterator[Sketch]:
     words = phrase("a start that is not from rest, or not at x = 0")
     if all(run.positions for run in runs):
         lines = (_RUN, 'release_speed_m_s = "0.00(10)"')
-        yield Sketch("start", words, lines, of_run=True, begin=_PUSH)
+        # in m/s: positions hardly depend on a speed about 0
+        yield Sketch("start", words, lines, of_run=True, begin=0.05)
     elif not any(run.positions for run in runs):
         yield Sketch("start", words, (_RUN, 'release_energy = "0.000(20)"'), of_run=True)
 

@@ -38,7 +38,6 @@ _RANGES: Mapping[str, tuple[float, float]] = {
     "ramp_length_m": (1e-4, 1e4),
     "frames_per_second": (1e-3, 1e6),
 }  # wider than any laboratory; kappa: as the prior that the campaign states
-_MOST = 1e3  # an uncertainty, in the unit of its key
 _MOST_RADII = 1e4  # length of the ramp
 _FRAMES = (6, 100_000)  # of a run
 
@@ -134,7 +133,8 @@ def load_design(path: str | Path) -> LoadedDesign:
             raise places.error(
                 "must be > 0" if math.isfinite(value) else "must be finite", key, value=value
             )
-        low, high = _RANGES.get(key[1], (0.0, _MOST))
+        # an uncertainty, in the unit of its key
+        low, high = _RANGES.get(key[1], (0.0, 1e3))
         if not low <= value <= high:
             raise places.error(f"must lie between {low:g} and {high:g}", key, value=value)
     if design.constants.ramp_length_m > _MOST_RADII * design.constants.radius_m:

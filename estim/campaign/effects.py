@@ -19,7 +19,6 @@ from estim.reading import KeyPath
 
 _EXCLUSIVE = (("release_energy", "release_speed"), ("sag", "phi_slope"))
 _SDS = 2.0  # how far a speed at release is from 0 where v(x) is fit by it
-_DEEPEST = 0.1  # of the length
 
 
 def setting_of(
@@ -163,7 +162,7 @@ def _length(levels: Levels, name: str, of_what: str, sources: Mapping[str, float
     assert place is not None
     length, source = place.length, sources[name]
     centre = source if isinstance(source, float) else source.centre
-    if abs(centre) > _DEEPEST * length:
+    if abs(centre) > 0.1 * length:
         raise _error(
             levels,
             name,

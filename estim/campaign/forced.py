@@ -22,7 +22,6 @@ from estim.problem import Problem
 
 # of runs that share a force: the covariance of all of them is diagonalised some two dozen times
 MOST_POINTS = 1500
-_LARGEST = 1.0  # a force as large as the weight is no small thing that was left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +122,8 @@ def force_scale(levels: Levels, circumstances: Circumstances) -> Stance:
         )
         return Stance(0.0, complete_as(reason, levels.run.name))
     scale = float(stated)
-    if not (math.isfinite(scale) and 0.0 < scale <= _LARGEST):
+    # a force as large as the weight is no small thing that was left out
+    if not (math.isfinite(scale) and 0.0 < scale <= 1.0):
         raise _error(
             levels,
             level,

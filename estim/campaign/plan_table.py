@@ -11,7 +11,6 @@ from estim.campaign.prior_table import Value
 from estim.reading import KeyPath, Places
 
 _MOST_REPEATS, _MOST_READINGS = 100, 10_000
-_FACTORS = (0.01, 100.0)
 
 
 class PlannedRunTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -98,7 +97,7 @@ def _check_change(change: ChangeTable, i: int, places: Places, *, own_curve: boo
     factors: Mapping[str, float] = {
         key: getattr(change, key) for key in ("frames", "reading_error", "reach")
     }
-    low, high = _FACTORS
+    low, high = 0.01, 100.0
     for key, factor in factors.items():
         if not low <= factor <= high:
             raise places.error(

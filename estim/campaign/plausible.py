@@ -15,12 +15,7 @@ from estim.common import InputError
 from estim.problem import Observations, Prior, Scale
 from estim.reading import Run
 
-_SHARE = 0.1  # of the path
 _SDS = 5.0  # how far a quantity may lie above its centre
-_HEAVIEST = 0.95  # share of the mass in the particle, beyond which nothing is said of speeds
-_HEAVIER = 4.0  # times M v^2/2, kinetic energy of any body that rolls
-_TOO_FAST = 3.0  # times the energy that gravity can give
-_TOO_SLOW = 1e-6  # of that energy
 # speeds are taken over this part of the time, where errors of the positions do not matter
 _SPAN = 8.0
 
@@ -32,7 +27,7 @@ def check_reading_error(sigma: Scale, run: Run, noise: StatedNoise) -> None:
     can be learnt.
     """
     reach = float(np.ptp(run.columns[run.coordinate]))
-    if sigma.parameter is None and sigma.value >= _SHARE * reach > 0.0:
+    if sigma.parameter is None and sigma.value >= 0.1 * reach > 0.0:
         key, unit, slip = (
             ("sigma_x_m", "m", "is it in mm?")
             if run.coordinate == "x_m"
@@ -75,16 +70,17 @@ def check_speeds(
         + (2.0 * (gamma + turning) + said("release_energy")) * radius
         + 4.0 * said("sag")
     )
-    if not fall > 0.0 or share > _HEAVIEST:
+    # of so little mass beside the particle nothing is said of speeds
+    if not fall > 0.0 or share > 0.95:
         return
+    # 4 M v^2/2 is more than the kinetic energy of any body that rolls
     bound = (
-        math.sqrt(
-            2.0 * g * fall / (1.0 - share) + _HEAVIER * said("release_speed") ** 2 / (1.0 - share)
-        )
+        math.sqrt(2.0 * g * fall / (1.0 - share) + 4.0 * said("release_speed") ** 2 / (1.0 - share))
         / unit
     )
     name, rate = ("theta_rad", "rad/s") if angular else ("x_m", "m/s")
-    if speed > math.sqrt(_TOO_FAST) * bound:
+    # three times the energy that gravity can give
+    if speed > math.sqrt(3.0) * bound:
         slip = "degrees" if angular else "cm or mm"
         length = (
             f"{reach:.4g} rad"
@@ -97,7 +93,7 @@ def check_speeds(
             "time not in s?"
         )
         raise InputError(rule, field=name, file=file)
-    if run.t is not None and 0.0 < speed < math.sqrt(_TOO_SLOW) * bound:
+    if run.t is not None and 0.0 < speed < math.sqrt(1e-6) * bound:
         rule = (
             f"spans {np.ptp(run.t):.4g} s at {speed:.3g} {rate} or less, where gravity gives "
             f"this body up to {bound:.3g} {rate}: is it in ms?"

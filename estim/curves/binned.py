@@ -26,10 +26,6 @@ _AT, _WEIGHTS = np.polynomial.legendre.leggauss(10)
 _HIGHEST = (
     np.polynomial.legendre.legvander(_AT, 9)[:, 8:] * _WEIGHTS[:, None] * np.array([8.5, 9.5])
 ).T
-_LEAST_PANELS = 16  # in all, before any is halved
-_AT_ONCE = 300_000  # nodes and events of several draws at once, so that memory is bounded
-_HALVINGS = 60
-_MOST_PANELS = 400  # of one draw that are halved at once
 _SMOOTH = 1e-5  # share of the whole that the highest coefficients of a panel may have,
 _SEEN = 1e-3  # and what stands out between its nodes; both less for many events:
 # of the log-likelihood, and ten times as much for what stands out, which is nearly always a round
@@ -154,7 +150,8 @@ class BinnedCurve:
         (n_draw,); here : (n_draw, n_event) the density at the events, where it is known.
         """
         n_draw, n_bin = n_draws(arguments), self.low.size
-        rows = max(1, _AT_ONCE // (_AT.size * n_bin + self.events.size))
+        # nodes and events of several draws at once, so that memory is bounded
+        rows = max(1, 300_000 // (_AT.size * n_bin + self.events.size))
         if n_draw > rows:
             parts = [
                 self._integrals(
@@ -182,7 +179,8 @@ class BinnedCurve:
         density at the events.
         """
         n_draw = here.shape[0]
-        each = -(-_LEAST_PANELS // self.low.size)
+        # in all, before any is halved
+        each = -(-16 // self.low.size)
         edges = self.low[:, None] + (self.high - self.low)[:, None] * np.linspace(
             0.0, 1.0, each + 1
         )
@@ -201,7 +199,7 @@ class BinnedCurve:
         places, heights = self._marks(arguments, n_draw)
         done: list[_Panels] = []
         settled = np.zeros(n_draw)
-        for _ in range(_HALVINGS):
+        for _ in range(60):
             whole = settled + np.bincount(panels.draw, np.abs(panels.integral), minlength=n_draw)
             events = np.maximum(1.0, whole if self.total is None else self.total)
             off = whole * np.maximum(np.minimum(_SMOOTH, _OFF / events), 10.0 * self.precision)
@@ -217,7 +215,7 @@ class BinnedCurve:
             coarse = (panels.rough > off[panels.draw]) | (
                 outstanding * (panels.high - panels.low) > seen[panels.draw]
             )
-            many = np.bincount(panels.draw[coarse], minlength=n_draw) > _MOST_PANELS
+            many = np.bincount(panels.draw[coarse], minlength=n_draw) > 400
             done.append(panels.where(~coarse))
             settled = settled + np.bincount(
                 done[-1].draw, np.abs(done[-1].integral), minlength=n_draw

@@ -28,9 +28,7 @@ from estim.problem import BINOMIAL, POISSON, Counts, Curve, Events, Wording, cou
 
 MAX_OBS = 1_000_000  # what costs in proportion: independent errors of y alone, counts, events
 _MOST_CELLS = 1000
-_WHOLE = 1e-9
 _LARGEST = 1e15  # count that a float still tells from the next
-_TOUCH = 1e-9  # of a width: bins that overlap by less share an edge
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +193,7 @@ def counted_points(
 
 def not_a_count(y: FloatArray) -> int | None:
     """Where y is first no whole number from 0; None if nowhere."""
-    bad = (y < 0.0) | (y > _LARGEST) | (np.abs(y - np.rint(y)) > _WHOLE)
+    bad = (y < 0.0) | (y > _LARGEST) | (np.abs(y - np.rint(y)) > 1e-9)
     return int(np.argmax(bad)) if np.any(bad) else None
 
 
@@ -220,7 +218,8 @@ def _poisson(x: FloatArray, y: FloatArray, bins: ArrayLike | None, what: str) ->
     edges = _edges(bins, x)[order]
     place = np.argsort(edges[:, 0], kind="stable")
     edges, counts = edges[place], y[order][place]
-    overlap = edges[:-1, 1] - edges[1:, 0] > _TOUCH * (edges[:-1, 1] - edges[:-1, 0])
+    # bins that overlap by less of a width share an edge
+    overlap = edges[:-1, 1] - edges[1:, 0] > 1e-9 * (edges[:-1, 1] - edges[:-1, 0])
     if np.any(overlap):
         k = int(np.argmax(overlap))
         raise InputError(

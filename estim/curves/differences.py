@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 
-_SMALLEST = 1e-2  # an argument below it is moved like one of this size
-
 
 def with_gradient(
     function: Callable[[Mapping[str, FloatArray]], tuple[FloatArray, ...]],
@@ -29,7 +27,8 @@ def with_gradient(
     shape = np.broadcast_shapes(*(value.shape for value in columns.values()), (1, 1))
     names, n = tuple(columns), shape[0]
     full = {name: np.broadcast_to(value, shape) for name, value in columns.items()}
-    steps = {name: step * np.maximum(np.abs(value), _SMALLEST) for name, value in full.items()}
+    # a smaller argument is moved like one of 0.01
+    steps = {name: step * np.maximum(np.abs(value), 1e-2) for name, value in full.items()}
     # the point itself, then a step up and a step down in each argument
     stacked = {name: np.tile(value, (2 * len(names) + 1, 1)) for name, value in full.items()}
     for i, name in enumerate(names):

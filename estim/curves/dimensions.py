@@ -31,7 +31,6 @@ _Row = dict[str, Fraction]
 _SAME = ("abs", "hypot", "minimum", "maximum", "min", "max", "floor", "ceil")
 _ROOTS = {"sqrt": Fraction(1, 2), "cbrt": Fraction(1, 3)}
 _X, _Y = "(x)", "(y)"
-_MOST_DIGITS = 1000  # of the denominator of an exponent
 LARGEST_PURE = 10.0  # a number as large may turn mm into cm
 
 
@@ -302,7 +301,7 @@ def number_in_formula(node: ast.expr) -> Fraction | None:
     """The number that a part of a formula is, None where it holds a name."""
     match node:
         case ast.Constant(value=float(value)):
-            return Fraction(value).limit_denominator(_MOST_DIGITS)
+            return Fraction(value).limit_denominator(1000)
         case ast.UnaryOp(op=op, operand=operand):
             number = number_in_formula(operand)
             return None if number is None else -number if isinstance(op, ast.USub) else number

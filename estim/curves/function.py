@@ -33,8 +33,6 @@ _DIFFERENCES = 5e-13  # relative error of the best differences
 # of the reach; not the multiples of a period all together
 _STEPS = (2.9173e-2, 1.0637e-2, 3.1459e-3, 1.2718e-3, 1.7321e-4)
 _BENT = 0.2  # second difference over first one, and change of slope, from which on a curve bends
-_UNMOVED = 1e-6  # of the curve: a step that moves it less tells of rounding errors
-_OFF = 10.0  # how much the error of a difference may exceed its estimate
 _DECADES = 12  # either way from a parameter's size, in search of its reach
 _STENCIL = np.array([45.0, -9.0, 1.0]) / 60.0  # on f(+kh) - f(-kh), sixth order
 _LOWER = np.array([8.0, -1.0]) / 12.0  # fourth order, to judge the sixth
@@ -234,7 +232,8 @@ def _alike(ours: FloatArray, theirs: FloatArray, error: FloatArray) -> bool:
     """
     good = np.isfinite(theirs)
     size = float(np.max(np.abs(theirs[good]), initial=1e-300))
-    off = np.abs(np.ravel(ours)[good] - theirs[good]) > 1e-5 * size + _OFF * error[good]
+    # how much the error of a difference may exceed its estimate
+    off = np.abs(np.ravel(ours)[good] - theirs[good]) > 1e-5 * size + 10.0 * error[good]
     return bool(np.mean(off) <= 0.1) if np.any(good) else True
 
 
@@ -364,7 +363,8 @@ def _reach(shifted: Callable[[float], FloatArray], size: float) -> float:
         return True
 
     _, far, bent = moved(_STEPS[0] * size)
-    unmoved = max(far, bent) < _UNMOVED * _norm(here)
+    # a step that moves the curve less tells of rounding errors
+    unmoved = max(far, bent) < 1e-6 * _norm(here)
     for decade in range(_DECADES if unmoved else 0, -_DECADES, -1):
         if tell_one_slope(size * 10.0**decade):
             return size * 10.0**decade

@@ -24,17 +24,12 @@ from estim.curves.models import Limits
 from estim.curves.projected import ProjectedCurve, projected
 
 _DRAWN, _DRAWN_EACH = 3000, 1500  # trials, and more for each parameter that is drawn
-_SWEPT = 300  # values of one parameter, the others held
 _GO_DOWN = 12
 # where the curve is no sum of terms: trials to begin with, descents that end at the best squares
 _FEW, _ENOUGH = 1000, 3
-_SAME = 1e-6  # of the squares: minima in noise differ by more
-_ALIKE = 0.9995  # correlation of residuals that are one
 _ROUGH, _FINE = 12, 100  # steps of a descent
 # at most; parameters that are drawn, from which on three searches are made at least
 _SEARCHES, _MANY = 6, 4
-_FIRST = 6  # places of the first term to go on from
-_SETTLED = 1e-8  # promised fall of the squares at which a descent ends
 _AGREE = 1e-3  # of the squares
 
 
@@ -97,7 +92,8 @@ def _searched(
     for points in (drawn[:_FEW], drawn) if alone else (drawn,):
         ends += _down(search, _best_apart(search, points, _GO_DOWN), _ROUGH)
         ends.sort(key=lambda end: end[1])
-        same = ends[0][1] * (1.0 + _SAME) + search.rounding if ends else math.nan
+        # minima in noise differ by more
+        same = ends[0][1] * (1.0 + 1e-6) + search.rounding if ends else math.nan
         if alone and sum(end[1] <= same for end in ends) >= _ENOUGH:
             return ends[0], True
     ends += _down(search, _term_by_term(search, rng), _ROUGH)
@@ -117,8 +113,9 @@ def _term_by_term(search: ProjectedCurve, rng: np.random.Generator) -> list[Floa
     points = []
     for first in blocks:
         absent = [block for block in blocks if block != first]
+        # places of the first term to go on from
         for point in _best_apart(
-            search, _drawn_for(search, first, np.zeros(len(search.bent)), rng), _FIRST, absent
+            search, _drawn_for(search, first, np.zeros(len(search.bent)), rng), 6, absent
         ):
             remaining = list(absent)
             while remaining:
@@ -142,7 +139,8 @@ def _drawn_for(
     search: ProjectedCurve, block: Sequence[int], point: FloatArray, rng: np.random.Generator
 ) -> FloatArray:
     """(n, n_bent) `point` with other values of the parameters of a block."""
-    n = _SWEPT * len(block) ** 2
+    # values of one parameter, the others held
+    n = 300 * len(block) ** 2
     tried = np.repeat(point[None, :], n, axis=0)
     for i in block:
         tried[:, i] = search.scales[i].draw(rng, n)
@@ -213,7 +211,7 @@ def _best_apart(
             residuals = search.left(tried, absent)
             residuals /= np.linalg.norm(residuals, axis=1, keepdims=True)
         for point, shape in zip(tried, residuals, strict=True):
-            if len(chosen) < n and np.all(shapes @ shape < _ALIKE):
+            if len(chosen) < n and np.all(shapes @ shape < 0.9995):
                 chosen.append(point)
                 shapes = np.vstack([shapes, shape])
         if len(chosen) == n:
@@ -229,7 +227,8 @@ def _down(
         return []
     points = np.array(starts)
     first = search.squares(points)
-    ends, _, _ = search.hill.descend(points, share=_SETTLED, most=steps)
+    # promised fall of the squares at which a descent ends
+    ends, _, _ = search.hill.descend(points, share=1e-8, most=steps)
     after = search.squares(ends)
     lower = (after < first)[:, None]
     return list(zip(np.where(lower, ends, points), np.minimum(after, first).tolist(), strict=True))

@@ -24,7 +24,6 @@ Limits = tuple[float | None, float | None]
 
 GROUP = "estim.models"  # of entry points
 MOST_TERMS = 8
-_HIGHEST = 7  # degree of a polynomial
 _WORD = r"[^\W\d]\w*"
 _SUM = re.compile(rf"\s*{_WORD}(\s*\+\s*{_WORD})*\s*")
 
@@ -226,7 +225,7 @@ MODELS: Mapping[str, Model] = MappingProxyType(
         for model in (
             Model("constant", "c", ("c",), {}),
             Model("line", "slope*x + intercept", ("slope", "intercept"), {}),
-            *(_polynomial(degree) for degree in range(2, _HIGHEST + 1)),
+            *(_polynomial(degree) for degree in range(2, 8)),
             Model("exponential", "amplitude*exp(-x/decay)", ("amplitude", "decay"), {}),
             Model("power", "amplitude*x**exponent", ("amplitude", "exponent"), {}),
             Model(

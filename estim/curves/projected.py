@@ -21,12 +21,6 @@ from estim.curves.models import Limits
 from estim.curves.scales import Scale, places_of, scale_of
 from estim.descent import Squares
 
-_CHUNK = 200_000  # numbers at a time: they stay in the cache
-_MOST_POINTS = 1000  # of which a search looks
-_PLACES = 50  # at which angles are compared
-_STEP = 1e-7  # of differences
-_FLAT = 1e-9  # share of a column that must be left where those before it are taken out
-
 
 def linear_in(formula: Formula, names: Collection[str]) -> tuple[str, ...]:
     """Those of `names` in which the curve is linear together: half way between two sets of values
@@ -84,7 +78,7 @@ class ProjectedCurve:
             np.array([scale.sizes[0][0] for scale in self.scales]),
             np.zeros(0, dtype=np.int64),
             np.arange(len(self.bent)),
-            _STEP,
+            1e-7,
             self.x.size,
         )
 
@@ -123,14 +117,16 @@ class ProjectedCurve:
                 for earlier in taken * 2:
                     column -= _dot(column, earlier) * earlier
                 size = np.sqrt(_dot(column, column))
-                column *= np.where(size > _FLAT, 1.0 / size, 0.0)
+                # share of a column that must be left where those before it are taken out
+                column *= np.where(size > 1e-9, 1.0 / size, 0.0)
                 taken.append(column)
                 rest -= _dot(column, rest) * column
         return rest
 
     def squares(self, bent: FloatArray, absent: Sequence[Sequence[int]] = ()) -> FloatArray:
         """(n,) sums of squares, inf where the curve is not finite or turns unseen."""
-        size = max(1, _CHUNK // self.x.size)
+        # numbers at a time: they stay in the cache
+        size = max(1, 200_000 // self.x.size)
         with np.errstate(all="ignore"):
             sums = np.concatenate(
                 [
@@ -147,7 +143,8 @@ class ProjectedCurve:
         """(n,) whether an oscillation makes more than half a turn from a point to the nearest other
         one: a slower one draws the same curve there.
         """
-        unseen, places = np.zeros(bent.shape[0], dtype=bool), np.unique(self.x)[:_PLACES]
+        # places at which angles are compared
+        unseen, places = np.zeros(bent.shape[0], dtype=bool), np.unique(self.x)[:50]
         if places.size < 2 or not self.turning:
             return unseen
         step = np.diff(places)
@@ -203,7 +200,8 @@ def projected(
     """The curve at the points x, y with relative errors u (n_obs,), or some of them if there are
     many; `sought`: all names but the known ones.
     """
-    every = max(1, -(-x.size // _MOST_POINTS))
+    # points at which a search looks
+    every = max(1, -(-x.size // 1000))
     x, y, weight = x[::every], y[::every], float(np.median(u)) / u[::every]
     ends = {}
     for name in sought:

@@ -20,8 +20,6 @@ from estim.model import range_of_release, release_for_turn, release_that_rolls_o
 
 Arguments = Mapping[str, ArrayLike]
 
-_BESIDE = 1e-7  # rad, from an angle at which it would stay
-
 
 @dataclass(frozen=True, eq=False)
 class Borders:
@@ -86,8 +84,9 @@ def farthest_stop(arguments: Arguments, phi: FloatArray) -> FloatArray:
     body, motion = body_of(_own(arguments))
     resistance = motion["rolling_resistance"]
     lowest, _ = range_of_release(body.gamma, phi, rolling_resistance=resistance)
+    # rad, from an angle at which it would stay
     return np.atleast_2d(
-        turning_point(body, phi=phi, theta0=lowest + _BESIDE, rolling_resistance=resistance)
+        turning_point(body, phi=phi, theta0=lowest + 1e-7, rolling_resistance=resistance)
     )
 
 

@@ -57,7 +57,6 @@ _TAKEN_AS_EXACT = {  # argument -> an error of it: of angles in rad, else as a s
 FIRST_TURNING = later(
     "first turning point, measured from the release, on the scale of the positions"
 )
-_N_FOOTING = 96  # places along the way
 _MOTION = ("phi", "theta0", "rolling_resistance", "g")
 _FORCES = {  # argument -> field of Forces
     "load_resistance": "load_resistance",
@@ -445,7 +444,7 @@ class RollingMotion:
         n) each.
         """
         zero = np.atleast_2d(np.asarray(arguments.get("offset", 0.0), dtype=float))
-        way = np.maximum(farthest - zero, 0.0) * np.linspace(0.0, 1.0, _N_FOOTING)
+        way = np.maximum(farthest - zero, 0.0) * np.linspace(0.0, 1.0, 96)
         return zero + way, way
 
     def energies(

@@ -31,8 +31,6 @@ from estim.curves.dimensions import (
 )
 from estim.curves.formula import Formula, Renamed
 
-_IN_A_MESSAGE = 80
-
 
 @dataclass(frozen=True)
 class AxisNames:
@@ -98,11 +96,7 @@ def contradiction(
     power_x, power_y = _powers(curve, axes, name, stated, density)
     counts = bool(density and power_x)
     unknown = (power_x and axes.x_unit == "1") or (power_y and axes.y_unit == "1" and not counts)
-    follows = (
-        None
-        if unknown
-        else _unit(power_x, power_y, axes.x_unit, axes.y_unit, longest=_IN_A_MESSAGE)
-    )
+    follows = None if unknown else _unit(power_x, power_y, axes.x_unit, axes.y_unit, longest=80)
     if follows is None:
         return None
     of_y = (axes.y_unit, "1") if counts else (axes.y_unit,)

@@ -30,7 +30,6 @@ from estim.fitting import Fit
 from estim.problem import Curve, Differences, Flat, LocalCurve, Parameter, Problem, Root, SpeedCurve
 
 _ARGUMENT = "error_of_reading"
-_SEEN = 1e-3  # of its size, what the fit leaves of the error of a reading; less cannot be seen
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +118,8 @@ def _best(
     back = shifts.felt(patterns, root.turned_back(np.column_stack([jacobian, z]).T).T)
     size, along, pulled = shifts.squares(root, patterns), back[:, :-1], back[:, -1]
     remainder = size - np.einsum("kp,pq,kq->k", along, inverse, along)
-    determined = remainder > _SEEN * np.max(size)
+    # of its size, what the fit leaves of the error of a reading; less cannot be seen
+    determined = remainder > 1e-3 * np.max(size)
     fall = np.where(determined, pulled**2 / np.where(determined, remainder, 1.0), 0.0)
     best = patterns[int(np.argmax(fall))]
     return best.row, shifts.columns([best])[:, 0], int(np.sum(determined))

@@ -37,13 +37,11 @@ from estim.problem import Problem
 
 FOUND = 10.0  # gain
 TIED = 10.0  # difference of gains
-_CORRELATIONS = (0.3, 0.5, 0.7, 0.85, 0.95)
 _UMBRELLA = later(
     "a smooth disturbance without a key of its own (an uneven track, correlated errors of "
     "successive readings)"
 )
 _MOST_POSED = 6  # candidates with which the campaign is fit again
-_MOST_TESTED = 8  # candidates whose residuals are tested
 _SIZE = "chi2"  # the one test that is not of order
 # standard deviations of the prior of what cannot be negative: where a search starts, and where its
 # direction is asked
@@ -209,8 +207,9 @@ def explain(
         fits.values(),
         key=lambda pair: (not (pair[0].slip and pair[0].gain > best - TIED), -pair[0].gain),
     )
+    # candidates whose residuals are tested
     tested = [
-        _tested(entry, fit, rng) if i < _MOST_TESTED and entry.found else entry
+        _tested(entry, fit, rng) if i < 8 and entry.found else entry
         for i, (entry, fit) in enumerate(ordered)
     ]
     names = tuple(run.name for run in plain.runs)
@@ -244,7 +243,7 @@ def _alike(suspects: Suspects) -> Iterable[Cause]:
         for run in plain.runs
     ):
         return
-    for correlation in _CORRELATIONS:
+    for correlation in (0.3, 0.5, 0.7, 0.85, 0.95):
         runs = tuple(
             replace(run, noise=AutoCorrelated(run.noise, correlation)) for run in plain.runs
         )

@@ -20,9 +20,7 @@ from estim.descent import steps_between
 from estim.problem import Posterior, Problem
 
 MANY = 16
-_MOST_STEPS = 200
 _ROUNDING = 1e-13  # of chi^2
-_SHORTER = 0.1  # what a step promises, of the step before
 _LEAST_DAMPING, _FIRST_DAMPING, _FACTOR, _MOST_DAMPING = 1e-13, 1e-6, 10.0, 1e12
 _NOTHING = 1e-13  # of the largest singular value
 
@@ -69,7 +67,7 @@ def spreads_by_runs(
 
 
 def descend_by_runs(
-    posterior: Posterior, values: FloatArray, free: Sequence[int], *, most: int = _MOST_STEPS
+    posterior: Posterior, values: FloatArray, free: Sequence[int], *, most: int = 200
 ) -> FloatArray:
     """`values` (n_par,) with the parameters `free` where the squared residuals are least, between
     the limits of their priors; after `most` steps.
@@ -103,7 +101,8 @@ def descend_by_runs(
                 return values
         # the sum of squares has no say any more: on while the steps get shorter
         if promise < _ROUNDING * height:
-            if not (promise < _SHORTER * before and math.isfinite(reached)):
+            # what a step promises, of the step before
+            if not (promise < 0.1 * before and math.isfinite(reached)):
                 break
             before = promise
         damping = damping / _FACTOR if damping > _FIRST_DAMPING else _LEAST_DAMPING

@@ -20,7 +20,6 @@ from estim.common import PROBABILITIES, Label
 from estim.distributions import student_quantile
 from estim.problem import Derived, Observations
 
-_STEP = 0.01  # standard deviations, of differences
 # relative difference of a half interval from a standard deviation, or from t of them, beyond which
 # ± misleads
 LOPSIDED = 0.2
@@ -64,7 +63,8 @@ def linear_derived(
     n = values.size
     factors = {p: float(student_quantile(0.5 + 0.5 * p, np.array(dof))) for p in PROBABILITIES}
     sds = np.sqrt(np.diag(cov))
-    steps = _STEP * np.where(
+    # standard deviations, of differences
+    steps = 0.01 * np.where(
         np.isfinite(sds) & (sds > 0.0), sds, 1e-4 * np.maximum(np.abs(values), 1e-4)
     )
     varying = {

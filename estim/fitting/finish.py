@@ -11,7 +11,6 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.problem import Posterior
 
-_N_FINISH = 20
 SILENT = 1e-11  # ratio of singular values
 
 
@@ -25,7 +24,7 @@ def finished(
     low = np.array([priors[i].prior.low for i in free])
     high = np.array([priors[i].prior.high for i in free])
     height = float(np.sum(posterior.residuals(values) ** 2))
-    for _ in range(_N_FINISH):
+    for _ in range(20):
         slopes = np.diag(posterior.prior_slopes(values))
         pairs = [*posterior.scoring(values), (slopes, posterior.prior_residuals(values))]
         rows = np.vstack([pair[0] for pair in pairs])[:, free]

@@ -35,7 +35,6 @@ from estim.problem import Problem
 FORCE_KEY = "unmodelled_force"
 # of fits in which bad frames are looked for; sds by which the last of them may move
 _ROUNDS, _STILL = 6, 0.1
-_AGAIN = 2  # noise is made again at its own fit: bad frames have pulled the first one
 
 
 def complete_as(reason: str, run: str) -> Finding:
@@ -98,7 +97,8 @@ def fit_without_force(white: Fit, *, bad: Mapping[str, BadFrames], rng: np.rando
     if white.singular:
         return white
     problem, fit = white.problem, white
-    for _ in range(_AGAIN):
+    # noise is made again at its own fit: bad frames have pulled the first one
+    for _ in range(2):
         noises, shared = pose_without_force(problem, fit.values, bad=bad)
         runs = tuple(
             replace(run, noise=noises.get(run.name, run.noise), force=0.0) for run in problem.runs

@@ -11,7 +11,6 @@ from estim.arrays import FloatArray
 from estim.fitting.finish import step_between
 from estim.fitting.separable import RESOLVED, SeparableSearch
 
-_N_FINISH = 10  # steps by the information that end a search with errors of x
 _NO_STEP = 1e-6  # standard deviations
 # promised fall, of the squares, at which a descent ends; steps by the information finish after the
 # rough one
@@ -28,7 +27,8 @@ def descended(search: SeparableSearch, starts: FloatArray) -> list[End]:
         starts, share=_ROUGHLY if search.creeps else _CLOSELY, most=_MOST_STEPS
     )
     # differences leave the sixth digit to an exact step
-    most = _N_FINISH if search.creeps else 1
+    # steps by the information that end a search with errors of x
+    most = 10 if search.creeps else 1
     lowest = np.isfinite(chi2) & (settled | (chi2 <= np.min(chi2)))
     ends = [stepped(search, point, most=most)[0] for point in points[lowest]]
     return [(values, size) for values in ends if math.isfinite(size := search.chi2(values))]

@@ -30,19 +30,12 @@ from estim.problem import Posterior, Problem, Symmetry
 
 _MAX_ROUNDS = 60
 _FEW_ROUNDS = 6
-_FEW_STEPS = 5  # of many runs in a round: the next round takes them on, with a better covariance
 _SETTLED = 1e-4  # of a standard deviation, between two rounds
-_SAME_OPTIMUM = 0.5  # in minus log density
-_SAME_PLACE = 1.5  # standard deviations
-_TWINS = 0.2  # the same, after one round: nearer ends go on as one
-_ROUGH_ROUNDS = 4
 # relative steps at which a search of the curve ends: at the mode, and to see where a start leads
 _EXACT, _ROUGH = 1e-12, 1e-6
 WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
 _FINE = 1e-2
-_NOTHING = 1e-200  # of the information: its inverse could not be squared
 _ILL = 1e12  # condition of the information, columns of unit length
-_FAR_APART = 3.0  # standard deviations, of any parameter
 
 _End = tuple[FloatArray, Posterior, float]
 """Values, the posterior linearised there, and how far the last round moved."""
@@ -203,7 +196,7 @@ def fit_least_squares(
         values, posterior, moved = _settle(values, posterior, max_rounds=_MAX_ROUNDS)
     if math.isnan(moved):
         raise _no_curvature(values, posterior)
-    level = objective <= objective[best] + _SAME_OPTIMUM
+    level = objective <= objective[best] + 0.5
     ends = [
         rough[i][0] for i in np.argsort(objective) if objective[i] <= objective[best] + WITHIN_REACH
     ]
@@ -266,14 +259,13 @@ def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
         if math.isnan(moved):
             continue
         scale = _spread(information(posterior, values), posterior.problem)
-        near = (
-            end for place, end in places if float(np.max(np.abs(values - place) / scale)) < _TWINS
-        )
+        # standard deviations, after one round: nearer ends go on as one
+        near = (end for place, end in places if float(np.max(np.abs(values - place) / scale)) < 0.2)
         twin = next(near, None)
         if twin is None:
             twin = (values, posterior, moved)
             if moved >= _SETTLED:
-                more = _ROUGH_ROUNDS - 1
+                more = 3
                 twin = _settle(values, posterior, max_rounds=more, hasty=True, tolerance=_ROUGH)
             places.append((values, twin))
         ends.append(twin)
@@ -299,7 +291,8 @@ def _units(matrix: FloatArray) -> FloatArray:
     nothing of.
     """
     diagonal = np.diag(matrix)
-    return np.sqrt(np.where(diagonal > _NOTHING, diagonal, 1.0))
+    # of the information: its inverse could not be squared
+    return np.sqrt(np.where(diagonal > 1e-200, diagonal, 1.0))
 
 
 def _condition(matrix: FloatArray, inverse: FloatArray, problem: Problem) -> float:
@@ -380,8 +373,9 @@ def _fit_curve(
     if not free:
         return values
     if many(problem):
+        # the next round takes them on, with a better covariance
         return (
-            descend_by_runs(posterior, values, free, most=_FEW_STEPS)
+            descend_by_runs(posterior, values, free, most=5)
             if hasty
             else descend_by_runs(posterior, values, free)
         )
@@ -467,7 +461,7 @@ def far_apart(values: FloatArray, ends: list[FloatArray], scale: FloatArray) -> 
     """
     distinct = [values]
     for end in ends:
-        if all(np.max(np.abs(end - other) / scale) > _FAR_APART for other in distinct):
+        if all(np.max(np.abs(end - other) / scale) > 3.0 for other in distinct):
             distinct.append(end)
     return np.array(distinct[1:]).reshape(-1, values.size)
 
@@ -509,7 +503,7 @@ def _describe(
     n_same = (
         len(same)
         if singular
-        else sum(bool(np.max(np.abs(end - values) / place) < _SAME_PLACE) for end in same)
+        else sum(bool(np.max(np.abs(end - values) / place) < 1.5) for end in same)
     )
     message = settled(led_here(n_same, n_start))
     if moved >= _SETTLED:

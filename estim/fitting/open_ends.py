@@ -20,7 +20,6 @@ from estim.problem import Parameter, Problem
 # ranges of the data by which one standard deviation moves the curve, from which on it is no small
 # step of it
 _VAGUE = 1.0
-_FAR = 10.0  # standard deviations: an interval that reaches so far has no end worth the name
 _PROBABILITY = 0.95
 
 
@@ -46,7 +45,8 @@ def open_sides(fit: Fit, sds: FloatArray, *, dof: float = math.inf) -> list[Find
     intervals = profile_intervals(fit, names=names, probabilities=(_PROBABILITY,), dof=dof)
     findings = []
     for i, interval in zip(free, intervals, strict=True):
-        far, prior = _FAR * sds[i], problem.parameters[i].prior
+        # standard deviations: an interval that reaches so far has no end worth the name
+        far, prior = 10.0 * sds[i], problem.parameters[i].prior
         below = math.isinf(prior.low) and interval.value - interval.low[_PROBABILITY] > far
         above = math.isinf(prior.high) and interval.high[_PROBABILITY] - interval.value > far
         findings += _finding(problem.parameters[i], below, above)

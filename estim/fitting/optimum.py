@@ -57,19 +57,14 @@ from estim.fitting.solutions import (
 from estim.fitting.symmetry_search import find_symmetry
 from estim.problem import Problem, Symmetry, no_symmetry
 
-_N_SCREEN = 200
 N_START = 8
-_DECADES = 1.0  # spread of the points around the start, standard deviation of log10
 _ALIKE = 0.01  # squared distance of starts that are not worth two searches
 _FRAIL = 1e-11  # ratio of singular values
-_EXPLAINED = 0.01  # p-value from which a fit explains its points
-_SETTLED = 1e-7  # last step, in standard deviations
 _MOST_REFITTED = 6  # of them by full fits, where the curve is a model of the study
 _MOST_DESCENTS = 24  # from the dips of one round of scans
 # of -2 log density: far from the mode the density per standard deviation is below 1e-4 of that
 # there
 _HELD = 18.0
-_ROUNDS = 3  # of scans, each from a better point
 MAX_PARAMETERS = 14  # of problems that are scanned, and have a second opinion
 
 
@@ -256,7 +251,8 @@ def _scanned(
 ) -> tuple[End, list[End]]:
     """The best point after scans from ever better ones, and all ends of descents."""
     ends = list(tried)
-    for _ in range(_ROUNDS):
+    # scans, each from a better point
+    for _ in range(3):
         optima, before = further_optima(search, best[0], symmetry.period), best
         spread, limit = spread_at(search, best), chi2_limit(search, best)
         fresh: list[FloatArray] = []
@@ -373,7 +369,8 @@ def refit_with_noise(
     if known is None or any(run.force or run.lacks is not None for run in problem.runs):
         return None
     places = [_placed(problem, known.names, place) for place in (known.values, *known.others)]
-    if known.p_value > _EXPLAINED and not len(known.others):
+    # p-value from which a fit explains its points
+    if known.p_value > 0.01 and not len(known.others):
         return fit_least_squares(problem, rng=rng, n_start=1, start=places[0])
     fit = fit_least_squares(problem, rng=rng, n_start=1, further=places)
     return scanned_fit(fit, rng=rng)
@@ -436,7 +433,7 @@ def _screened(
     search: SeparableSearch, start: FloatArray, rng: np.random.Generator, n: int
 ) -> list[FloatArray]:
     """The best `n` of many points around the start, no two of them alike."""
-    scattered = np.array([_scattered(search, start, rng) for _ in range(_N_SCREEN)])
+    scattered = np.array([_scattered(search, start, rng) for _ in range(200)])
     points, heights = search.squares.looked_at(scattered)
     chosen: list[FloatArray] = []
     for i in np.argsort(heights, kind="stable"):
@@ -458,7 +455,7 @@ def _scattered(search: SeparableSearch, start: FloatArray, rng: np.random.Genera
             values[i] = float(prior.draw(rng, 1)[0])
             continue
         size = abs(start[i])
-        factor = 10.0 ** (_DECADES * rng.standard_normal())
+        factor = 10.0 ** rng.standard_normal()
         values[i] = start[i] * factor if size > 0.0 else rng.choice([-1.0, 1.0]) * factor
         values[i] = min(max(values[i], search.low[i]), search.high[i])
     return values
@@ -489,13 +486,14 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
     full[np.ix_(moving, moving)] = cov
     alone = np.zeros((0, values.size))
     problem = search.posterior.problem
+    # last step, in standard deviations
     return Optimum(
         values,
         full,
         chi2,
         rounded,
         step_size,
-        max(_SETTLED, floor),
+        max(1e-7, floor),
         problem.names[mover],
         condition,
         resolved,

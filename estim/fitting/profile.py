@@ -30,9 +30,7 @@ from estim.fitting.profile_paths import crossing, dips, returns, walk
 from estim.fitting.profile_search import ProfileSearch, search_of
 from estim.problem import Parameter
 
-_BETTER = 0.02  # fall of the objective below the fit's that counts as another, better optimum
 _MODE_SETTLED = 1e-9  # fall still promised at the mode
-_GRID_SETTLED = 1e-4  # fall still promised at a point of a contour grid, good enough for a figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,7 +239,8 @@ def _interval(
         key=lambda point: point.objective,
     )
     fall = max(0.0, search.objective(fit.values) - best.objective)
-    better = fall if fall > _BETTER else 0.0
+    # fall below the objective of the fit that counts as another, better optimum
+    better = fall if fall > 0.02 else 0.0
     low, high = (
         {
             p: float(side.walk[-1].values[i]) if end is None else end
@@ -393,7 +392,8 @@ def _grid(
             )
             instead = near.values.copy()
             values[[i, j]] = instead[[i, j]] = target
-            starts.append(Start(values, (i, j), near, instead, settled=_GRID_SETTLED))
+            # fall still promised at a point of a contour grid, good enough for a figure
+            starts.append(Start(values, (i, j), near, instead, settled=1e-4))
         done |= zip(rings[ring], minima(search, starts), strict=True)
     for cell, point in done.items():
         rise[cell] = point.objective - mode.objective

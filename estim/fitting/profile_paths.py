@@ -14,12 +14,8 @@ from estim.arrays import FloatArray
 from estim.descent import End, Start, Task
 from estim.fitting.profile_search import ProfileSearch
 
-_REACH = 40.0  # prior standard deviations beyond which nothing is looked for
-_MAX_STEPS = 60  # of a walk to one side
-_CLOSE = 1e-8  # standard deviations between two points that enclose a crossing
 # of the square root of the objective: the line through the two last points does the rest
 _ON_LEVEL = 1e-6
-_MAX_CUTS = 100
 
 
 def walk(search: ProfileSearch, mode: End, i: int, sign: float, rise: float) -> Task[list[End]]:
@@ -27,10 +23,11 @@ def walk(search: ProfileSearch, mode: End, i: int, sign: float, rise: float) -> 
     prior, or out of reach.
     """
     edge = float(search.high[i] if sign > 0.0 else search.low[i])
-    far = float(mode.values[i]) + sign * _REACH * float(search.prior_sd[i])
+    # prior standard deviations beyond which nothing is looked for
+    far = float(mode.values[i]) + sign * 40.0 * float(search.prior_sd[i])
     end = min(edge, far) if sign > 0.0 else max(edge, far)
     points, step = [mode], 0.5 * float(search.scale[i])
-    while len(points) < _MAX_STEPS and points[-1].values[i] != end:
+    while len(points) < 60 and points[-1].values[i] != end:
         here = float(points[-1].values[i])
         target = here + sign * step
         if sign * (end - target) < 0.1 * step:
@@ -79,8 +76,7 @@ def crossing(
     cuts: list[End] = []
     before = 0.0
     while (
-        len(cuts) < _MAX_CUTS
-        and abs(float(beyond.values[i] - inner.values[i])) > _CLOSE * search.scale[i]
+        len(cuts) < 100 and abs(float(beyond.values[i] - inner.values[i])) > 1e-8 * search.scale[i]
     ):
         share = below / (below - above)
         values = inner.values + share * (beyond.values - inner.values)

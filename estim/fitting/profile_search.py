@@ -19,8 +19,6 @@ from estim.fitting.least_squares import Fit
 from estim.problem import Likelihood, Posterior
 
 _STEP = 1e-3  # of a standard deviation, for differences: their error moves an optimum by 1e-6 sd
-_NOWHERE = 1e30  # -2 log density from which the density counts as zero
-_REACH = 5.0  # standard deviations
 _AT_ONCE = 512  # rows of a call: what they need stays small
 
 
@@ -55,7 +53,7 @@ class ProfileSearch:
 
     def reach(self, points: FloatArray) -> FloatArray:
         """(n_par,) beyond which the curvature at a point says nothing."""
-        return _REACH * self.scale
+        return 5.0 * self.scale
 
     @property
     def lasting(self) -> bool:
@@ -157,7 +155,8 @@ def _minus_twice(log_density: FloatArray) -> FloatArray:
     would overflow.
     """
     minus = -2.0 * log_density
-    return np.where(minus < _NOWHERE, minus, np.inf)
+    # the density counts as zero
+    return np.where(minus < 1e30, minus, np.inf)
 
 
 def _quotients(

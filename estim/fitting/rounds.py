@@ -24,7 +24,6 @@ from estim.arrays import FloatArray
 from estim.fitting.arrow import own_columns
 from estim.problem import Likelihood, Posterior, Problem
 
-_FREE_ROUNDS = 5  # before a swing is taken for one
 _TRIED = 3  # rounds at a share, before a covariance is held
 _PATIENCE = 15  # rounds, after which the covariance of the run that moves farthest is held
 _BETWEEN = 3  # rounds between two of these
@@ -117,7 +116,8 @@ def settle_by_runs(
         if moved < tolerance:
             break
         now = np.array([float(np.max(np.abs(step[group.mine]), initial=0.0)) for group in paces])
-        if number >= _FREE_ROUNDS:
+        # before a swing is taken for one
+        if number >= 5:
             paces = _been(paces, posterior, values)
             swings = (now > 0.5 * far) & (now > _WITH_IT * np.max(now))  # the others only follow
             paces = [

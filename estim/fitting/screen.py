@@ -21,14 +21,12 @@ from estim.fitting.separable import SeparableSearch
 
 _N_COARSE = 48  # places at which the speed of change is taken
 _SPACING = 0.35  # of a change of shape by its own size
-_MOST_PLACES = 6000
 _MOST_NUMBERS = 3_000_000  # residuals in all calls for one parameter
 _MOST_DIPS = 40
 _DECADES = 2.0  # to either side of the start, where there are no limits
 _PRIOR_SDS = 5.0
 _WIDE = 1e-4  # of a parameter's size, for mixed second differences
 _SETTLED, _N_STEP = 1e-9, 14
-_HOPELESS = 10.0  # times the lowest squares that a descent has come to
 _FAR = np.geomspace(1.0, 3.0, 5)  # places in a reach
 _BATCH = 400_000  # residuals in one call
 
@@ -126,7 +124,7 @@ def _dips(search: SeparableSearch, values: FloatArray, i: int) -> FloatArray:
         return np.zeros((0, values.size))
     n_par, n_obs = search.free.size, search.posterior.problem.n_obs
     others = search.free[search.free != i]
-    most = min(_MOST_PLACES, _MOST_NUMBERS // ((1 + n_par) * max(1, n_obs)))
+    most = min(6000, _MOST_NUMBERS // ((1 + n_par) * max(1, n_obs)))
     places = _places(search, values, i, low, high, most)
     if places.size < 3:
         return np.zeros((0, values.size))
@@ -217,6 +215,7 @@ def descended(search: SeparableSearch, points: FloatArray) -> FloatArray:
         8, _MOST_NUMBERS // (10 * (1 + search.free.size) * max(1, search.posterior.problem.n_obs))
     )
     at = points[np.argsort(search.squares.heights(points))][:most]
-    at, height, _ = search.squares.descend(at, share=_SETTLED, most=_N_STEP, hopeless=_HOPELESS)
+    # times the lowest squares that a descent has come to
+    at, height, _ = search.squares.descend(at, share=_SETTLED, most=_N_STEP, hopeless=10.0)
     at, height = at[np.isfinite(height)], height[np.isfinite(height)]
     return at[np.argsort(height)]

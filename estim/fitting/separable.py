@@ -24,10 +24,6 @@ Indices = NDArray[np.int64]
 
 _SAFETY = 20.0
 RESOLVED = _SAFETY * EXACT  # `SeparableSearch.resolved` where derivatives are exact
-_TERM_ROUNDING = 1e-15  # relative rounding error of a term of the curve
-_STRAIGHT = 1e-4  # of the largest residual: a first look, with room for rounding
-_STEP = 1e-6  # of a parameter's size, for differences; more where the curve is less precise
-_OF_PRIOR = 1e-3  # of its standard deviation: a parameter with a prior is no smaller
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +65,8 @@ class SeparableSearch:
         parameters = self.posterior.problem.parameters
         pulling = [i for i in self.free if parameters[i].prior.informative]
         of_prior = np.array([p.prior.sd if math.isfinite(p.prior.sd) else 0.0 for p in parameters])
-        size = np.maximum(np.abs(self.held), _OF_PRIOR * of_prior)
+        # a parameter with a prior is no smaller than this share of its standard deviation
+        size = np.maximum(np.abs(self.held), 1e-3 * of_prior)
 
         def residuals(points: FloatArray, _which: Indices) -> FloatArray:
             with np.errstate(all="ignore"):
@@ -84,7 +81,7 @@ class SeparableSearch:
             np.where(size > 0.0, size, 1.0),
             self.linear,
             self.bent,
-            max(_STEP, math.sqrt(self.resolved / _SAFETY)),
+            max(1e-6, math.sqrt(self.resolved / _SAFETY)),
             self.posterior.problem.n_obs + len(pulling),
         )
 
@@ -104,7 +101,8 @@ class SeparableSearch:
         precision.
         """
         terms = np.abs(jacobian[: self.posterior.problem.n_obs] * values).sum(axis=1)
-        return self.rounding + _TERM_ROUNDING**2 * float(np.sum(terms**2))
+        # relative rounding error of a term of the curve
+        return self.rounding + 1e-15**2 * float(np.sum(terms**2))
 
     def chi2_at(self, points: FloatArray) -> FloatArray:
         """(n_point,) sums of squares at points (n_point, n_par), inf where the curve is not
@@ -209,7 +207,8 @@ def _stays_straight(
     moved[trial] += move
     expected = columns @ move
     size = max(float(np.max(np.abs(before))), float(np.max(np.abs(expected))))
-    if not np.all(np.abs(posterior.residuals(moved) - before - expected) <= _STRAIGHT * size):
+    # of the largest residual: a first look, with room for rounding
+    if not np.all(np.abs(posterior.residuals(moved) - before - expected) <= 1e-4 * size):
         return False
     return bool(
         np.all(

@@ -19,13 +19,10 @@ SAME = 1e-6  # relative difference of sums of squares between equal optima
 MOST_OTHERS = 16  # other optima that are kept
 PLACE = 0.5  # standard deviations: closer ends are one place
 _EXACT, _ROUNDED = 1e-9, 0.01  # of the distance between two points: from its even place
-_UNFELT = 0.2  # of the scatter of the points about a curve
-_PARTED = 5.0  # times that
 _ASIDE = 0.382  # of the distance: no simple share, at which other aliases meet again
 _ALIKE = 0.1  # in log share: solutions of the same weight
 # ratio of singular values from which a normal distribution says what an optimum holds
 _SOUND = 1e-6
-_N_BETWEEN = 400  # places at which curves through the same points are told apart
 
 
 def equal_to(search: SeparableSearch, chi2: float) -> float:
@@ -264,14 +261,15 @@ def _is_alias(search: SeparableSearch, values: FloatArray, other: FloatArray) ->
         if run.noise.counted is not None or not _EXACT * step < off <= _ROUNDED * step:
             return False
         fitted = np.ravel(run.points.value(problem.named(values)))
-        unfelt = _UNFELT * float(np.sqrt(np.mean(np.square(run.y - fitted))))
+        # of the scatter of the points about a curve
+        unfelt = 0.2 * float(np.sqrt(np.mean(np.square(run.y - fitted))))
         at_points, between = (
             np.max(np.abs(_drawn(run, search, values, x) - _drawn(run, search, other, x)))
             for x in (even, even[:-1] + _ASIDE * step)
         )
         if not at_points <= unfelt:
             return False
-        apart |= bool(between > _PARTED * unfelt)
+        apart |= bool(between > 5.0 * unfelt)
     return apart
 
 
@@ -288,7 +286,8 @@ def _roughness(search: SeparableSearch, values: FloatArray) -> float:
     named = search.posterior.problem.named(values)
     total = 0.0
     for run in search.posterior.problem.runs:
-        x = np.linspace(run.x.min(), run.x.max(), _N_BETWEEN * (1 + run.n_obs // 20))
+        # places at which curves through the same points are told apart
+        x = np.linspace(run.x.min(), run.x.max(), 400 * (1 + run.n_obs // 20))
         total += float(np.sum(np.abs(np.diff(run.curve.value(x, run.bind(named))))))
     return total
 

@@ -20,8 +20,6 @@ from estim.problem import Flat, Problem, Symmetry
 TURNS = (0.5, 1.0, math.pi, 2.0 * math.pi, 180.0, 360.0)
 # looked at; where a curve takes one set of parameters at a time
 _MOST_MAPS, _MOST_CALLS = 4000, 300
-_MOST_KEPT = 48
-_N_X = 16  # places between the points
 # of the size of the curve: no difference, and what one parameter alone must change
 _SAME, _MOVED = 1e-9, 1e-6
 
@@ -105,7 +103,7 @@ def _trial(
     """Random parameter values around `values`, and random places within the x of each run."""
     size = np.where(values != 0.0, values, rng.standard_normal(values.size))
     at = size * np.exp(0.2 * rng.standard_normal(values.size))
-    return at, [rng.uniform(run.x.min(), run.x.max(), _N_X) for run in problem.runs]
+    return at, [rng.uniform(run.x.min(), run.x.max(), 16) for run in problem.runs]
 
 
 def _turned(problem: Problem, sources: dict[str, None], period: FloatArray) -> dict[str, float]:
@@ -278,7 +276,7 @@ def _closed(elements: list[Lifted], period: FloatArray) -> list[Lifted]:
 
     group: dict[tuple[object, ...], Lifted] = {}
     waiting = [reduced(element) for element in elements]
-    while waiting and len(group) < _MOST_KEPT:
+    while waiting and len(group) < 48:
         element = waiting.pop(0)
         if key(element) in group:
             continue

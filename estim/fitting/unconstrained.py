@@ -10,7 +10,6 @@ from estim.fitting.finish import SILENT
 from estim.fitting.least_squares import Fit
 from estim.problem import Observations
 
-_TAKES_PART = 0.2  # component of a unit direction
 PERFECT = 1e-12  # residuals below this share of y are rounding errors
 
 
@@ -29,7 +28,7 @@ def silent_parameters(fit: Fit) -> tuple[str, ...]:
     )
     sizes = np.append(singular, np.zeros(len(names) - singular.size))
     share = np.sqrt(np.sum(right[sizes <= max(SILENT * sizes[0], 2.0 * sizes[-1])] ** 2, axis=0))
-    return tuple(name for name, part in zip(names, share, strict=True) if part > _TAKES_PART)
+    return tuple(name for name, part in zip(names, share, strict=True) if part > 0.2)
 
 
 def no_scatter(run: Observations, fit: Fit) -> bool:

@@ -43,8 +43,6 @@ from estim.line.series import ThetaMinSeries
 from estim.sampling import Chain, Progress, Target, adapt_proposal, sample_posterior, summarise
 from estim.words import advice_for, tell
 
-_INTERCEPT_SD = 0.1
-
 
 @dataclass(frozen=True)
 class Reading:
@@ -173,7 +171,7 @@ def analyse_line(
         u_y=series.u_y,
         u_zero_x=series.u_zero_x,
         u_zero_y=series.u_zero_y,
-        intercept_sd=_INTERCEPT_SD,
+        intercept_sd=0.1,
     )
     start, cov = posterior.start, np.diag(posterior.step**2)
     rng = stream(seed, Stream.LINE_CHAIN)

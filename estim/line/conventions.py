@@ -31,8 +31,6 @@ CONVENTIONS: Mapping[str, str] = PhraseTable(
         ),
     }
 )
-_FEW = 10  # degrees of freedom up to which value ± standard error holds less than 66 %
-_ROUNDING = 3e-14  # residuals below this share of y are rounding errors
 
 
 def recommendation(data: LineData, chi2: float, dof: int, p_value: float) -> tuple[str, str]:
@@ -56,7 +54,8 @@ def recommendation(data: LineData, chi2: float, dof: int, p_value: float) -> tup
             "to any level",
             held=100 * held,
         )
-        return "scaled", reason + (few if dof <= _FEW else "")
+        # up to which value ± standard error holds less than 66 %
+        return "scaled", reason + (few if dof <= 10 else "")
     if p_value < P_POOR_FIT:
         return "scaled", phrase(
             "S/dof = {ratio:.3g} ({p}): the stated uncertainties do not explain the "
@@ -81,4 +80,5 @@ def recommendation(data: LineData, chi2: float, dof: int, p_value: float) -> tup
 
 def is_exact(data: LineData, chi2: float) -> bool:
     """Whether the points of an ordinary line scatter by rounding errors alone."""
-    return chi2 <= data.x.size * (_ROUNDING * float(np.max(np.abs(data.y)))) ** 2
+    # residuals below this share of y are rounding errors
+    return chi2 <= data.x.size * (3e-14 * float(np.max(np.abs(data.y)))) ** 2

@@ -57,8 +57,6 @@ from estim.sampling import (
 )
 from estim.words import advice_for, tell
 
-_SD_GAMMA = 0.5  # about a rough value, a share of it
-
 WAYS: Mapping[str, str] = PhraseTable(
     {
         "both": "all trials",
@@ -298,7 +296,7 @@ def rough_start(posterior: ReleasePosterior) -> tuple[FloatArray, FloatArray]:
     """
     rough = rough_gamma(posterior.trials)
     pairs = [
-        (rough, _SD_GAMMA * rough) if name.startswith("gamma") else (prior.expectation, prior.sd)
+        (rough, 0.5 * rough) if name.startswith("gamma") else (prior.expectation, prior.sd)
         for name, prior in posterior.priors.items()
     ]
     mean, sd = np.array(pairs).T

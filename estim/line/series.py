@@ -17,7 +17,6 @@ from estim.campaign import CampaignFile
 from estim.reading import Table, read_known_columns
 
 COLUMNS = ("phi_deg", "theta_min_deg", "u_phi_deg", "u_theta_min_deg")
-_MIN_ROWS = 3
 _LEAST = 1e-4  # degrees: no protractor is better, and the error of a sine would be lost in rounding
 
 
@@ -82,7 +81,7 @@ def read_theta_min(source: CampaignFile) -> ThetaMinSeries:
     line, folder = source.line, source.path.parent
     path = Path(folder / line.file)
     with source.reading(path, COLUMNS):
-        table = read_known_columns(path, known=COLUMNS, min_rows=_MIN_ROWS, needed=COLUMNS[:2])
+        table = read_known_columns(path, known=COLUMNS, min_rows=3, needed=COLUMNS[:2])
     for name in COLUMNS[:2]:
         within = np.abs(table.columns[name]) <= 90.0
         table.require(name, within, "must lie between -90 and 90")

@@ -41,8 +41,6 @@ from estim.reading import (
 )
 from estim.words import tell
 
-_MIN_ROWS = 3
-
 
 @dataclass(frozen=True, eq=False)
 class Columns:
@@ -158,7 +156,7 @@ def straight_line(
         and _number(name) is None
         and (name in vars(columns).values() or is_column(name, layout.names))
     ]
-    table = table_of(layout, named, _MIN_ROWS)
+    table = table_of(layout, named, 3)
 
     def column(name: str | None) -> FloatArray | float | None:
         return None if name is None else table.columns.get(name, _number(name))

@@ -27,7 +27,6 @@ from estim.line.trial_data import HIGH, LOW, Trials
 _N_SCATTER = 40  # values of the scatter, equally probable
 # of the grid of angles: this, or this share of u_theta where that is smaller
 _STEP, _SHARE = math.radians(0.1), 0.1
-_MOST = 9001
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +52,7 @@ def thresholds(trials: Trials, scatter: FloatArray) -> tuple[Threshold, ...]:
     scatter : (n_draw,) rad, draws of the standard deviation from trial to trial.
     """
     n_angle = min(
-        math.ceil(0.5 * np.pi / min(_STEP, _SHARE * float(np.quantile(scatter, 0.01)))) + 1, _MOST
+        math.ceil(0.5 * np.pi / min(_STEP, _SHARE * float(np.quantile(scatter, 0.01)))) + 1, 9001
     )
     angles = np.linspace(0.0, 0.5 * np.pi, n_angle)
     spread = np.quantile(scatter, (np.arange(_N_SCATTER) + 0.5) / _N_SCATTER)[:, None]

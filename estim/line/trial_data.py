@@ -17,7 +17,6 @@ from estim.reading import read_known_columns
 
 COLUMNS = ("phi_deg", "theta_deg", "climbed")
 LOW, HIGH = "min", "max"  # ends of the angles from which a body climbs
-_MIN_ROWS = 4
 # degrees: no angle is set more closely, and the integral over the tilt has no nodes for less
 _LEAST = 0.01
 
@@ -102,7 +101,7 @@ def read_trials(source: CampaignFile) -> Trials:
         )
     path = Path(source.path.parent / stated.file)
     with source.reading(path, COLUMNS):
-        table = read_known_columns(path, known=COLUMNS, min_rows=_MIN_ROWS, needed=COLUMNS)
+        table = read_known_columns(path, known=COLUMNS, min_rows=4, needed=COLUMNS)
     for name, low, high in (("phi_deg", -90.0, 90.0), ("theta_deg", 0.0, 180.0)):
         within = (low <= table.columns[name]) & (table.columns[name] <= high)
         table.require(name, within, f"must lie between {low:.0f} and {high:.0f}")

@@ -44,7 +44,6 @@ from estim.means.dark_uncertainty import der_simonian_laird, hierarchical, mande
 from estim.propagation import check_probability
 
 CONSISTENT = 0.05  # least p of chi^2 (Cox 2002, Metrologia 39, 589)
-_CLOSE = 0.999  # p of values that scatter too little
 _MOST = 1000
 
 
@@ -238,7 +237,7 @@ def _of_values(x: FloatArray, u: FloatArray, probability: float) -> Mean:
             "large, or the values are not independent",
             test=test,
         )
-        if p_value > _CLOSE
+        if p_value > 0.999
         else phrase("the values are consistent ({test})", test=test)
     )
     ends = (posterior.tau_quantile(tails[0]), posterior.tau_quantile(tails[1]))

@@ -13,8 +13,6 @@ from scipy import optimize
 from estim.arrays import FloatArray
 from estim.distributions import normal_below
 
-_PLACES = 2000  # of tau, evenly in log(tau): enough for a thousand values
-
 
 def weighted(x: FloatArray, u: FloatArray, tau: float = 0.0) -> tuple[float, float, float]:
     """Weighted mean, its standard uncertainty 1/sqrt(sum w), and chi^2 = sum w (x - mean)^2."""
@@ -77,7 +75,8 @@ def hierarchical(x: FloatArray, u: FloatArray) -> Hierarchical:
     Medicine 36, 378, section 2 (Jeffreys' prior of tau).
     """
     low, high = 1e-5 * u.min(), 1e6 * (np.ptp(x) + u.max())
-    tau = np.exp(np.linspace(np.log(low), np.log(high), _PLACES))
+    # evenly in log(tau): enough for a thousand values
+    tau = np.exp(np.linspace(np.log(low), np.log(high), 2000))
     w = 1.0 / (u**2 + tau[:, None] ** 2)
     total = w.sum(axis=1)
     mean = w @ x / total

@@ -26,10 +26,6 @@ from estim.propagation import (
     propagate_monte_carlo,
 )
 
-_MOST_DRAWS = 4_000_000  # beyond those that the Monte Carlo takes to settle
-_FURTHER = 4  # times as many draws where the comparison is not decided
-_LOOSE = 0.05  # of the interval's length: what both its ends must be known to, to be quoted at all
-
 
 @dataclass(frozen=True, eq=False)
 class Propagation:
@@ -69,7 +65,8 @@ class Propagation:
         """(n_out,) whether there is an interval that can be quoted."""
         low, high = self.interval.low, self.interval.high
         error = np.maximum(self.interval.low_error, self.interval.high_error)
-        return np.isfinite(low) & np.isfinite(high) & (2.0 * error <= _LOOSE * (high - low))
+        # of the interval's length: what both its ends must be known to, to be quoted at all
+        return np.isfinite(low) & np.isfinite(high) & (2.0 * error <= 0.05 * (high - low))
 
     @property
     def statuses(self) -> tuple[Status, ...]:
@@ -115,7 +112,8 @@ def _sampled(
     rng: np.random.Generator,
     progress: BatchProgress | None,
 ) -> tuple[MonteCarloResult, Validation]:
-    most, wanted = min(_MOST_DRAWS, MOST_VALUES // len(model.outputs)), model.draws
+    # beyond those that the Monte Carlo takes to settle
+    most, wanted = min(4_000_000, MOST_VALUES // len(model.outputs)), model.draws
     while True:
         sampled = propagate_monte_carlo(
             model.values,
@@ -132,4 +130,4 @@ def _sampled(
         undecided = validation.status == "undecided" and sampled.stabilised
         if model.draws is not None or not undecided or sampled.n_draw >= most:
             return sampled, validation
-        wanted = min(_FURTHER * sampled.n_draw, most)
+        wanted = min(4 * sampled.n_draw, most)

@@ -26,7 +26,6 @@ from estim.problem import Parameter
 
 _HALF = 0.5
 _EXACT = 1e-4  # of a stated uncertainty
-_DOUBLINGS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +153,7 @@ def _doubled(of: Callable[[int], tuple[str, float]], *, between: bool = False) -
     between: or the least number of times.
     """
     ways: list[Way] = []
-    for i in range(1, _DOUBLINGS + 1):
+    for i in range(1, 5):
         ways.append(Way(*of(2**i)))
         if ways[-1].enough:
             break

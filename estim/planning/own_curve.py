@@ -19,9 +19,6 @@ from estim.planning.changes import Wish
 from estim.planning.rolling import Outlook, RollingBasis
 from estim.problem import Observations, Problem, Scale
 
-_BEYOND = 0.25  # of the range of x on either side: how far readings may lie outside
-_PLACES = 61
-
 
 @dataclass(frozen=True, eq=False)
 class CurveBasis:
@@ -78,9 +75,10 @@ class CurveBasis:
         """
         x = next(one.x for one in self.fit.problem.runs if one.name == run)
         low, high = float(np.min(x)), float(np.max(x))
-        beyond = _BEYOND * (high - low)
+        # of the range of x on either side: how far readings may lie outside
+        beyond = 0.25 * (high - low)
         start = max(low - beyond, 0.0) if low >= 0.0 else low - beyond
-        return np.linspace(start, high + beyond, _PLACES)
+        return np.linspace(start, high + beyond, 61)
 
 
 Basis: TypeAlias = RollingBasis | CurveBasis

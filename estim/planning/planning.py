@@ -47,7 +47,6 @@ from estim.planning.suggestions import more_runs, planned_runs
 from estim.problem import Parameter, Problem, n_uses
 
 FAR = 0.15  # how far linear theory may be from the drawn posterior before it is not to be trusted
-_ESS = 1000.0
 Progress = Callable[[int, int], None]
 
 
@@ -137,7 +136,7 @@ def plan(
     possible = sorted(
         (option for option in done if not option.reason), key=lambda option: option.score
     )
-    draws, how, _ = posterior_draws(fit, Engine(ess=_ESS), stream(seed, Stream.PLAN_DRAWS))
+    draws, how, _ = posterior_draws(fit, Engine(ess=1000.0), stream(seed, Stream.PLAN_DRAWS))
     drawn = np.std(draws[:, [fit.names.index(p.name) for p in targets]], axis=0)
     halving = ways_to_halve(basis, here, targets, now, possible)
     along = weigh_places(basis, here, targets) if isinstance(basis, CurveBasis) else ()

@@ -28,11 +28,9 @@ from estim.planning.changes import Wish
 from estim.problem import Observations, Problem
 from estim.reading import Run
 
-_BEYOND = 3  # frames behind the turning point
 _LONGER = (1, 2, 4)  # times the duration of the run that it is like: how long a new run may take
 _MOST = 3000  # frames
 _ENDS = 1.02  # times the farthest reading, which has an error: where the ramp is taken to end
-_BEGUN = 0.02  # of the ramp: how far a body must have gone to show in which direction
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +190,8 @@ class _Followed:
             x = self.at(t)
             if np.max(x) > end or np.argmax(x) < n - 1:
                 break
-        begun = np.flatnonzero(np.abs(x) > _BEGUN * end)
+        # of the ramp: how far a body must have gone to show in which direction
+        begun = np.flatnonzero(np.abs(x) > 0.02 * end)
         if not begun.size or x[begun[0]] < 0.0:
             raise InputError(
                 later("does not start: the body rolls back, or stays where it is released"),
@@ -201,7 +200,7 @@ class _Followed:
         out = np.flatnonzero(~(x <= end))  # a body that is gone has no place at all
         last = int(out[0]) if out.size else x.size
         if by_differences:
-            last = min(last, int(np.argmax(x[:last])) + _BEYOND)
+            last = min(last, int(np.argmax(x[:last])) + 3)
         followed = phrase(
             "followed to the end of the ramp, {end:.2g} {unit}",
             end=end,

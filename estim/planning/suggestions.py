@@ -13,8 +13,6 @@ from estim.fitting import Fit
 from estim.planning.changes import MORE, Wish
 from estim.problem import Observations
 
-_TILTS = (0.5, 1.0, 1.5, 2.0)  # times the middle one
-_TURNS = (-30.0, -15.0, 0.0, 15.0, 30.0)  # degrees beside the middle angle at release
 # times that of the body, and the tilt that goes with it
 _GAMMAS = ((0.5, 0.5), (1.5, 1.0), (1.5, 1.5))
 _RELEASES = (1.0, 179.0)  # degrees, of a body that climbs
@@ -93,8 +91,10 @@ def _other_runs(
         _stated_u(like, argument, fit) for argument in ("phi", "theta0", "gamma")
     )
     gamma, wishes = _value(like, "gamma", named), list[Wish]()
-    for factor in _TILTS:
-        for turn in _TURNS:
+    # times the middle one
+    for factor in (0.5, 1.0, 1.5, 2.0):
+        # degrees beside the middle angle at release
+        for turn in (-30.0, -15.0, 0.0, 15.0, 30.0):
             angle = degrees(release) + turn
             if tilt > 0.0 and not _RELEASES[0] <= angle <= _RELEASES[1]:
                 continue

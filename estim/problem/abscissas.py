@@ -41,7 +41,6 @@ BoolArray = NDArray[np.bool_]
 # 0.01 up to u_x f'/u_y = 3
 _STEP = 0.3
 _REACH = 15  # components on either side: 4.5 standard deviations
-_HUGE = 1e150
 _TINY = 1e-300  # variance, so that nothing is divided by 0
 _LEAST_SPREAD = 1e-3  # share of the variance of x that is left to the true abscissas at least
 
@@ -226,7 +225,7 @@ def slopes_in_x(values: FloatArray, spread: FloatArray) -> FloatArray:
 def _defined(values: FloatArray) -> BoolArray:
     """Where the curve is a number whose square is one; elsewhere no density is left for y."""
     with np.errstate(invalid="ignore"):
-        return np.asarray(np.abs(values) < _HUGE)
+        return np.asarray(np.abs(values) < 1e150)
 
 
 def _differences(values: FloatArray, defined: BoolArray) -> tuple[FloatArray, FloatArray]:

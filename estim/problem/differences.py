@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 
-_NOTHING = 1e-14
-
 
 @dataclass(frozen=True, eq=False)
 class Differences:
@@ -93,7 +91,7 @@ class Differences:
         Rows must stand in the order of their places.
         """
         n, bands = len(self.places), []
-        reach = int(np.log(_NOTHING) / np.log(abs(correlation))) if correlation else 0
+        reach = int(np.log(1e-14) / np.log(abs(correlation))) if correlation else 0
         first = np.min(self.places, axis=1)
         last = np.maximum.accumulate(np.max(self.places, axis=1))
         powers = np.append(correlation ** np.arange(reach + 1), 0.0)

@@ -47,9 +47,7 @@ _BLOCK = 1_000_000  # values of the curve computed at once
 # variance of x that is error, as a share, below which the distribution of the true abscissas is
 # known well enough
 _NEGLIGIBLE = 1e-3
-_N_SCORE = 81  # points of a table over the normal score of y
 _FAREST = 5.0
-_N_NEWTON = 6
 _LOG_ROOT_2PI = 0.5 * np.log(2.0 * np.pi)
 
 
@@ -209,7 +207,8 @@ class LatentErrors(Likelihood):
         For tests: of the parameters of the curve only.
         """
         density, tails = self._predictive(named), self.tails
-        e = np.linspace(-_FAREST, _FAREST, _N_SCORE)
+        # points of a table over the normal score of y
+        e = np.linspace(-_FAREST, _FAREST, 81)
         y = _quantiles(density, tails, named, e)
         of_mean, of_variance = self._slopes(named, names)
         of_mean, of_variance = of_mean[..., : len(names)], of_variance[..., : len(names)]
@@ -385,7 +384,7 @@ def likeliest(y: FloatArray, variance: FloatArray, share: float) -> FloatArray:
     """
     s2 = share**2
     f = 2.0 * y / (1.0 + np.sqrt(1.0 + 4.0 * s2)) + 0.0 * variance
-    for _ in range(_N_NEWTON if share else 0):
+    for _ in range(6 if share else 0):
         height = variance * (y - f * (1.0 + s2)) + s2 * f * (y**2 - y * f - s2 * f**2)
         f += height / (variance * (1.0 + s2) - s2 * (y**2 - 2.0 * y * f - 3.0 * s2 * f**2))
     return np.asarray(f)

@@ -25,7 +25,6 @@ from estim.problem.measure import Measure as Measure
 from estim.problem.observations import Observations, Parameter, uses_of
 from estim.problem.priors import Prior
 
-_MANY_OBS = 3000
 _BLOCK = 4_000_000  # values of the curve computed at once where there are more points than that
 
 
@@ -51,7 +50,7 @@ class Problem:
     @property
     def many(self) -> bool:
         """Whether a run has so many points that only a few draws are computed at once."""
-        return any(run.n_obs > _MANY_OBS for run in self.runs)
+        return any(run.n_obs > 3000 for run in self.runs)
 
     @property
     def n_obs(self) -> int:

@@ -22,8 +22,6 @@ from estim.problem.normal import GaussianErrors
 from estim.problem.roots import root_of
 from estim.problem.size import Named, Scale, Size
 
-_STEEPEST = 1e4  # slope of a curve over the ranges of y and x, beyond which no fit ends
-
 
 @dataclass(frozen=True, eq=False)
 class Readings(Independent):
@@ -83,7 +81,8 @@ class Correlated(Noise):
             points = replace(points, x=centre)
             slope = points.slope(named)
             # at a start that is far off it may be anything
-            steepest = _STEEPEST * (np.ptp(points.y) + np.sqrt(np.max(cov))) / np.ptp(points.x)
+            # slope of a curve over the ranges of y and x, beyond which no fit ends
+            steepest = 1e4 * (np.ptp(points.y) + np.sqrt(np.max(cov))) / np.ptp(points.x)
             slope = np.nan_to_num(np.clip(slope, -steepest, steepest))[:, None]
             cov = cov + slope * spread * slope.T + (slope * common) @ (slope * common).T
         return GaussianErrors.rooted(points, root_of(cov), np.zeros(points.x.size))

@@ -45,9 +45,7 @@ from estim.propagation.tail_index import NO_MEAN, NO_VARIANCE, tail_index
 IntervalKind = Literal["symmetric", "shortest"]
 BatchProgress = Callable[[int, int], None]
 
-_LEAST_BLOCK = 10_000  # JCGM 101, 7.9.4 b
 _LEAST_BLOCKS = 10
-_MOST_DRAWS = 10_000_000
 MOST_VALUES = 20_000_000  # of n_draw * n_out by default: 160 MB
 _STATISTICS = (
     later("mean"),
@@ -208,7 +206,7 @@ def propagate_monte_carlo(
     value = evaluate_point(function, {quantity.name: quantity.value for quantity in checked})
     n_out = None if value.ndim == 0 else value.size
     sizes = _block_sizes(
-        n_draw, max_draw or min(_MOST_DRAWS, MOST_VALUES // value.size), probability
+        n_draw, max_draw or min(10_000_000, MOST_VALUES // value.size), probability
     )
     outputs: list[FloatArray] = []
     blocks: list[FloatArray] = []
@@ -268,7 +266,8 @@ def _block_sizes(n_draw: int | None, most: int, probability: float) -> list[int]
     """Draws in each block: the size of JCGM 101, 7.9.4 b, or less where ten such blocks are too
     many.
     """
-    usual = max(_draws_for(probability), _LEAST_BLOCK)
+    # JCGM 101, 7.9.4 b
+    usual = max(_draws_for(probability), 10_000)
     total = n_draw or most
     n_block = max(total // usual, _LEAST_BLOCKS)
     larger = total % n_block

@@ -33,7 +33,6 @@ Distribution = Literal[
 SHAPED = frozenset({"trapezoidal", "curvilinear-trapezoidal"})
 BOUNDED = ("rectangular", "triangular", "trapezoidal", "curvilinear-trapezoidal", "arcsine")
 POSITIVE = frozenset({"lognormal", "gamma"})
-_NEWTON_STEPS = 8
 
 
 def half_width_in_u(distribution: str, shape: float) -> float:
@@ -108,7 +107,7 @@ def _curvilinear(tail: FloatArray, d: float) -> FloatArray:
     inner = (1.0 - 2.0 * tail) / flat
     wanted = np.minimum(4.0 * d / (1.0 + d) * tail, 1.0)
     q = np.maximum(1.0 - np.sqrt(2.0 * wanted), 1e-12)
-    for _ in range(_NEWTON_STEPS):
+    for _ in range(8):
         slope = np.log(q)
         q = np.minimum(
             q

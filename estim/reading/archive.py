@@ -14,7 +14,6 @@ from contextlib import contextmanager
 from estim.common import InputError
 
 _MAX_BYTES = 64 * 1024**2
-_MAX_RATIO = 200  # of the sizes after and before compression; XML shrinks about 30 times
 _MAX_DIRECTORY = 1024**2
 
 
@@ -53,7 +52,8 @@ def unpacked(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> bytes:
             field="archive",
             value=info.filename,
         )
-    limit = min(_MAX_BYTES, max(_MAX_RATIO * info.compress_size, 1024**2))
+    # sizes after and before compression: XML shrinks about 30 times
+    limit = min(_MAX_BYTES, max(200 * info.compress_size, 1024**2))
     with archive.open(name=info, mode="r") as stream:
         content = stream.read(limit + 1)
     if len(content) > limit:

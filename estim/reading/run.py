@@ -31,8 +31,6 @@ from estim.reading.tracker.plausibility import odd_intervals
 from estim.reading.tracker.track import LEAST_STEP, MOST
 
 COLUMNS = ("t_s", "x_m", "v_m_s", "theta_rad", "omega_rad_s", "sigma_x_m", "sigma_v_m_s")
-_MIN_ROWS = 5
-_SAME_TIME = 0.01  # of an interval
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -72,7 +70,7 @@ class Run(Table):
                 "needs times: the run's file has no t_s column", field="leave_out_s", value=times[0]
             )
         t = self.columns["t_s"]
-        within = _SAME_TIME * float(np.median(np.diff(t)))
+        within = 0.01 * float(np.median(np.diff(t)))
         rows = [int(np.argmin(np.abs(t - time))) for time in times]
         for row, time in zip(rows, times, strict=True):
             if not abs(t[row] - time) <= within:
@@ -125,7 +123,7 @@ def read_run(
             )
             raise InputError(rule, field="header", value=head[1], file=path, line=head[0])
         return run_of_table(track_columns(imported, ("t_s", "x_m")), name, imported.ramp.tilt)
-    table = read_known_columns(path, known=COLUMNS, min_rows=_MIN_ROWS, dialect=dialect)
+    table = read_known_columns(path, known=COLUMNS, min_rows=5, dialect=dialect)
     names = set(table.columns)
     header = ", ".join(table.columns)
     if ("x_m" in names) == ("theta_rad" in names):

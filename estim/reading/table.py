@@ -49,7 +49,6 @@ DECIMAL_COMMAS = (
 )
 _MAX_LINE = 100_000  # characters
 _MAX_ROWS = 1_000_000
-_MOST_TOLD = 6  # lines or rows of lines
 NOTE = "# warning: "  # what `estim import` found suspicious, kept with the numbers
 IMPORTED = "# made by estim import"  # first line of what it writes
 
@@ -231,7 +230,7 @@ def line_numbers(lines: Sequence[int]) -> str:
             if alone
             else [phrase("{first} to {last}", first=lines[first], last=lines[end - 1])]
         )
-        if len(parts) + len(stretch) > _MOST_TOLD:
+        if len(parts) + len(stretch) > 6:
             return ", ".join([*parts, phrase("and {n} more", n=len(lines) - first)])
         parts += stretch
     return ", ".join(parts)

@@ -23,7 +23,6 @@ from estim.reading.dialect import Dialect, column_number
 
 _MAX_CELLS = 4_000_000
 _MAX_BYTES = 128 * 1024**2  # of all parts, unpacked
-_LEAST_ROWS = 2  # of numbers, in the first sheet with a table
 
 Cells = dict[tuple[int, int], str]
 
@@ -249,7 +248,7 @@ def _written(cell: object, dialect: Dialect) -> str:
 def _has_numbers(cells: Sequence[Sequence[str]]) -> bool:
     """Whether rows hold numbers, two in a row or more."""
     counts = [sum(map(looks_like_a_number, row)) for row in cells]
-    return sum(count > 1 for count in counts) >= _LEAST_ROWS
+    return sum(count > 1 for count in counts) >= 2
 
 
 def _lines(cells: Sequence[Sequence[str]]) -> str:

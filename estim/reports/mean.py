@@ -27,8 +27,6 @@ from estim.reports.records import Record, Report
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance_of
 
-_MOST_NAMED = 40
-
 
 class AverageRecord(Record):
     """One mean; k and dof are null where the interval is one of quantiles."""
@@ -166,7 +164,7 @@ def mean_figure(found: TableMean) -> Figure:
         ax.axhline(a.value, color=colour, lw=1.2)
     words = "readings" if mean.u_data is None else phrase("values, ± 1 standard uncertainty")
     ax.errorbar(places, mean.data, mean.u_data, fmt="o", color=INK, ms=4, lw=1, label=phrase(words))
-    if mean.groups is not None and len(mean.groups.names) <= _MOST_NAMED:
+    if mean.groups is not None and len(mean.groups.names) <= 40:
         name_ticks(ax.xaxis, np.unique(places), mean.groups.names)
     ax.set(
         ylabel=found.name + bracketed(found.unit),

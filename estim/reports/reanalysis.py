@@ -59,8 +59,6 @@ from estim.studies.limits import Narrowing
 from estim.studies.published import Claim
 from estim.studies.reanalysis import BodyAnalysis, Reanalysis
 
-_STRONG = 0.9  # correlation of two parameters that are one unknown in effect
-
 
 class BandSummary(Record):
     """Posterior band against the propagated band of the stated inputs."""
@@ -465,7 +463,8 @@ def _pull_of_gamma(name: str, body: BodySummary) -> str:
         return ""
     true = parameters[gamma].true
     at = [correlation.names.index(one) for one in (gamma, kappa)]
-    if true is None or abs(correlation.matrix[at[0]][at[1]]) < _STRONG:
+    # two parameters that are one unknown in effect
+    if true is None or abs(correlation.matrix[at[0]][at[1]]) < 0.9:
         return ""
     return signed(f"{(body.gamma_masses.value - true) / body.gamma_masses.u:+.1f}")
 

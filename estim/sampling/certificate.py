@@ -52,17 +52,12 @@ __all__ = [
 MAX_TIED = 20
 _IMPORTANCE = later("importance sampling")
 MOST_DRAWS = 64_000
-_FALSE_ALARM = 5e-4  # chance that any of all differences is called where there is none
 # posterior sds, for each of `QUANTILES`: smaller differences are never called
 _NEGLIGIBLE = np.array([0.05, 0.03, 0.03, 0.03, 0.05])[:, None]
 # the same: errors that hide larger differences prove nothing
 _COARSE = np.array([0.5, 0.25, 0.25, 0.25, 0.5])[:, None]
 # posterior sds: error of an end of the 95 % interval that more draws are taken for
 _UNSURE_END = 0.07
-_LEAST_INSIDE = 0.25  # share of the draws, of which fewer may lie inside the support
-_FEWEST = 400.0  # effective draws, of fewer of which the errors are as unsure as the values
-_MARGIN = 1.2  # more draws than are lacking, since what lacks them moves with them
-_N_RESAMPLED = 4000
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +154,7 @@ def certify(
         log_ratio = np.append(
             log_ratio, log_density_in_batches(density, more) - proposal.log_density(more)
         )
-        most = math.ceil(max_draw / max(float(np.mean(np.isfinite(log_ratio))), _LEAST_INSIDE))
+        most = math.ceil(max_draw / max(float(np.mean(np.isfinite(log_ratio))), 0.25))
         log_weights, k_hat, log_mean = pareto_smoothed(log_ratio)
         columns = [_Column(column, np.exp(log_weights)) for column in draws.T]
         lacking = (
@@ -169,7 +164,8 @@ def certify(
         )
         if lacking <= 1.0 or wanted >= most:
             break
-        wanted = min(int(min(_MARGIN * lacking, 2.0) * wanted), most)
+        # more draws than are lacking, since what lacks them moves with them
+        wanted = min(int(min(1.2 * lacking, 2.0) * wanted), most)
     return _summarise(density.names, draws, columns, log_weights, k_hat, log_mean, rng)
 
 
@@ -208,7 +204,7 @@ def _summarise(
     for p in QUANTILES:
         quantiles[p] = np.array([column.at(p) for column in columns])
         errors[p] = np.array([column.error_below(p) for column in columns])
-    resampled = draws[rng.permutation(systematic(weights, _N_RESAMPLED, rng))]
+    resampled = draws[rng.permutation(systematic(weights, 4000, rng))]
     resampled.flags.writeable = False
     return Certificate(
         names=names,
@@ -274,7 +270,8 @@ def compare_with_chain(
     differences = (np.quantile(flat, QUANTILES, axis=0) - np.array(quantiles)) / sd
     z, errors = map(np.array, zip(*(_share(certificate, chain, p) for p in QUANTILES), strict=True))
     errors = errors / sd
-    limit = -float(normal_quantile(_FALSE_ALARM / (2 * len(QUANTILES) * n_par)))
+    # chance that any of all differences is called where there is none
+    limit = -float(normal_quantile(5e-4 / (2 * len(QUANTILES) * n_par)))
     verdict, finding = (
         ("missing", too_many(n_par, most))
         if n_par > most
@@ -322,7 +319,8 @@ def _verdict(
         numbers = {"limit": K_HAT_LIMIT, "draws": certificate.n_draw}
         return "missing", Finding(Kind.WEIGHTS_UNRELIABLE, size=certificate.k_hat, numbers=numbers)
     hidden = limit * errors
-    if certificate.ess < _FEWEST:
+    # the errors are as unsure as the values
+    if certificate.ess < 400.0:
         return "missing", Finding(Kind.ERRORS_TOO_LARGE, size=float(np.nanmax(hidden)))
     called = [
         Finding(

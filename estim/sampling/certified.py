@@ -23,10 +23,6 @@ from estim.sampling.parts_proposal import proposal_of_parts
 from estim.sampling.proposal import Proposal, adapt_proposal
 from estim.sampling.protocol import Density, Support
 
-_TRIES = 2
-_FINER = 2.0  # times as many effective draws, where Monte-Carlo errors hide a difference
-_MOST_PROPOSED = 40  # parameters: of more, hardly a draw of a proposal is accepted
-
 
 @dataclass(frozen=True, eq=False)
 class Optima:
@@ -73,7 +69,7 @@ def certified_chain(
     Raises NumericalError where the density is not a number.
     """
     pairs: list[Certified] = []
-    for i in range(_TRIES):
+    for i in range(2):
         if progress is not None:
             progress(
                 0,
@@ -107,7 +103,8 @@ def certified_chain(
             Certified(chain, certificate, compare_with_chain(certificate, chain, most=most))
         )
         if _too_coarse(pairs[-1].comparison):
-            target = replace(target, ess=_FINER * target.ess)
+            # times as many effective draws, where Monte-Carlo errors hide a difference
+            target = replace(target, ess=2.0 * target.ess)
         elif pairs[-1].comparison.verdict != "disagree":
             break
     first, last = pairs[0], pairs[-1]
@@ -132,7 +129,8 @@ def proposed_chain(
     Raises NumericalError where the density is not a number.
     """
     proposal = None
-    if optima.value.size <= _MOST_PROPOSED:
+    # of more parameters, hardly a draw of a proposal is accepted
+    if optima.value.size <= 40:
         if progress is not None:
             progress(0, phrase("proposal"))
         proposal = _proposal(density, optima, rng=stream(seed, Stream.PROPOSAL))

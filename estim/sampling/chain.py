@@ -29,7 +29,6 @@ from estim.sampling.protocol import Density, log_density_in_batches
 from estim.words import tell
 
 _FIRST_CHECK = 60  # steps
-_MOST_WALKERS = 512
 # autocorrelation times: walkers that start from draws of the posterior have little to forget
 _BURN, _BURN_BLIND = 5.0, 10.0
 # effective draws that a walker gives in an autocorrelation time: tails are worth less than the
@@ -213,7 +212,7 @@ def _n_walker(n_par: int, target: Target) -> int:
     asked for anyway, half of which span all directions.
     """
     each = _YIELD * max(target.n_tau - _BURN, 1.0) * target.n_ensemble
-    least = max(2 * n_par + 4, min(math.ceil(target.ess / each), _MOST_WALKERS))
+    least = max(2 * n_par + 4, min(math.ceil(target.ess / each), 512))
     n_walker = target.n_walker or least
     return n_walker + n_walker % 2
 

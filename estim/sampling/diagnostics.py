@@ -17,7 +17,6 @@ from scipy.special import ndtri
 
 from estim.arrays import FloatArray
 
-_WINDOW = 5.0  # autocorrelation times
 _LOW, _HIGH = 0.05, 0.95  # quantiles that an effective size in the tails is asked of
 _LEAST_STEPS = 4
 
@@ -100,7 +99,7 @@ def _integrated(series: FloatArray) -> float:
     )
     acf = np.fft.irfft(power, axis=1)[:, :n_step]
     times = 2.0 * np.cumsum(np.mean(acf / acf[:, :1], axis=0)) - 1.0
-    inside = np.arange(n_step) < _WINDOW * times
+    inside = np.arange(n_step) < 5.0 * times
     return float(times[np.argmin(inside) if np.any(inside) else n_step - 1])
 
 

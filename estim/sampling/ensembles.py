@@ -19,7 +19,6 @@ _RUNAWAY = (
     "so that no posterior exists to draw from; "
     "give limits (low, high) or a prior"
 )
-_FAR = 1e100  # beyond, in any unit
 
 
 class Apart(emcee.moves.RedBlueMove):  # type: ignore[misc]
@@ -97,7 +96,7 @@ class EnsembleRun:
             ):
                 self._state = state
         except ValueError:  # of emcee, where a walker is asked to go to infinity
-            if np.max(np.abs(self._state.coords)) < _FAR:
+            if np.max(np.abs(self._state.coords)) < 1e100:
                 raise
             raise NumericalError(_RUNAWAY) from None
 

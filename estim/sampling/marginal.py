@@ -49,10 +49,6 @@ IndexArray = NDArray[np.int64]
 _LEAST_ESS = 400.0
 _MOST_SAMPLED = 12
 _CLOSE = 4.0  # standard deviations to a hard edge below which a parameter is not treated as normal
-_N_ADAPT = 1000
-_N_POINT = 200
-_ROUNDS = 2
-_DOF = 100  # of the points: far out, polynomials would be bent for what hardly counts
 # spread of a run's log weights above which its own parameters are no normal variables: a shift of
 # 0.08 of their sd
 _UNEVEN = 0.1
@@ -271,7 +267,7 @@ def _adapt(
     # (n_par, n_sampled): how the conditional mean of every parameter follows the sampled ones
     regression: FloatArray = np.asarray(np.linalg.solve(cov, fit.cov[columns]).T, dtype=np.float64)
     proposal = Proposal.single(mean, cov)
-    for number in range(1, _ROUNDS + 1):
+    for number in range(1, 3):
         if progress is not None:
             progress(0, phrase("adaptation to the marginal over the runs, round {k}", k=number))
         points = _points(target, proposal, rng)
@@ -281,7 +277,7 @@ def _adapt(
             for term in target.terms
         ]
         target = replace(target, expansions=expansions)
-        proposal = adapt_proposal(target, mean, cov, rng=rng, n_round=_N_ADAPT)
+        proposal = adapt_proposal(target, mean, cov, rng=rng, n_round=1000)
     return proposal, target
 
 
@@ -290,10 +286,11 @@ def _points(target: Marginal, proposal: Proposal, rng: np.random.Generator) -> F
     quadratic polynomials six times over.
     """
     n = proposal.n_par
-    n_point = max(_N_POINT, 3 * (n + 1) * (n + 2))
+    n_point = max(200, 3 * (n + 1) * (n + 2))
     points = np.empty((0, n))
     for _ in range(100):
-        drawn = replace(proposal, dof=_DOF).draw(rng, 4 * n_point)
+        # far out, polynomials would be bent for what hardly counts
+        drawn = replace(proposal, dof=100).draw(rng, 4 * n_point)
         points = np.vstack([points, drawn[np.isfinite(target.log_prior(drawn))]])
         if points.shape[0] >= n_point:
             return points[:n_point]

@@ -22,8 +22,6 @@ from estim.sampling.protocol import Density, log_density_in_batches
 _DOF = 20  # of parts that are nearly normal
 # more of the draws for the light parts; share and width of one around all
 _TAILS, _GUARD, _GUARD_FACTOR = 1.5, 0.03, 1.5
-_DRAWS = (3000, 3000, 4000, 8000, 3000)  # in each round
-_LEAST = 0.05  # effective share of the draws of a proposal that is worth having
 
 
 def proposal_of_parts(
@@ -35,8 +33,9 @@ def proposal_of_parts(
     factors = lower_factor((_DOF - 2.0) / _DOF * np.asarray(parts.covs))
     mixture = Proposal(weights / weights.sum(), parts.means, factors, dof=_DOF)
     best = None
-    most = _LEAST
-    for n_draw in _DRAWS:
+    # effective share of the draws of a proposal that is worth having
+    most = 0.05
+    for n_draw in (3000, 3000, 4000, 8000, 3000):
         proposal = mixture.guarded(_GUARD, _GUARD_FACTOR)
         draws = proposal.draw(rng, n_draw)
         log_ratio = log_density_in_batches(density, draws) - proposal.log_density(draws)

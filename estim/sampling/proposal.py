@@ -33,11 +33,7 @@ _FAR_SHARE, _FAR_FACTOR = 0.25, 3.0  # the same for `Proposal.widened`
 # of the draws from components that are told to be there: a rare wide part is seldom drawn, and then
 # no chain leaves it soon
 _TAIL_SHARE = 0.4
-_GOOD_K_HAT = 0.5
-_EVEN_ENOUGH = 0.4  # effective share of the draws from which one Student-t will do
 _SURE = 0.7  # from which one more round costs more draws than it can save
-_MAX_ROUND = 12
-_EM_STEPS = 25
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +170,8 @@ def adapt_proposal(
     best, quality, draws, weights = _settle(density, _shrunk(density, mixture, rng), rng, n_round)
     for n_component in (4, 8):
         # the weights of normal densities are the less even the more parameters there are
-        if quality > _EVEN_ENOUGH * min(1.0, 6.0 / mixture.n_par):
+        # effective share of the draws from which one Student-t will do
+        if quality > 0.4 * min(1.0, 6.0 / mixture.n_par):
             break
         split = _split(draws, weights, max(n_component, len(centres) + 1), rng)
         candidate, better, candidate_draws, candidate_weights = _settle(
@@ -193,7 +190,7 @@ def _settle(
     """
     proposal = mixture
     rounds: list[tuple[Proposal, float, FloatArray, FloatArray]] = []
-    for _ in range(_MAX_ROUND):
+    for _ in range(12):
         draws = proposal.draw(rng, n_round)
         log_ratio = log_density_in_batches(density, draws) - proposal.log_density(draws)
         if not np.any(np.isfinite(log_ratio)):
@@ -218,7 +215,7 @@ def _settle(
 def _quality(log_ratio: FloatArray) -> float:
     """Effective share of weighted draws; a third of it where k-hat shows that a tail is missed."""
     share = kish_size(log_ratio) / log_ratio.size
-    return share if pareto_smoothed(log_ratio)[1] <= _GOOD_K_HAT else share / 3.0
+    return share if pareto_smoothed(log_ratio)[1] <= 0.5 else share / 3.0
 
 
 def _fit(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
@@ -228,7 +225,7 @@ def _fit(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
     floor, d = 1e-8 * _covariance(draws, weights)[1], mixture.n_par
     used = weights > 0.0
     draws, weights = draws[used], weights[used]
-    for _ in range(_EM_STEPS):
+    for _ in range(25):
         distances = mixture.distances(draws)
         parts = mixture.log_parts(distances)
         heights = np.exp(parts - np.max(parts, axis=0))

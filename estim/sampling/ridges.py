@@ -37,16 +37,7 @@ _DEPTH = 10.0  # of a path, in log marginal density
 _FALL = 1.5
 # standard deviations; a path whose steps collapse ends before a jump of the density
 _MIN_STEP = 1e-2
-_MAX_STEPS = 60  # of a path, rejected steps included
-_TEMPER = 0.4  # exponent of the marginal density in the weights
-_OVERLAP = 0.6  # standard deviation of a component along its path, over the spacing of the points
-_NEGLIGIBLE = 16.0  # modes lower by more than this, in log density, are left out
-_ROUNDS = 4  # of the iteration for the covariance at a mode
 _DIFFERENCE = 0.1  # step of the finite differences, in standard deviations
-_FRACTIONS = (1.0, 0.3, 0.05)  # of a Newton step, tried in the line search, the longest first
-_LONGEST = 4.0  # Newton step, in standard deviations
-_NEAR = 0.4  # standard deviations: after a shorter Newton step the curvatures are used again
-_LEAST_CURVATURE = 0.02  # of the whitened log density, for its curvatures to be positive
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,12 +159,13 @@ def coordinates_at_modes(
     finite = np.isfinite(log_densities)
     if np.any(finite):
         modes, log_densities = modes[finite], log_densities[finite]
-        modes = modes[log_densities >= np.max(log_densities) - _NEGLIGIBLE]
+        # modes lower by more are left out
+        modes = modes[log_densities >= np.max(log_densities) - 16.0]
     else:
         modes = modes[:1]
     n_mode = len(modes)
     factor = np.tile(lower_factor(cov), (n_mode, 1, 1))
-    for _ in range(_ROUNDS):
+    for _ in range(4):
         free = Coordinates(density, np.full(n_mode, -1), factor, np.zeros_like(modes), low, high)
         expansions = conditional_maxima(free, modes)
         modes = expansions.points
@@ -205,13 +197,15 @@ def path_proposal(coordinates: Coordinates, centres: FloatArray) -> Proposal:
         if path.size > 1:
             tangents[path] = np.gradient(points[path], axis=0)
             spacing[path] = tangents[path, at.held[path]]
-    covariances += _OVERLAP**2 * tangents[:, :, None] * tangents[:, None, :]
+    # standard deviation of a component along its path, over the spacing of the points
+    covariances += 0.6**2 * tangents[:, :, None] * tangents[:, None, :]
     # else half of the draws of a component on a bound would lie beyond it
     for i, (low, high) in enumerate(zip(at.low, at.high, strict=True)):
         margin = np.minimum(np.sqrt(covariances[:, i, i]), 0.25 * (high - low))
         shift = np.clip(points[:, i], low + margin, high - margin) - points[:, i]
         points = points + (shift / covariances[:, i, i])[:, None] * covariances[:, :, i]
-    weights = _TEMPER * log_marginals + np.log(np.maximum(spacing, 1e-300) / at.width)
+    # exponent of the marginal density in the weights
+    weights = 0.4 * log_marginals + np.log(np.maximum(spacing, 1e-300) / at.width)
     return Proposal(np.exp(weights - log_sum_exp(weights)), points, lower_factor(covariances))
 
 
@@ -230,7 +224,7 @@ def profile_paths(
     here, depth, step = centres[centre], np.zeros(centre.size), sides.width.copy()
     tangent = sides.slope.copy()  # how the others follow the held one
     rows, batches, depths = [np.arange(len(centres))], [at_mode], [np.zeros(len(centres))]
-    for _ in range(_MAX_STEPS):
+    for _ in range(60):
         room = np.abs(bound - sides.place(here))
         active = np.flatnonzero(
             (room > 1e-12 * sides.width) & (depth < _DEPTH) & (step > _MIN_STEP * sides.width)
@@ -275,7 +269,8 @@ def conditional_maxima(coordinates: Coordinates, points: FloatArray) -> Expansio
     points = _newton_step(coordinates, begun)
     maxima = expanded(coordinates, points, begun.curvatures)
     moved = points - begun.points
-    far = np.flatnonzero(~(np.einsum("ni,nij,nj->n", moved, begun.curvatures, moved) < _NEAR**2))
+    # after a shorter Newton step the curvatures are used again
+    far = np.flatnonzero(~(np.einsum("ni,nij,nj->n", moved, begun.curvatures, moved) < 0.4**2))
     if far.size:
         subset = coordinates.rows(far)
         further = expanded(subset, _newton_step(subset, expanded(subset, points[far])))
@@ -318,9 +313,10 @@ def expanded(
         ) / (2.0 * _DIFFERENCE**2)
         curved[~finite] = eye
         sizes, vectors = np.linalg.eigh(curved)
-        positive = (
-            vectors * np.maximum(np.abs(sizes), _LEAST_CURVATURE)[:, None, :]
-        ) @ np.swapaxes(vectors, 1, 2)
+        # for the curvatures to be positive
+        positive = (vectors * np.maximum(np.abs(sizes), 0.02)[:, None, :]) @ np.swapaxes(
+            vectors, 1, 2
+        )
         curvatures = np.swapaxes(inverse, 1, 2) @ positive @ inverse
     gradients = np.einsum("nji,nj->ni", inverse, plus - minus) / (2.0 * _DIFFERENCE)
     gradients -= np.einsum("nij,nj->ni", curvatures, points - middle)
@@ -344,9 +340,10 @@ def _newton_step(coordinates: Coordinates, at: Expansions) -> FloatArray:
         matrix + rounding[:, :, None] * eye, np.where(at.at_bound, 0.0, at.gradients)[:, :, None]
     )[:, :, 0]
     size = np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", step, matrix, step), 1e-300))
-    step *= np.minimum(1.0, _LONGEST / size)[:, None]
+    step *= np.minimum(1.0, 4.0 / size)[:, None]
+    # of a Newton step, the longest first
     trials = np.clip(
-        at.points[:, None] + np.array(_FRACTIONS)[:, None] * step[:, None],
+        at.points[:, None] + np.array((1.0, 0.3, 0.05))[:, None] * step[:, None],
         coordinates.low,
         coordinates.high,
     )

@@ -27,9 +27,6 @@ from estim.propagation import (
     propagate_monte_carlo,
 )
 
-_N_DRAW = 400_000
-_DIGITS = 1  # of the uncertainty, to which the linear interval is tested
-
 
 @dataclass(frozen=True, eq=False)
 class BodyProperties:
@@ -83,7 +80,7 @@ def weigh(source: CampaignFile, *, rng: np.random.Generator) -> BodyProperties:
         return [value for body in bodies for value in body.values(q)]
 
     linear = propagate_linear(values, inputs)
-    sampled = propagate_monte_carlo(values, inputs, rng=rng, n_draw=_N_DRAW)
+    sampled = propagate_monte_carlo(values, inputs, rng=rng, n_draw=400_000)
     names = tuple((body.name, out) for body in bodies for out in body.outputs)
     budgets = tuple(budget(linear, output=i) for i in range(len(names)))
     return BodyProperties(
@@ -91,7 +88,7 @@ def weigh(source: CampaignFile, *, rng: np.random.Generator) -> BodyProperties:
         names,
         linear,
         sampled,
-        compare(linear, sampled, n_digits=_DIGITS),
+        compare(linear, sampled, n_digits=1),
         budgets,
         notes_of(linear, values),
     )

@@ -33,7 +33,6 @@ Arguments = Mapping[str, ArrayLike]
 
 LOSS = "rolling_resistance"  # the argument of a curve through which energy is lost
 DETERMINED = 0.7  # of the prior sd: a posterior wider than this is mostly prior
-LOSS_SEEN = 0.05  # p-value of no loss below which a loss is called one
 _STEP = 1e-6
 
 
@@ -105,7 +104,7 @@ class Drift:
     @property
     def seen(self) -> bool:
         """Whether the data show that energy is lost, and say how much."""
-        return self.determined and self.p_value < LOSS_SEEN
+        return self.determined and self.p_value < 0.05
 
     @property
     def determined(self) -> bool:

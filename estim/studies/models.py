@@ -50,7 +50,6 @@ BEHIND, SES = 4.0, 2.0
 FACTORS = (0.5, 2.0)  # of the width of a prior
 # what the default adds beside parameters
 FORCE, START = later("the force"), later("the free start")
-_WIDTH_DRAWS = 8000
 
 
 class Ground(StrEnum):
@@ -321,7 +320,7 @@ def _widths(
     """From the draws: the posterior mean of new over old prior; by a computation of its own where
     too few draws tell.
     """
-    fit, draws, widths = analysis.fit, analysis.chain.thinned(_WIDTH_DRAWS), []
+    fit, draws, widths = analysis.fit, analysis.chain.thinned(8000), []
     for name in model.own:
         i = fit.names.index(name)
         prior = fit.problem.parameters[i].prior

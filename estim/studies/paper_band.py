@@ -24,9 +24,6 @@ from estim.propagation import BudgetAlong, Input, budget_along, propagate_linear
 from estim.sampling import Bands, central_intervals, curve_draws
 from estim.studies.published import PublishedNumber
 
-_N_DRAW = 10_000
-_FEWEST = 5
-_CLOSE_TO_END = 0.97
 PROBABILITY = 0.68
 
 
@@ -96,9 +93,9 @@ def _band(
         name: np.asarray(value) for name, (value, _) in stated.items()
     }
     end = float(np.ravel(run.end(run.bind(centre)))[0])
-    used = (bands.x > 0.0) & (bands.x < _CLOSE_TO_END * end)
+    used = (bands.x > 0.0) & (bands.x < 0.97 * end)
     x = bands.x[used]
-    if not inputs or x.size < _FEWEST:
+    if not inputs or x.size < 5:
         return None
 
     def curve(values: Mapping[str, Any]) -> FloatArray:
@@ -107,7 +104,7 @@ def _band(
 
     linear = propagate_linear(curve, inputs, probability=PROBABILITY)
     drawn = {
-        quantity.name: quantity.value + quantity.u * rng.standard_normal((_N_DRAW, 1))
+        quantity.name: quantity.value + quantity.u * rng.standard_normal((10_000, 1))
         for quantity in inputs
     }
     with np.errstate(all="ignore"):  # no band where some draws have no speed

@@ -17,8 +17,6 @@ from estim.common import QUANTILES, Finding, Kind
 from estim.curves import placed, stop_of
 from estim.problem import Observations
 
-_SURELY_NOT = 0.001  # probability below which a run cannot have done what its recording shows
-
 
 @dataclass(frozen=True, eq=False)
 class RunPlace:
@@ -45,7 +43,7 @@ class RunPlace:
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What contradicts the recording."""
-        if self.agrees >= _SURELY_NOT:
+        if self.agrees >= 0.001:
             return ()
         numbers = {
             "farthest": self.farthest,

@@ -35,8 +35,6 @@ SAME_DRAWS = 1e-3
 SDS = 5.0  # Monte-Carlo errors of a difference
 FEWEST = 400  # effective draws behind an estimate that has no stated Monte-Carlo error
 _SAME, _SIMILAR = 1e-9, 1e-3  # relative: the last bits; a number that follows from the same draws
-_NOISE = 1e-4  # of the largest number beside it: what is left of a difference that is 0
-_LARGEST = 1e300
 _WIDTH = 80  # characters of what is told of a difference
 _PICTURE = re.compile(rb"data:image/png;base64,[\w+/=]+")  # within a page
 _ERRORS = {
@@ -124,7 +122,7 @@ def different_values(before: object, now: object) -> list[str]:
 
 def is_number(value: object) -> bool:
     """A number of JSON, but for those that are too large to be one of ours."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= _LARGEST
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= 1e300
 
 
 def estimate_in(node: object) -> tuple[float, float] | None:
@@ -240,11 +238,12 @@ def _of_values(
     elif is_number(before) and is_number(now):
         stated = key in _FIXED
         tolerance = _SIMILAR * max(abs(before), abs(now))
+        # what is left of a difference that is 0, of the largest number beside it
         yield from _of_numbers(
             path,
             before,
             now,
-            0.0 if exact else tolerance if stated else max(tolerance, _NOISE * scale),
+            0.0 if exact else tolerance if stated else max(tolerance, 1e-4 * scale),
             beyond=Verdict.WRONG if exact or same or stated else Verdict.ASIDE,
             within=same or stated,
         )

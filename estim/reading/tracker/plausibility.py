@@ -13,14 +13,7 @@ from estim.common import later, phrase
 from estim.reading.tracker.ramp import Ramp
 from estim.reading.tracker.track import Track
 
-_G = 9.8
-_TOO_FAST = 1.5  # times g: a body that rolls or falls has less
-_TOO_FAR = 20.0  # m: no ramp in a laboratory
 _WINDOW = 0.2  # s over which an acceleration is taken
-_OFF_LINE = 0.01  # of the length of the path
-_RETURN = 0.2  # of the length of the path, backward
-_MOVING = 0.2  # of the largest speed, in the first frame
-_SPEED = 0.02  # of the largest speed
 _NOT_THE_RELEASE = later("if a rolling body is fit, whose curve counts x from the release,")
 # in files of earlier versions
 _EARLIER_WORDS = "that is not the release, from which the phase curve counts x"
@@ -99,7 +92,8 @@ def _times(t: FloatArray, usual: float, steps: FloatArray) -> list[str]:
 
 
 def _scale(t: FloatArray, along: FloatArray, usual: float, reach: float) -> list[str]:
-    if reach > _TOO_FAR:
+    # no ramp in a laboratory is so long, in metres
+    if reach > 20.0:
         return [
             phrase(
                 "the path is {reach:.3g} m long: is the unit of length centimetres (unit "
@@ -116,7 +110,8 @@ def _scale(t: FloatArray, along: FloatArray, usual: float, reach: float) -> list
             np.vander(time / span, 3), along[first : first + width], rcond=None
         )[0]
         largest = max(largest, 2.0 * abs(float(quadratic[0])) / span**2)
-    if largest > _TOO_FAST * _G:
+    # a body that rolls or falls accelerates by less
+    if largest > 1.5 * 9.8:
         return [
             phrase(
                 "the acceleration reaches {largest:.3g} m/s², more than gravity can give: "
@@ -128,7 +123,7 @@ def _scale(t: FloatArray, along: FloatArray, usual: float, reach: float) -> list
 
 
 def _off_line(ramp: Ramp, reach: float) -> list[str]:
-    if ramp.across is None or not ramp.scatter > _OFF_LINE * reach:
+    if ramp.across is None or not ramp.scatter > 0.01 * reach:
         return []
     return [
         phrase(
@@ -147,7 +142,7 @@ def _first_speed(t: FloatArray, along: FloatArray, usual: float) -> list[str]:
     speeds = np.abs(along[few:] - along[:-few]) / (t[few:] - t[:-few])
     largest = float(np.max(speeds))
     first = float(speeds[0])
-    if first <= _MOVING * largest:
+    if first <= 0.2 * largest:
         return []
     return [
         phrase(
@@ -178,7 +173,7 @@ def _speed_column(track: Track, ramp: Ramp) -> list[str]:
     compared = np.isfinite(v) & (span < 2.5 * usual)
     if np.any(compared):
         off = float(np.sqrt(np.mean((v - computed)[compared] ** 2)))
-        if off > _SPEED * float(np.max(computed)):
+        if off > 0.02 * float(np.max(computed)):
             sentences.append(
                 phrase(
                     "the column v is not the central difference of x and y (they differ by "
@@ -189,7 +184,7 @@ def _speed_column(track: Track, ramp: Ramp) -> list[str]:
             )
     moved = np.diff(ramp.along)
     reach = float(np.ptp(ramp.along))
-    if -float(np.sum(moved[moved < 0.0])) > _RETURN * reach and not np.any(track.speed < 0.0):
+    if -float(np.sum(moved[moved < 0.0])) > 0.2 * reach and not np.any(track.speed < 0.0):
         words = phrase(
             "the column v is a magnitude (never negative, although the motion turns back): "
             "it is not used, "

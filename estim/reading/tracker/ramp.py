@@ -20,7 +20,6 @@ from estim.common import InputError, Quantity, phrase, read_number
 from estim.reading.tracker.track import Track
 
 _AXES = {"x": 0.0, "y": 90.0, "-x": 180.0, "-y": -90.0}
-_STILL = 1e-9  # m
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +118,7 @@ def _way(track: Track, *positions: FloatArray) -> list[float]:
     away = [position - position[0] for position in positions]
     distance = np.linalg.norm(away, axis=0)
     reach = float(np.max(distance))
-    if not reach > _STILL:
+    if not reach > 1e-9:
         raise InputError("does not move", field=f"track {track.name}", value=f"{reach:g} m")
     first = int(np.argmax(distance >= 0.5 * reach))
     return [float(displacement[first]) for displacement in away]

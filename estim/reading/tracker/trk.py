@@ -30,8 +30,6 @@ from estim.reading.tracker.xml import Element, parse_tracker_xml, unpack_trz
 _MAX_BYTES = 64 * 1024**2
 _MAX_ARCHIVE = 512 * 1024**2
 _MAX_FRAMES = 10_000_000
-_SAME_RATE = 0.02  # how far the frame durations of the clip and of the video may differ
-_SAME_TIMES = 1e-3  # of a frame: equal but for rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +187,8 @@ def _read_clip(panel: Element, frame_ms: float | None) -> _Clip:
     duration = stated if frame_ms is None else frame_ms
     of_video = _video_times(clip)
     average = None if of_video is None else (of_video[-1] - of_video[0]) / (of_video.size - 1)
-    if average is not None and frame_ms is None and abs(stated / average - 1.0) > _SAME_RATE:
+    # how far the frame durations of the clip and of the video may differ
+    if average is not None and frame_ms is None and abs(stated / average - 1.0) > 0.02:
         raise control.need("delta_t").error(
             f"contradicts the video, whose frames last {average:.6g} ms; say which holds by "
             "--frame-ms (in a campaign: frame_ms)",
@@ -271,7 +270,8 @@ def _unequal(
     off = float(
         np.max(np.abs(scaled - (np.arange(of_video.size) - start) * duration)[start : end + 1])
     )
-    if off <= max(_SAME_TIMES * duration, 0.002):
+    # equal but for rounding
+    if off <= max(1e-3 * duration, 0.002):
         return None, ()
     warning = phrase(
         "the frames of the video are not equally spaced (times differ by up to {off:.3g} "
