@@ -28,10 +28,11 @@ from workbooks import xlsx
 
 from estim.cli.commands import fit
 from estim.common import EstimError, InputError
+from estim.curves.models import read_model
 from estim.plugins import plugins
 from estim.web import At
 from estim.web.listening import listening
-from estim.web.question import arguments_of, fields_of
+from estim.web.question import MODELS, arguments_of, fields_of
 from estim.web.store import MOST_BYTES, MOST_FILES, Store
 from estim.web.work import Job, Workers
 
@@ -73,6 +74,9 @@ def test_from_a_file_to_a_report_and_the_command_that_repeats_it(
     assert "line: ok" in page.text
     report = browser.get(f"{answer.place}/report/report.html")
     assert report.headers["content-security-policy"].startswith("sandbox; default-src 'none'")
+    assert "frame-ancestors 'none'" in report.headers["content-security-policy"]
+    (picture,) = re.findall('<img src="([^"]*)"', page.text)
+    assert browser.get(picture).body.startswith(b"\x89PNG")
     packed = zipfile.ZipFile(io.BytesIO(browser.get(f"{answer.place}/all.zip").body))
     packed.extractall(tmp_path)
     command = shlex.split((tmp_path / "command.txt").read_text().splitlines()[-1])
@@ -122,9 +126,20 @@ def test_a_refused_question_comes_back_with_its_fields_and_the_message_beside_on
 
 def test_a_model_is_chosen_without_javascript(browser: Browser) -> None:
     asked = browser.hand_in({"line.csv": LINE})
-    page = browser.get(f"{asked.place}?asked=formula&value=&model=gaussian+%2B+line&u-y=0.2")
-    assert 'value="gaussian + line"' in page.text
+    form = browser.get(asked.place).text
+    assert 'aria-pressed="true"' not in form
+    (formula,) = re.findall('name="model" value="([^"]*)"[^>]*>[^>]*> *gaussian . line<', form)
+    said = urlencode({"asked": "formula", "value": "", "model": formula, "u-y": "0.2"})
+    page = browser.get(f"{asked.place}?{said}")
+    assert f'name="formula" value="{formula}"' in page.text
+    assert re.findall('value="([^"]*)" aria-pressed="true"', page.text) == [formula]
     assert 'value="0.2"' in page.text
+    answer = browser.fill_in(asked.place, asked="formula", formula=MODELS["line"], x="t", y="U")
+    assert "--formula=line" in browser.get(answer.place).text
+
+
+def test_the_formulas_that_a_click_writes_are_those_of_the_models() -> None:
+    assert {name: read_model(name).expression for name in MODELS} == MODELS
 
 
 def test_the_start_of_a_curve_is_drawn_and_told(browser: Browser) -> None:
@@ -169,7 +184,7 @@ def test_a_pdf_where_weasyprint_is_and_how_to_get_one_elsewhere(
         import weasyprint  # noqa: F401
     except (ImportError, OSError):
         assert paper.status == 503
-        assert "print the report from its own page" in paper.text
+        assert "print the report." in paper.text
         return
     assert paper.body.startswith(b"%PDF")
     assert paper.headers["content-disposition"] == "attachment"
@@ -398,6 +413,11 @@ def test_several_files_are_one_joint_fit_that_a_command_repeats(
         ("cup-1.csv", "Cup 1.csv"),
         ("cup-2.csv", "Cup 2.csv"),
     ]
+    # which of the two is for whoever asks to say
+    assert len(re.findall('name="how"[^>]* required>', form.text)) == 2
+    unsaid = browser.fill_in(asked.place, **DECAY, files="cup-1.csv\ncup-2.csv")
+    assert unsaid.status == 422
+    assert "Choose: all files together, or each by itself." in unsaid.text
     picture = browser.get(f"{asked.place}/points-0-1.png").body
     alone = browser.get(f"{browser.hand_in({'Cup 1.csv': decay(2.0)}).place}/points-0-1.png").body
     assert picture.startswith(b"\x89PNG")
@@ -417,8 +437,8 @@ def test_several_files_are_one_joint_fit_that_a_command_repeats(
     again = browser.ended(browser.fill_in(asked.place, **fields | {"own": "b"}).place)
     form = browser.get(again.place).text
     assert 'id="wrong-own"' in form
-    assert browser.fill_in(asked.place, **DECAY).status == 422
-    one = browser.fill_in(asked.place, **DECAY, files="cup-2.csv")
+    assert browser.fill_in(asked.place, **DECAY, how="joint").status == 422
+    one = browser.fill_in(asked.place, **DECAY, files="cup-2.csv", how="joint")
     assert "--joint" not in browser.get(one.place).text
 
 
@@ -487,7 +507,7 @@ def test_a_class_hands_in_and_the_table_grows_and_names_what_stands_apart(browse
         fields = {"batch": batch.rpartition("/")[2], "who": who}
         places[who] = student.hand_in({"data.csv": data}, fields=fields).place
 
-    sizes = dict.fromkeys("ABCDEF", 2.0) | {"<b>O'Neill</b>": 4.0, '=1+"x"': 2.0}
+    sizes = dict.fromkeys("ABCDEF", 2.0) | {"<b>O'Neill</b>": 4.0, '=1+"x"': 2.0, "http://x": 2.0}
     threads = [
         threading.Thread(target=hand_in, args=[who, decay(size, seed)])
         for seed, (who, size) in enumerate(sizes.items())
@@ -512,6 +532,7 @@ def test_a_class_hands_in_and_the_table_grows_and_names_what_stands_apart(browse
     ]
     summary = browser.get(f"{batch}/summary.csv").text
     assert '\n\'=1+""x' in summary.replace("\"'=", "'=")
+    assert "\nhttp://x: data.csv," in summary
     assert len(summary.splitlines()) == len(sizes) + 1
 
 

@@ -30,7 +30,7 @@ from estim.common import LANGUAGES, EstimError, InputError, language, phrase
 from estim.reading import read_suffixes
 from estim.web.looks import LANGUAGE, closed, page
 from estim.web.preview import picture_name, preview_name, start_name
-from estim.web.question import arguments_of, command_line, field_of, fields_of
+from estim.web.question import MODELS, arguments_of, command_line, field_of, fields_of
 from estim.web.rows import answers_of, rows_of, summary_of
 from estim.web.store import MOST_BYTES, MOST_FILES, Answer, Batch, Kept, Shelf, Store, Upload
 from estim.web.work import Job, Workers
@@ -42,7 +42,7 @@ _SECONDS, _PREVIEW_SECONDS = 600, 30
 _PATIENCE = 20.0  # s that a page waits for a preview
 _LOOKS = 10  # s between two looks at the table of a batch
 _REPORT_POLICY = (
-    "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'self'"
+    "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'"
 )
 EXAMPLES = {  # name of a table in examples/ -> fields with which its question begins
     "cooling": {"formula": "room + excess*exp(-t/tau)", "kind": "synthetic"},
@@ -210,6 +210,7 @@ class Pages:
             seen={**seen, "busy": seen.get("busy") or begun.get("busy")},
             begun=begun,
             fields=fields,
+            models=MODELS,
             error=error,
             wrong=field_of(wrong or "", fields["asked"]),
         )
@@ -221,7 +222,9 @@ class Pages:
         if upload and upload.parts:
             fields["asked"] = "formula"
         try:
-            if upload and upload.parts and fields.get("how") == "each":
+            if upload and upload.parts and "how" not in fields:
+                raise InputError(phrase("Choose: all files together, or each by itself."))
+            if upload and upload.parts and fields["how"] == "each":
                 known, ids = self._store.uploads.records, upload.parts
                 parts = [known[ids[name]] for name in _ticked(upload, fields) if ids[name] in known]
                 arguments_of(fields, upload.file, "")  # a question that is none begins nothing
@@ -353,7 +356,7 @@ class Pages:
         lang = dict(pairwise(answer.arguments)).get("--lang", "en")
         data = await self._made(self._store.answers, answer.id, "report.pdf", "paper", lang)
         if not data:
-            words = phrase("The PDF could not be made: print the report from its own page.")
+            words = phrase("The PDF could not be made: print the report.")
             return closed(503, words)
         headers = {"Content-Disposition": "attachment"}
         return Response(data, media_type="application/pdf", headers=headers)

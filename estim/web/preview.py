@@ -18,7 +18,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import EstimError, InputError, as_json, read_file, spoken, write_whole
-from estim.web.question import NAMED, lines_of
+from estim.web.question import NAMED, formula_of, lines_of
 
 if TYPE_CHECKING:
     from estim.drawing import Figure
@@ -166,7 +166,7 @@ def _start(file: Path, fields: Mapping[str, str]) -> tuple[dict[str, float], byt
         name: pairs(lines_of(fields.get(name, "")), f"--{name}") for name in NAMED.split()
     }
     choices = TableChoices(
-        formula=fields["formula"],
+        formula=formula_of(fields),
         window=window_of(fields.get("window")),
         dialect=Dialect(**dialect),
         **said,

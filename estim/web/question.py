@@ -34,6 +34,22 @@ _NEEDED = (
 NAMED = "value start low high"
 """Fields with one NAME = VALUE a line."""
 _FLAGS = ("correlated", "jitter")
+MODELS = {
+    "line": "slope*x + intercept",
+    "polynomial2": "c0 + c1*x + c2*x**2",
+    "exponential": "amplitude*exp(-x/decay)",
+    "exponential + constant": "amplitude*exp(-x/decay) + c",
+    "power": "amplitude*x**exponent",
+    "gaussian": "amplitude/(sigma*sqrt(2*pi))*exp(-(x - center)**2/(2*sigma**2))",
+    "gaussian + line": "amplitude/(sigma*sqrt(2*pi))*exp(-(x - center)**2/(2*sigma**2))"
+    " + slope*x + intercept",
+    "lorentzian": "amplitude/pi*sigma/((x - center)**2 + sigma**2)",
+    "oscillation": "amplitude*cos(2*pi*frequency*x + phase)",
+    "damped_oscillation": "amplitude*exp(-damping*x)*cos(2*pi*frequency*x + phase)",
+    "logistic": "amplitude/(1 + exp(-(x - center)/sigma))",
+}
+"""Models by name that a click writes out."""
+_NAMES = {formula: name for name, formula in MODELS.items()}
 _UNWRITTEN = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 # fields that are no options of their own
 _FURTHER = {"formula": f"{NAMED} own", "rolling": _ROLLING}
@@ -76,7 +92,7 @@ def arguments_of(
     if kind not in _ASKED:
         raise InputError(phrase("Choose what you want to know."))
     command, options = _ASKED[kind]
-    said = dict(fields)
+    said = dict(fields) | {"formula": formula_of(fields)}
     if kind == "formula" and "formula" not in fields:
         raise InputError(phrase("Write a formula, or choose a model."), field="--formula")
     if kind == "rolling":
@@ -99,6 +115,14 @@ def arguments_of(
         own = re.split(r"[\s,;]+", said.get("own", ""))
         words += ["--joint", *(f"--own={name}" for name in own if name)]
     return [command, file, *others, *words, *end]
+
+
+def formula_of(fields: Mapping[str, str]) -> str:
+    """The formula as the command takes it: of one that a click wrote, the name of the model, which
+    knows limits of its parameters.
+    """
+    formula = fields.get("formula", "")
+    return _NAMES.get(formula, formula)
 
 
 def field_of(option: str, asked: str) -> str:

@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from msgspec.structs import replace
+
 from estim.web.store import Answer, Store
 
 if TYPE_CHECKING:
@@ -38,9 +40,12 @@ def summary_of(store: Store, answers: Sequence[Answer]) -> bytes:
 def _row(store: Store, answer: Answer) -> Row:
     from estim.batch import Unit, failed, row_of
 
-    unit = Unit(Path(answer.given), "", answer.id)
+    unit = Unit(Path(), "", answer.id)
     made = answer.standing in ("ok", "doubtful")
     result = store.answers.read(answer.id, "report/result.json") if made else None
-    if result is None:
-        return failed(unit, answer.error)
-    return row_of(unit, result, {}, key="", seconds=0.0, interval=None)
+    row = (
+        failed(unit, answer.error)
+        if result is None
+        else row_of(unit, result, {}, key="", seconds=0.0, interval=None)
+    )
+    return replace(row, campaign=answer.given)  # a name that a person gave is no path

@@ -22,11 +22,17 @@ function dropping() {
 
 function models() {
   const formula = document.getElementById("formula");
-  for (const button of document.querySelectorAll("button[name=model]")) {
+  const buttons = document.querySelectorAll("button[name=model]");
+  const mark = () => {
+    for (const button of buttons) button.ariaPressed = String(button.value === formula.value);
+  };
+  formula?.addEventListener("input", mark);
+  for (const button of buttons) {
     button.addEventListener("click", (event) => {
       event.preventDefault();
       formula.value = button.value;
       formula.focus();
+      mark();
     });
   }
 }
