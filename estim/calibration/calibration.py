@@ -36,9 +36,8 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray, IntArray
 from estim.calibration.experiment import Experiment
 from estim.calibration.trial import (
     N_RANK,
@@ -67,7 +66,6 @@ from estim.common import (
 )
 from estim.fitting import Fit
 
-IntArray = NDArray[np.int64]
 TrialProgress = Callable[[int], None]
 """Called with the number of trials done."""
 
@@ -98,7 +96,7 @@ class Calibration:
     truth: FloatArray
     ranks: IntArray
     n_rank: int
-    covered: NDArray[np.bool_]
+    covered: BoolArray
     probabilities: tuple[float, ...]
     n_rejected: int
     how: Mapping[str, int]

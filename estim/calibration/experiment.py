@@ -13,7 +13,7 @@ release of differentiated runs.  Not simulated:
 - errors of x are normal whatever the tails of y are, and so is the distribution of the true
   abscissas about the readings.
 
-Values for which a fitted row has no place on the curve (the body does not start, or turns before a
+Named for which a fitted row has no place on the curve (the body does not start, or turns before a
 position at which its speed is fit) give no data: `None`.  The posterior density is zero for just
 these values, so that discarding them is the same as a prior cut to where the data are possible.
 """
@@ -28,20 +28,18 @@ from typing import Protocol, TypeAlias, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, Named
 from estim.campaign import Campaign, NoiseTable
 from estim.common import InputError
 from estim.problem import Observations, Parameter, Problem
 from estim.reading import Run
-
-Values = Mapping[str, ArrayLike]
 
 
 @runtime_checkable
 class Followed(Protocol):
     """A curve that can be followed in time."""
 
-    def position(self, since: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    def position(self, since: FloatArray, arguments: Named) -> FloatArray:
         """(n_draw, n_obs) position at times `since` release, s."""
 
 
@@ -120,7 +118,7 @@ class CampaignDesign:
         )
 
     def _table(
-        self, run: Observations, table: Run, named: Values, rng: np.random.Generator
+        self, run: Observations, table: Run, named: Named, rng: np.random.Generator
     ) -> Run | None:
         columns = _columns(run, table, named, self.release.get(run.name, 0.0), rng)
         return None if columns is None else table.with_columns({**table.columns, **columns})
@@ -176,7 +174,7 @@ def release_times(campaign: Campaign, problem: Problem, fitted: FloatArray) -> M
 
 
 def _columns(
-    run: Observations, table: Run, named: Values, release: float, rng: np.random.Generator
+    run: Observations, table: Run, named: Named, release: float, rng: np.random.Generator
 ) -> dict[str, FloatArray] | None:
     """The columns of a table that are measured anew; None where the values give no data."""
     noise = run.noise
@@ -205,14 +203,14 @@ def _columns(
     )
 
 
-def curve_at(run: Observations, x: FloatArray, named: Values) -> FloatArray:
+def curve_at(run: Observations, x: FloatArray, named: Named) -> FloatArray:
     """(n_obs,) the curve at x (n_obs,) for one set of values."""
     with np.errstate(all="ignore"):
         return np.array(np.broadcast_to(run.curve.value(x, run.bind(named)), (1, x.size))[0])
 
 
 def _scattered(
-    run: Observations, truth: Observations, named: Values, rng: np.random.Generator
+    run: Observations, truth: Observations, named: Named, rng: np.random.Generator
 ) -> Observations:
     """Differentiated speeds with their further scatter."""
     if not truth.noise.made_of_positions:
@@ -223,7 +221,7 @@ def _scattered(
     )
 
 
-def follow(run: Observations, since: FloatArray, named: Values) -> FloatArray:
+def follow(run: Observations, since: FloatArray, named: Named) -> FloatArray:
     """Positions at times since release, in their shape: (n_obs,) or (n, n_obs)."""
     if not isinstance(run.curve, Followed):
         raise InputError(
@@ -236,7 +234,7 @@ def follow(run: Observations, since: FloatArray, named: Values) -> FloatArray:
     ).reshape(since.shape)
 
 
-def _release_time(run: Observations, named: Values) -> float:
+def _release_time(run: Observations, named: Named) -> float:
     """The moment of release (s, clock of the data) at which the motion passes closest to the fitted
     positions.
     """

@@ -11,16 +11,14 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray, IntArray
 from estim.calibration.experiment import Experiment
 from estim.common import PROBABILITIES, InputError, Label, NumericalError, Stream, stream
 from estim.fitting import Fit, fit_least_squares
 from estim.problem import Parameter, Prior, Problem
 from estim.sampling import Target, adapt_proposal, certify, sample_posterior
 
-IntArray = NDArray[np.int64]
 What = Literal["sbc", "coverage"]
 
 N_RANK = 99
@@ -78,7 +76,7 @@ class Trial:
 
     truth: FloatArray
     rank: IntArray
-    covered: NDArray[np.bool_]
+    covered: BoolArray
     n_rejected: int
     how: str
     shortfall: str
@@ -251,7 +249,7 @@ def _rank(truth: FloatArray, draws: FloatArray, rng: np.random.Generator) -> Int
     return np.sum(draws < truth, axis=0) + rng.integers(0, np.sum(draws == truth, axis=0) + 1)
 
 
-def _covered(truth: FloatArray, draws: FloatArray) -> NDArray[np.bool_]:
+def _covered(truth: FloatArray, draws: FloatArray) -> BoolArray:
     """(n, 2) whether truth (n,) lies between the quantiles of draws (n_draw, n) that a report
     quotes.
     """

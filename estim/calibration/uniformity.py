@@ -16,11 +16,8 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
-
-IntArray = NDArray[np.int64]
+from estim.arrays import FloatArray, IntArray
 
 _N_NULL = 40_000
 _CHUNK = 4000

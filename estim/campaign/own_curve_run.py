@@ -15,9 +15,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray, IntArray
 from estim.campaign.campaign_file import CampaignFile, read_value
 from estim.campaign.curve_tables import (
     CurveRunTable,
@@ -215,8 +214,8 @@ class RowsOfRun:
 
     run: RunOfCurve
     data: Run
-    kept: NDArray[np.int64]
-    inside: NDArray[np.bool_]
+    kept: IntArray
+    inside: BoolArray
     excluded: tuple[Finding, ...]
 
     def column(self, key: str) -> FloatArray:

@@ -14,16 +14,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray, IntArray
 from estim.campaign.levels import Levels
 from estim.common import Finding, InputError, Kind
 from estim.deviation import GUARD
 from estim.reading import Run
 from estim.words import tell
-
-Mask = NDArray[np.bool_]
 
 _MIN_OBS = 5
 MAX_OBS = 10_000
@@ -47,7 +44,7 @@ class Selection:
     (`Finding.size`).
     """
 
-    kept: NDArray[np.int64]
+    kept: IntArray
     reasons: tuple[Finding, ...]
 
 
@@ -72,7 +69,7 @@ def select(
     left = np.ones(position.size, dtype=bool)
     reasons: list[Finding] = []
 
-    def leave_out(mask: Mask, why: Kind) -> None:
+    def leave_out(mask: BoolArray, why: Kind) -> None:
         nonlocal left
         count = int(np.sum(mask & left))
         if count:

@@ -11,13 +11,11 @@ not known is none.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray, IntArray, Named
 from estim.problem import EXACT, Curve, LocalCurve, n_draws
 
 _AT, _WEIGHTS = np.polynomial.legendre.leggauss(10)
@@ -54,11 +52,11 @@ class BinnedCurve:
         """Relative error of the derivatives."""
         return getattr(self.density, "precision", EXACT)
 
-    def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    def value(self, x: FloatArray, arguments: Named) -> FloatArray:
         inside, _ = self._integrals(arguments)
         return np.asarray((inside * self._scale(inside))[:, self._bin_of(x)])
 
-    def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+    def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
         """The slope is that of a bin moved as a whole."""
         nodes, weights, bins = self._quadrature(arguments)
         local, at = self.density.local(nodes, arguments), self._bin_of(x)
@@ -76,7 +74,7 @@ class BinnedCurve:
         ]
         return LocalCurve((scale * inside)[:, at], (scale * (ends[1] - ends[0]))[:, at], gradient)
 
-    def rate(self, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+    def rate(self, arguments: Named) -> tuple[FloatArray, FloatArray]:
         """The density at the events (n_draw, n_event), scaled as the bins are, and what is expected
         in the bins (n_draw, n_bin).
 
@@ -87,7 +85,7 @@ class BinnedCurve:
         scale = np.where(least[:, None] >= 0.0, self._scale(inside), np.nan)
         return np.asarray(scale * here), np.asarray(scale * inside)
 
-    def local_rate(self, t: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+    def local_rate(self, t: FloatArray, arguments: Named) -> LocalCurve:
         """The density with its gradient at t (n,), for single arguments."""
         nodes, weights, _ = self._quadrature(arguments)
         inside, here = self.density.local(nodes, arguments), self.density.local(t, arguments)
@@ -107,11 +105,11 @@ class BinnedCurve:
         }
         return LocalCurve(scale * here.value, scale * here.slope, gradient)
 
-    def nodes(self, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+    def nodes(self, arguments: Named) -> tuple[FloatArray, FloatArray]:
         """Places and weights (n_node,) of an integral over all bins, for single arguments."""
         return self._quadrature(arguments)[:2]
 
-    def without_integral(self, arguments: Mapping[str, ArrayLike]) -> tuple[float, float] | None:
+    def without_integral(self, arguments: Named) -> tuple[float, float] | None:
         """Ends of the first bin without a finite integral of a density that is finite in the middle
         of it, for single arguments.
         """
@@ -122,7 +120,7 @@ class BinnedCurve:
         bad = np.flatnonzero(~np.isfinite(inside) & np.isfinite(middle))
         return (float(self.low[bad[0]]), float(self.high[bad[0]])) if bad.size else None
 
-    def _at_events(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    def _at_events(self, arguments: Named) -> FloatArray:
         """(n_draw, n_event) the density, not scaled."""
         n_draw = n_draws(arguments)
         if not self.events.size:
@@ -131,9 +129,7 @@ class BinnedCurve:
             np.broadcast_to(self.density.value(self.events, arguments), (n_draw, self.events.size))
         )
 
-    def _quadrature(
-        self, arguments: Mapping[str, ArrayLike]
-    ) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
+    def _quadrature(self, arguments: Named) -> tuple[FloatArray, FloatArray, IntArray]:
         """Places, weights and bins (n_node,) for single arguments."""
         panels = self._panels(arguments, self._at_events(arguments))
         half = 0.5 * (panels.high - panels.low)[:, None]
@@ -144,7 +140,7 @@ class BinnedCurve:
         )
 
     def _integrals(
-        self, arguments: Mapping[str, ArrayLike], here: FloatArray | None = None
+        self, arguments: Named, here: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Integrals (n_draw, n_bin) of the density, and the least that it is at any node
         (n_draw,); here : (n_draw, n_event) the density at the events, where it is known.
@@ -174,7 +170,7 @@ class BinnedCurve:
         np.minimum.at(least, panels.draw, panels.least)
         return inside, least
 
-    def _panels(self, arguments: Mapping[str, ArrayLike], here: FloatArray) -> _Panels:
+    def _panels(self, arguments: Named, here: FloatArray) -> _Panels:
         """Panels in which the density of each draw is integrated; here : (n_draw, n_event) the
         density at the events.
         """
@@ -231,7 +227,7 @@ class BinnedCurve:
         panels.integral[:] = np.nan
         return _joined([*done, panels])
 
-    def _halved(self, panels: _Panels, arguments: Mapping[str, ArrayLike], n_draw: int) -> _Panels:
+    def _halved(self, panels: _Panels, arguments: Named, n_draw: int) -> _Panels:
         middle = 0.5 * (panels.low + panels.high)
         draw, bins = np.tile(panels.draw, 2), np.tile(panels.bins, 2)
         low, high = np.concatenate([panels.low, middle]), np.concatenate([middle, panels.high])
@@ -248,9 +244,7 @@ class BinnedCurve:
             values = np.broadcast_to(self.density.value(x.T, per_panel), x.T.shape).T
         return _panels_of(draw, low, high, bins, values)
 
-    def _marks(
-        self, arguments: Mapping[str, ArrayLike], n_draw: int
-    ) -> tuple[FloatArray, FloatArray]:
+    def _marks(self, arguments: Named, n_draw: int) -> tuple[FloatArray, FloatArray]:
         """Places (n_draw, n) where a density may have something narrow, and the density there."""
         values = [np.broadcast_to(np.reshape(a, (-1, 1)), (n_draw, 1)) for a in arguments.values()]
         beside = [
@@ -283,7 +277,7 @@ class BinnedCurve:
             highest[filled] = np.maximum.reduceat(flat, pairs.ravel())[::2]
         return highest
 
-    def _summed(self, values: FloatArray, bins: NDArray[np.int64]) -> FloatArray:
+    def _summed(self, values: FloatArray, bins: IntArray) -> FloatArray:
         """(1, n_bin) sums of values that broadcast to (1, n_node)."""
         return np.asarray(
             np.bincount(bins, np.broadcast_to(values, (1, bins.size))[0], minlength=self.low.size)[
@@ -307,7 +301,7 @@ class BinnedCurve:
             inside / np.sum(inside, axis=1, keepdims=True) * np.sum(slope, axis=1, keepdims=True)
         )
 
-    def _bin_of(self, x: FloatArray) -> NDArray[np.int64]:
+    def _bin_of(self, x: FloatArray) -> IntArray:
         return np.clip(np.searchsorted(self.low, x, side="right") - 1, 0, self.low.size - 1)
 
 
@@ -317,8 +311,8 @@ class _Panels:
     highest coefficients, and the range of the density.
     """
 
-    draw: NDArray[np.int64]
-    bins: NDArray[np.int64]
+    draw: IntArray
+    bins: IntArray
     low: FloatArray
     high: FloatArray
     integral: FloatArray
@@ -326,7 +320,7 @@ class _Panels:
     least: FloatArray
     highest: FloatArray
 
-    def where(self, kept: NDArray[np.bool_]) -> _Panels:
+    def where(self, kept: BoolArray) -> _Panels:
         return _Panels(*(part[kept] for part in vars(self).values()))
 
 
@@ -336,11 +330,7 @@ def _places(low: FloatArray, high: FloatArray) -> FloatArray:
 
 
 def _panels_of(
-    draw: NDArray[np.int64],
-    low: FloatArray,
-    high: FloatArray,
-    bins: NDArray[np.int64],
-    values: FloatArray,
+    draw: IntArray, low: FloatArray, high: FloatArray, bins: IntArray, values: FloatArray
 ) -> _Panels:
     """values : (10, n_panel) at the nodes."""
     width = high - low

@@ -15,8 +15,8 @@ from itertools import count
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from estim.arrays import Named
 from estim.common import InputError, Notation, same_looks
 from estim.curves.derived_units import unit_that_follows as unit_that_follows
 from estim.curves.formula import Formula, check_names, evaluate, read_formula
@@ -67,7 +67,7 @@ class SoughtQuantity:
         """Names without a level."""
         return tuple(written for written in self.symbols.values() if "[" not in written)
 
-    def of(self, known: Mapping[str, ArrayLike]) -> Derived | None:
+    def of(self, known: Named) -> Derived | None:
         """Its values where `known` has scalars or (n_draw, 1) of every name; None where it lacks
         one.  nan where the formula has no value.
         """

@@ -7,14 +7,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, Named
 
 
 def with_gradient(
     function: Callable[[Mapping[str, FloatArray]], tuple[FloatArray, ...]],
-    arguments: Mapping[str, ArrayLike],
+    arguments: Named,
     *,
     step: float,
 ) -> tuple[tuple[FloatArray, ...], dict[str, FloatArray]]:

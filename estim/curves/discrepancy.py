@@ -7,20 +7,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from estim.arrays import IntArray
 from estim.common import InputError, phrase
 from estim.given_numbers import real_number, real_numbers
 from estim.problem import MAX_LACKING, Discrepancy
 
 
 def discrepancy_of(
-    deviation: float,
-    correlated: ArrayLike | bool,
-    order: NDArray[np.int64],
-    *,
-    stated: bool,
-    exact_x: bool,
+    deviation: float, correlated: ArrayLike | bool, order: IntArray, *, stated: bool, exact_x: bool
 ) -> Discrepancy | None:
     """What the curve of `fit_curve` may lack, None for nothing; order : (n_obs,) of the points by
     x.  Raises InputError.

@@ -21,9 +21,8 @@ from types import CodeType, MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, Named
 from estim.common import InputError, read_number, same_looks
 from estim.curves.dual import Dual, plain
 from estim.problem import LocalCurve
@@ -115,19 +114,17 @@ class Formula:
         """Whether it depends on its variable; one that does not is a constant."""
         return any(isinstance(node, ast.Name) and node.id == "x" for node in ast.walk(self.tree))
 
-    def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    def value(self, x: FloatArray, arguments: Named) -> FloatArray:
         return _full(evaluate(self.tree, {"x": x, **_arrays(arguments, self.names)}), x, arguments)
 
-    def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+    def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
         symbols = {
             name: Dual(value, {name: 1.0})
             for name, value in {"x": x, **_arrays(arguments, self.names)}.items()
         }
         return local_of(evaluate(self.tree, symbols), x, arguments, self.names)
 
-    def time_derivative(
-        self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int
-    ) -> FloatArray:
+    def time_derivative(self, x: FloatArray, arguments: Named, order: int) -> FloatArray:
         symbols = _arrays(arguments, self.names)
         return time_derivative_of(
             lambda position: evaluate(self.tree, {"x": position, **symbols}), x, arguments, order
@@ -247,9 +244,7 @@ def _compiled(tree: ast.expr) -> tuple[CodeType, dict[str, Any]]:
     ), known
 
 
-def local_of(
-    result: Any, x: FloatArray, arguments: Mapping[str, ArrayLike], names: Iterable[str]
-) -> LocalCurve:
+def local_of(result: Any, x: FloatArray, arguments: Named, names: Iterable[str]) -> LocalCurve:
     """The curve and its derivatives from a result on dual numbers, every array (n_draw, n_obs)."""
     partials = result.partials if isinstance(result, Dual) else {}
     value = _full(plain(result), x, arguments)
@@ -262,9 +257,7 @@ def local_of(
     return LocalCurve(value, slopes["x"], {name: slopes[name] for name in names})
 
 
-def time_derivative_of(
-    curve: Any, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int
-) -> FloatArray:
+def time_derivative_of(curve: Any, x: FloatArray, arguments: Named, order: int) -> FloatArray:
     """d^order f/dt^order along dx/dt = f(x), for `curve` that takes a position as an array or as
     nested dual numbers.
 
@@ -281,7 +274,7 @@ def time_derivative_of(
         return _full(derivative(x, order), x, arguments)
 
 
-def _full(result: Any, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+def _full(result: Any, x: FloatArray, arguments: Named) -> FloatArray:
     """A result as (n_draw, n_obs)."""
     array = np.asarray(result, dtype=float)
     shape = np.broadcast_shapes(
@@ -290,7 +283,7 @@ def _full(result: Any, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> Flo
     return np.ascontiguousarray(np.broadcast_to(array, shape))
 
 
-def _arrays(arguments: Mapping[str, ArrayLike], names: Iterable[str]) -> dict[str, Any]:
+def _arrays(arguments: Named, names: Iterable[str]) -> dict[str, Any]:
     return {name: np.asarray(arguments[name], dtype=float)[()] for name in names}
 
 

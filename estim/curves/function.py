@@ -19,7 +19,7 @@ import numpy as np
 from numpy.exceptions import ComplexWarning
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, Named
 from estim.common import InputError
 from estim.curves.dual import Dual, plain
 from estim.curves.formula import local_of, time_derivative_of
@@ -61,7 +61,7 @@ class PythonCurve:
             _own_precision(self.function),
         )
 
-    def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    def value(self, x: FloatArray, arguments: Named) -> FloatArray:
         n_draw, n_obs = np.broadcast_shapes(
             np.atleast_2d(x).shape, *(np.shape(arguments[name]) for name in self.names)
         )
@@ -85,7 +85,7 @@ class PythonCurve:
         ]
         return np.array([np.broadcast_to(row, (n_obs,)) for row in rows]).reshape(n_draw, n_obs)
 
-    def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+    def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
         n_draw = max(
             (np.shape(value)[0] for value in arguments.values() if np.ndim(value) == 2), default=1
         )
@@ -109,9 +109,7 @@ class PythonCurve:
             self.function, x, {name: float(_scalar(arguments[name])) for name in self.names}
         )
 
-    def time_derivative(
-        self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int
-    ) -> FloatArray:
+    def time_derivative(self, x: FloatArray, arguments: Named, order: int) -> FloatArray:
         if self.derivatives != "dual":
             raise InputError(
                 "must be made of NumPy functions to be differentiated often enough for "

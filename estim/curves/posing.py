@@ -12,9 +12,9 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, IntArray
 from estim.common import InputError, Notation, Quantity, phrase, read_quantity
 from estim.curves.columns import column, errors_of, share_of
 from estim.curves.counting import MAX_OBS, CountedPoints, Counting, ask_counts, refuse_errors
@@ -90,7 +90,7 @@ class CurveProblem:
     stated: bool
     axes: AxisNames
     fixed: Mapping[str, float]
-    order: NDArray[np.int64] | None
+    order: IntArray | None
     jitter: Scale
     tails: Tails
     further: tuple[Parameter, ...]

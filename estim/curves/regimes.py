@@ -1,24 +1,20 @@
 """What a rolling body does from rest at a tilt and an angle of release, for draws of what is known
 of it: borders and distances.
 
-Arguments are those of the curves of `estim.curves.rolling`, scalars or (n_draw, 1).  Further
+Named are those of the curves of `estim.curves.rolling`, scalars or (n_draw, 1).  Further
 forces, a push at the start and errors of the readings are not in it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, Named
 from estim.curves.rolling import body_of
 from estim.curves.varying import own_values, shift_of
 from estim.model import range_of_release, release_for_turn, release_that_rolls_on, turning_point
-
-Arguments = Mapping[str, ArrayLike]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +33,7 @@ class Borders:
     passes: FloatArray
 
 
-def borders_of(arguments: Arguments, phi: FloatArray, *, ramp_end: float) -> Borders:
+def borders_of(arguments: Named, phi: FloatArray, *, ramp_end: float) -> Borders:
     """The borders at true tilts phi (n_phi,) rad.  ramp_end : m from the release."""
     body, motion = body_of(_own(arguments))
     resistance = motion["rolling_resistance"]
@@ -50,7 +46,7 @@ def borders_of(arguments: Arguments, phi: FloatArray, *, ramp_end: float) -> Bor
     return Borders(lowest, highest, on, np.where(np.isnan(at_end), on, np.maximum(at_end, on)))
 
 
-def turning_contours(arguments: Arguments, phi: FloatArray, stops: FloatArray) -> FloatArray:
+def turning_contours(arguments: Named, phi: FloatArray, stops: FloatArray) -> FloatArray:
     """(n_draw, n_stop, n_phi) rad, from where the body stops after `stops` (n_stop,) m at true
     tilts phi (n_phi,); nan where from nowhere.
     """
@@ -62,7 +58,7 @@ def turning_contours(arguments: Arguments, phi: FloatArray, stops: FloatArray) -
     return release_for_turn(stops[:, None] / radius, gamma, phi, rolling_resistance=resistance)
 
 
-def steepest_tilt(arguments: Arguments) -> FloatArray:
+def steepest_tilt(arguments: Named) -> FloatArray:
     """(n_draw, 1) rad, the tilt beyond which the body climbs from no angle of release: sin phi +
     c_rr cos phi = gamma.
 
@@ -75,7 +71,7 @@ def steepest_tilt(arguments: Arguments) -> FloatArray:
     )
 
 
-def farthest_stop(arguments: Arguments, phi: FloatArray) -> FloatArray:
+def farthest_stop(arguments: Named, phi: FloatArray) -> FloatArray:
     """(n_draw, n_phi) m, how far the body gets at true tilts phi (n_phi,) from the release from
     which it gets farthest, the least angle.
 
@@ -90,7 +86,7 @@ def farthest_stop(arguments: Arguments, phi: FloatArray) -> FloatArray:
     )
 
 
-def stop_of(arguments: Arguments) -> FloatArray:
+def stop_of(arguments: Named) -> FloatArray:
     """(n_draw, 1) m from the release of a run to its turning point; 0 where it does not set off,
     inf where it rolls on for ever.
     """
@@ -105,7 +101,7 @@ def stop_of(arguments: Arguments) -> FloatArray:
     )
 
 
-def placed(arguments: Arguments) -> tuple[FloatArray, FloatArray]:
+def placed(arguments: Named) -> tuple[FloatArray, FloatArray]:
     """(true tilt, true angle of release) of a run, rad, (n_draw, 1) each: its readings with the
     common zero errors.
     """
@@ -113,6 +109,6 @@ def placed(arguments: Arguments) -> tuple[FloatArray, FloatArray]:
     return np.atleast_2d(motion["phi"]), np.atleast_2d(motion["theta0"])
 
 
-def _own(arguments: Arguments) -> Arguments:
+def _own(arguments: Named) -> Named:
     varied = [name for name in arguments if shift_of(name) in arguments]
     return own_values(arguments, varied) if varied else arguments

@@ -15,13 +15,11 @@ it where they can.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, Named
 from estim.common import InputError, later, phrase
 from estim.curves.binned import BinnedCurve
 from estim.problem import EXACT, CommonError, Curve, LocalCurve, Normal, Parameter
@@ -108,7 +106,7 @@ class DistortedCurve:
         """Relative error of the derivatives."""
         return getattr(self.curve, "precision", EXACT)
 
-    def _sum(self, kind: str, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    def _sum(self, kind: str, arguments: Named) -> FloatArray:
         return np.sum(
             [
                 np.asarray(arguments[c.parameter_name], dtype=float)
@@ -118,14 +116,14 @@ class DistortedCurve:
             axis=0,
         )
 
-    def _undistorted(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    def _undistorted(self, x: FloatArray, arguments: Named) -> FloatArray:
         return (x - self._sum("zero_x", arguments)) / (1.0 + self._sum("scale_x", arguments))
 
-    def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    def value(self, x: FloatArray, arguments: Named) -> FloatArray:
         inner = self.curve.value(self._undistorted(x, arguments), arguments)
         return (1.0 + self._sum("scale_y", arguments)) * inner + self._sum("zero_y", arguments)
 
-    def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+    def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
         true = self._undistorted(x, arguments)
         inner = self.curve.local(true, arguments)
         scale = 1.0 + self._sum("scale_y", arguments)

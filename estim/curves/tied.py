@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, Named
 from estim.common import InputError
 from estim.curves.dual import Dual, plain
 from estim.curves.formula import Formula, check_names, evaluate, read_formula
@@ -35,10 +34,10 @@ class TiedCurve:
         """Relative error of the derivatives."""
         return getattr(self.curve, "precision", EXACT)
 
-    def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    def value(self, x: FloatArray, arguments: Named) -> FloatArray:
         return self.curve.value(x, followed(self.tied, arguments))
 
-    def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+    def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
         """The chain rule, exact."""
         known: dict[str, Any] = {
             name: Dual(np.asarray(value, dtype=float)[()], {name: 1.0})
@@ -57,7 +56,7 @@ class TiedCurve:
         return LocalCurve(inner.value, inner.slope, gradient)
 
 
-def followed(tied: Mapping[str, Formula], arguments: Mapping[str, ArrayLike]) -> dict[str, Any]:
+def followed(tied: Mapping[str, Formula], arguments: Named) -> dict[str, Any]:
     """`arguments` with the tied ones."""
     known = dict(arguments)
     for name, formula in tied.items():

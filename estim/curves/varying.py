@@ -14,7 +14,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, Named
 from estim.common import Notation
 from estim.problem import (
     CommonError,
@@ -28,8 +28,6 @@ from estim.problem import (
     SquaredCurve,
 )
 
-Arguments = Mapping[str, ArrayLike]
-
 
 def spread_of(argument: str) -> str:
     return f"{argument} spread"
@@ -39,7 +37,7 @@ def shift_of(argument: str) -> str:
     return f"{argument} shift"
 
 
-def own_values(arguments: Arguments, varied: Collection[str]) -> dict[str, ArrayLike]:
+def own_values(arguments: Named, varied: Collection[str]) -> dict[str, ArrayLike]:
     """The arguments of one run, each with its own value of those that are `varied`."""
     held = {spread_of(name) for name in varied} | {shift_of(name) for name in varied}
     values = {name: value for name, value in arguments.items() if name not in held}
@@ -60,22 +58,22 @@ class VaryingCurve:
     curve: SpeedCurve
     varied: tuple[str, ...]
 
-    def value(self, x: FloatArray, arguments: Arguments) -> FloatArray:
+    def value(self, x: FloatArray, arguments: Named) -> FloatArray:
         return self.curve.value(x, own_values(arguments, self.varied))
 
-    def square(self, x: FloatArray, arguments: Arguments) -> FloatArray:
+    def square(self, x: FloatArray, arguments: Named) -> FloatArray:
         return cast(SquaredCurve, self.curve).square(x, own_values(arguments, self.varied))
 
-    def local(self, x: FloatArray, arguments: Arguments) -> LocalCurve:
+    def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
         return self._varied(self.curve.local(x, own_values(arguments, self.varied)), arguments)
 
-    def local_square(self, x: FloatArray, arguments: Arguments) -> LocalCurve:
+    def local_square(self, x: FloatArray, arguments: Named) -> LocalCurve:
         return self._varied(
             cast(SquaredCurve, self.curve).local_square(x, own_values(arguments, self.varied)),
             arguments,
         )
 
-    def _varied(self, local: LocalCurve, arguments: Arguments) -> LocalCurve:
+    def _varied(self, local: LocalCurve, arguments: Named) -> LocalCurve:
         gradient = {}
         for name in self.varied:
             slope = local.gradient[name]
@@ -83,7 +81,7 @@ class VaryingCurve:
             gradient[shift_of(name)] = np.asarray(slope * np.asarray(arguments[spread_of(name)]))
         return LocalCurve(local.value, local.slope, {**local.gradient, **gradient})
 
-    def time_derivative(self, x: FloatArray, arguments: Arguments, order: int) -> FloatArray:
+    def time_derivative(self, x: FloatArray, arguments: Named, order: int) -> FloatArray:
         return self.curve.time_derivative(x, own_values(arguments, self.varied), order)
 
 
@@ -110,23 +108,23 @@ class VaryingMotion:
     def grip(self) -> Prior | float | None:
         return self.motion.grip
 
-    def footing(self, farthest: float, arguments: Arguments) -> Footing:
+    def footing(self, farthest: float, arguments: Named) -> Footing:
         return self.motion.footing(farthest, own_values(arguments, self.varied))
 
-    def metres(self, arguments: Arguments) -> ArrayLike:
+    def metres(self, arguments: Named) -> ArrayLike:
         return self.motion.metres(own_values(arguments, self.varied))
 
-    def gravity(self, arguments: Arguments) -> ArrayLike:
+    def gravity(self, arguments: Named) -> ArrayLike:
         return self.motion.gravity(own_values(arguments, self.varied))
 
-    def upright(self, arguments: Arguments) -> ArrayLike:
+    def upright(self, arguments: Named) -> ArrayLike:
         return self.motion.upright(own_values(arguments, self.varied))
 
-    def radian(self, arguments: Arguments) -> ArrayLike:
+    def radian(self, arguments: Named) -> ArrayLike:
         return self.motion.radian(own_values(arguments, self.varied))
 
     def energies(
-        self, x: FloatArray, v: FloatArray, arguments: Arguments
+        self, x: FloatArray, v: FloatArray, arguments: Named
     ) -> tuple[FloatArray, FloatArray]:
         return self.motion.energies(x, v, own_values(arguments, self.varied))
 
@@ -141,8 +139,8 @@ class VaryingMotion:
             for error in errors
         )
 
-    def derived(self, arguments: Arguments) -> Mapping[str, Derived]:
+    def derived(self, arguments: Named) -> Mapping[str, Derived]:
         return self.motion.derived(own_values(arguments, self.varied))
 
-    def end(self, arguments: Arguments) -> FloatArray:
+    def end(self, arguments: Named) -> FloatArray:
         return self.motion.end(own_values(arguments, self.varied))

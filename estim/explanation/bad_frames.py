@@ -15,14 +15,13 @@ moved) is blamed on a reading far from it.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, Named
 from estim.common import Notation, phrase
 from estim.deviation import Pattern, Shifts
 from estim.explanation.candidates import Cause
@@ -42,12 +41,12 @@ class Displaced:
     x: FloatArray
     shift: FloatArray
 
-    def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    def value(self, x: FloatArray, arguments: Named) -> FloatArray:
         return np.asarray(
             self.curve.value(x, arguments) + np.asarray(arguments[_ARGUMENT]) * self._at(x)
         )
 
-    def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+    def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
         inner, moved = self.curve.local(x, arguments), self._at(x)
         return replace(
             inner,
@@ -55,9 +54,7 @@ class Displaced:
             gradient={**inner.gradient, _ARGUMENT: moved},
         )
 
-    def time_derivative(
-        self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int
-    ) -> FloatArray:
+    def time_derivative(self, x: FloatArray, arguments: Named, order: int) -> FloatArray:
         return cast(SpeedCurve, self.curve).time_derivative(x, arguments, order)
 
     def _at(self, x: FloatArray) -> FloatArray:

@@ -22,16 +22,15 @@ they say (Bayarri, Berger, J. Am. Stat. Assoc. 95 (2000) 1127).  A small one cou
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, Named
 from estim.common import Label, Notation, p_digits, phrase
 from estim.deviation import MixtureErrors, replicas
-from estim.problem import Likelihood, Named, Observations, Points, Posterior, n_draws
+from estim.problem import Likelihood, Observations, Points, Posterior, n_draws
 
 P_NOT_BROUGHT_BACK = 0.01
 N_DRAW, _FEW = 1000, 100  # draws; those of a noise of which every draw has another covariance
@@ -133,7 +132,7 @@ def _again(
 
 
 def _of_run(
-    run: Observations, points: Points, again: FloatArray, arguments: Mapping[str, ArrayLike]
+    run: Observations, points: Points, again: FloatArray, arguments: Named
 ) -> tuple[Predicted, ...]:
     order = np.argsort(points.x, kind="stable")
     x, measured, again = points.x[order], points.y[None, order], again[:, order]
@@ -154,11 +153,7 @@ def _of_run(
 
 
 def _of_motion(
-    run: Observations,
-    measured: _Motion,
-    again: _Motion,
-    arguments: Mapping[str, ArrayLike],
-    unit: str,
+    run: Observations, measured: _Motion, again: _Motion, arguments: Named, unit: str
 ) -> tuple[Predicted, ...]:
     x, v = (part[0] for part in measured)
     here, speed = Notation("x").label(unit), Notation("v").label(f"{unit}/s")

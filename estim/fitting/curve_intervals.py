@@ -24,9 +24,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray
 from estim.common import (
     PROBABILITIES,
     Amount,
@@ -144,7 +143,7 @@ def _degrees_of_freedom(cov: FloatArray, pulls: FloatArray, dof: float) -> Float
     return dof / np.clip(share, 1e-3, 1.0) ** 2
 
 
-def _within_reach(fit: Fit, sds: FloatArray, dofs: FloatArray) -> NDArray[np.bool_]:
+def _within_reach(fit: Fit, sds: FloatArray, dofs: FloatArray) -> BoolArray:
     """(n_par,) whether an edge of a parameter's prior lies inside its 95 % interval."""
     half = _quantile(PROBABILITIES[-1], dofs) * sds
     priors = [p.prior for p in fit.problem.parameters]

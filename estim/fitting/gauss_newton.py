@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray
 from estim.fitting.finish import step_between
 from estim.fitting.separable import RESOLVED, SeparableSearch
 
@@ -93,7 +92,7 @@ def near_bound(
     jacobian: FloatArray,
     residual: FloatArray,
     chi2: float,
-) -> NDArray[np.bool_]:
+) -> BoolArray:
     """Which parameters lie on a bound that the descent would push them across, or from which it
     would move them next to nothing.
 

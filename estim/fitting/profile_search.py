@@ -11,9 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray, IntArray
 from estim.fitting.fisher_information import information, prior_sds
 from estim.fitting.least_squares import Fit
 from estim.problem import Likelihood, Posterior
@@ -63,14 +62,12 @@ class ProfileSearch:
     def closing(self) -> float:
         return 1.0
 
-    def looked_at(
-        self, points: FloatArray, which: NDArray[np.int64]
-    ) -> tuple[FloatArray, FloatArray]:
+    def looked_at(self, points: FloatArray, which: IntArray) -> tuple[FloatArray, FloatArray]:
         """The points and their objectives."""
         return points, self.objectives(points)
 
     def shape(
-        self, points: FloatArray, which: NDArray[np.int64], curved: NDArray[np.bool_]
+        self, points: FloatArray, which: IntArray, curved: BoolArray
     ) -> tuple[FloatArray, FloatArray]:
         """Slopes of the objective, and the curvatures that the Fisher information expects."""
         units = np.outer(self.scale, self.scale)
@@ -124,9 +121,7 @@ class ProfileSearch:
                 2.0 * information(self.posterior, values) * np.outer(self.scale, self.scale)
             )
 
-    def _heights(
-        self, likelihood: Likelihood, own: NDArray[np.int64], rows: FloatArray
-    ) -> FloatArray:
+    def _heights(self, likelihood: Likelihood, own: IntArray, rows: FloatArray) -> FloatArray:
         """(n_point, n_row) -2 log likelihood of a group, inf where there is none, at rows (n_point,
         n_row, n_par).
         """

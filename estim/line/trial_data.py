@@ -9,9 +9,8 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray
 from estim.campaign import CampaignFile
 from estim.reading import read_known_columns
 
@@ -31,7 +30,7 @@ class Tilt:
 
     phi: float
     theta: FloatArray
-    climbed: NDArray[np.bool_]
+    climbed: BoolArray
 
     def end(self, end: str) -> Tilt:
         """The trials at one end: angles below 90 degrees ("min") or the others ("max")."""
@@ -82,7 +81,7 @@ class Trials:
         return replace(self, tilts=tilts)
 
 
-def by_tilt(phi: FloatArray, theta: FloatArray, climbed: NDArray[np.bool_]) -> tuple[Tilt, ...]:
+def by_tilt(phi: FloatArray, theta: FloatArray, climbed: BoolArray) -> tuple[Tilt, ...]:
     """Trials (n,) grouped by the reading of the tilt, in its order; equal readings are one setting
     of the ramp.
     """

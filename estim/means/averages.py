@@ -23,10 +23,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import special
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, IntArray
 from estim.common import (
     InputError,
     Shown,
@@ -74,7 +74,7 @@ class Groups:
 
     names: tuple[str, ...]
     means: FloatArray
-    sizes: NDArray[np.int64]
+    sizes: IntArray
     s_within: float
     s_between: float
     F: float

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray
 from estim.common import InputError, Status
 from estim.measurement.model_file import MeasurementModel
 from estim.measurement.region import Region, regions
@@ -47,7 +46,7 @@ class Propagation:
     regions: tuple[Region, ...]
 
     @property
-    def gum_holds(self) -> NDArray[np.bool_]:
+    def gum_holds(self) -> BoolArray:
         """(n_out,) whether the interval of the GUM is that of the draws for certain; else the draws
         are quoted.
         """
@@ -61,7 +60,7 @@ class Propagation:
         )
 
     @property
-    def known(self) -> NDArray[np.bool_]:
+    def known(self) -> BoolArray:
         """(n_out,) whether there is an interval that can be quoted."""
         low, high = self.interval.low, self.interval.high
         error = np.maximum(self.interval.low_error, self.interval.high_error)

@@ -2,6 +2,7 @@
 `noise` (which sigma is which) and `likelihood`.
 """
 
+from estim.arrays import Named as Named
 from estim.problem.abscissas import hide_the_range
 from estim.problem.curve import (
     EXACT,
@@ -34,7 +35,6 @@ from estim.problem.noise import (
     Derivative,
     Differentiated,
     Independent,
-    Named,
     Scale,
     Size,
     differentiate,

@@ -25,17 +25,13 @@ the true abscissas must be fitted.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray, Named
 from estim.distributions import normal_below, normal_quantile, normal_tail
 from estim.problem.tails import Tails
-
-BoolArray = NDArray[np.bool_]
 
 # between nodes, in standard deviations of the true abscissa: halving it moves no log density by
 # 0.01 up to u_x f'/u_y = 3
@@ -138,9 +134,7 @@ class Predictive:
             *(array[0][part][:, None] for array in (self.mean, self.variance, self.log_weight))
         )
 
-    def terms(
-        self, y: FloatArray, tails: Tails, named: Mapping[str, ArrayLike]
-    ) -> tuple[FloatArray, FloatArray]:
+    def terms(self, y: FloatArray, tails: Tails, named: Named) -> tuple[FloatArray, FloatArray]:
         """z and the logarithm of each term of the density of y (..., n_obs), shaped like `mean`."""
         z = (y[..., None] - self.mean) / np.sqrt(self.variance)
         return z, np.asarray(
@@ -149,15 +143,11 @@ class Predictive:
             - 0.5 * np.log(self.variance)
         )
 
-    def log_density(
-        self, y: FloatArray, tails: Tails, named: Mapping[str, ArrayLike]
-    ) -> FloatArray:
+    def log_density(self, y: FloatArray, tails: Tails, named: Named) -> FloatArray:
         """(..., n_obs)."""
         return summed(self.terms(y, tails, named)[1])
 
-    def normal_score(
-        self, y: FloatArray, tails: Tails, named: Mapping[str, ArrayLike]
-    ) -> FloatArray:
+    def normal_score(self, y: FloatArray, tails: Tails, named: Named) -> FloatArray:
         """(..., n_obs) y mapped to a standard normal variable through its distribution function."""
         z = tails.normal_score(
             (y[..., None] - self.mean) / np.sqrt(self.variance), deepened(tails, named)
@@ -170,7 +160,7 @@ class Predictive:
         )
 
 
-def deepened(tails: Tails, named: Mapping[str, ArrayLike]) -> dict[str, FloatArray]:
+def deepened(tails: Tails, named: Named) -> dict[str, FloatArray]:
     """Parameters of the tails with one more axis, for components."""
     return {name: np.asarray(named[name], dtype=float)[..., None] for name in tails.parameters}
 

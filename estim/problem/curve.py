@@ -13,7 +13,7 @@ from typing import Protocol, runtime_checkable
 
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, Named
 from estim.common import Label, Notation, later
 from estim.problem.priors import Prior
 
@@ -76,7 +76,7 @@ class DerivedQuantity(Protocol):
     @property
     def lacking(self) -> tuple[str, ...]: ...
 
-    def of(self, known: Mapping[str, ArrayLike]) -> Derived | None:
+    def of(self, known: Named) -> Derived | None:
         """Its values, where `known` has scalars or (n_draw, 1) of every name that it needs; None
         where it lacks one.
         """
@@ -121,10 +121,10 @@ class Curve(Protocol):
     n_obs).
     """
 
-    def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    def value(self, x: FloatArray, arguments: Named) -> FloatArray:
         """f(x; arguments)."""
 
-    def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+    def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
         """f with its slope in x and its gradient in the arguments."""
 
 
@@ -132,9 +132,7 @@ class Curve(Protocol):
 class SpeedCurve(Curve, Protocol):
     """A curve of speeds dx/dt = f(x), which speeds made by differences of positions need."""
 
-    def time_derivative(
-        self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int
-    ) -> FloatArray:
+    def time_derivative(self, x: FloatArray, arguments: Named, order: int) -> FloatArray:
         """d^order f/dt^order along the motion dx/dt = f(x), for even `order`: what a derivative by
         differences adds to its mean.
         """
@@ -146,10 +144,10 @@ class SquaredCurve(Curve, Protocol):
     suffice.
     """
 
-    def square(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    def square(self, x: FloatArray, arguments: Named) -> FloatArray:
         """(n_draw, n_obs) f^2."""
 
-    def local_square(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+    def local_square(self, x: FloatArray, arguments: Named) -> LocalCurve:
         """f^2 with its slope in x and its gradient in the arguments."""
 
 
@@ -157,9 +155,7 @@ class SquaredCurve(Curve, Protocol):
 class PositionCurve(Curve, Protocol):
     """A curve of positions against time."""
 
-    def state(
-        self, t: FloatArray, arguments: Mapping[str, ArrayLike]
-    ) -> tuple[FloatArray, FloatArray]:
+    def state(self, t: FloatArray, arguments: Named) -> tuple[FloatArray, FloatArray]:
         """Positions and velocities (n_draw, n_obs) at times t (n_obs,) s of the data's clock."""
 
 
@@ -184,23 +180,23 @@ class Motion(Protocol):
     def grip(self) -> Prior | float | None:
         """Coefficient of static friction as stated, None where it is not."""
 
-    def footing(self, farthest: float, arguments: Mapping[str, ArrayLike]) -> Footing:
+    def footing(self, farthest: float, arguments: Named) -> Footing:
         """The force of the ramp from the release to the reading `farthest`, on the way there."""
 
-    def metres(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+    def metres(self, arguments: Named) -> ArrayLike:
         """Metres that one unit of position is worth."""
 
-    def gravity(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+    def gravity(self, arguments: Named) -> ArrayLike:
         """Acceleration of free fall, m/s^2."""
 
-    def upright(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+    def upright(self, arguments: Named) -> ArrayLike:
         """Normal force over the weight, at rest."""
 
-    def radian(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+    def radian(self, arguments: Named) -> ArrayLike:
         """Positions passed while the body turns by one radian."""
 
     def energies(
-        self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]
+        self, x: FloatArray, v: FloatArray, arguments: Named
     ) -> tuple[FloatArray, FloatArray]:
         """Kinetic and potential energy per unit mass (J/kg) at measured positions x and speeds
         v.
@@ -213,10 +209,10 @@ class Motion(Protocol):
         exact: a number in place of a parameter's name.
         """
 
-    def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
+    def derived(self, arguments: Named) -> Mapping[str, Derived]:
         """Quantities that follow from the arguments and mean something to a reader, by name."""
 
-    def end(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    def end(self, arguments: Named) -> FloatArray:
         """Abscissa behind which the motion does not go, (n_draw, 1) or (1, 1); inf where it never
         ends.
         """

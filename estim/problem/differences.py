@@ -7,9 +7,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +17,7 @@ class Differences:
     weights[i, k] that stand there.
     """
 
-    places: NDArray[np.int64]
+    places: IntArray
     weights: FloatArray
     n_row: int
 
@@ -50,16 +49,16 @@ class Differences:
         np.add.at(matrix, (np.arange(len(self.places))[:, None], self.places), self.weights)
         return matrix
 
-    def of(self, kept: NDArray[np.int64]) -> Differences:
+    def of(self, kept: IntArray) -> Differences:
         """Some of the rows."""
         return replace(self, places=self.places[kept], weights=self.weights[kept])
 
-    def among(self, used: NDArray[np.bool_]) -> Differences:
+    def among(self, used: BoolArray) -> Differences:
         """A without the other columns, in which nothing may stand."""
         place = np.cumsum(used) - 1
         return Differences(np.where(used, place, 0)[self.places], self.weights, int(np.sum(used)))
 
-    def less(self, at: NDArray[np.int64], slope: FloatArray) -> Differences:
+    def less(self, at: IntArray, slope: FloatArray) -> Differences:
         """A less slope (n_obs,) in the columns `at` (n_obs,)."""
         return replace(
             self,
@@ -76,7 +75,7 @@ class Differences:
         return replace(self, weights=self.weights * factor[:, None])
 
     @property
-    def used(self) -> NDArray[np.bool_]:
+    def used(self) -> BoolArray:
         """(n_row,) columns in which something stands."""
         mask = np.zeros(self.n_row, dtype=bool)
         mask[self.places[self.weights != 0.0]] = True

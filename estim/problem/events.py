@@ -12,15 +12,14 @@ likelihood of the times given their number.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, IntArray, Named
 from estim.common import InputError, phrase
 from estim.problem.count_distributions import BINOMIAL as BINOMIAL
 from estim.problem.count_distributions import POISSON as POISSON
@@ -32,7 +31,6 @@ from estim.problem.counts import counted_words as counted_words
 from estim.problem.curve import Curve, LocalCurve, Wording
 from estim.problem.latent import rooted
 from estim.problem.likelihood import Likelihood, Points, n_draws
-from estim.problem.size import Named
 
 # the exponential of it is how far a rate may exceed one event between an event and its nearest
 # neighbour
@@ -43,15 +41,15 @@ _ROOM = 3.0
 class RateCurve(Curve, Protocol):
     """A curve of expected numbers of events in cells that knows the rate within them."""
 
-    def nodes(self, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+    def nodes(self, arguments: Named) -> tuple[FloatArray, FloatArray]:
         """Times and weights (n_node,) of an integral over all cells, for single arguments."""
 
-    def rate(self, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+    def rate(self, arguments: Named) -> tuple[FloatArray, FloatArray]:
         """(n_draw, n_event) events per unit of time at the events and (n_draw, n_cell) their
         expected number; nan where it is no rate.
         """
 
-    def local_rate(self, t: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+    def local_rate(self, t: FloatArray, arguments: Named) -> LocalCurve:
         """The same with its gradient."""
 
 
@@ -62,7 +60,7 @@ class EventErrors(CountErrors):
     """
 
     times: FloatArray
-    first: NDArray[np.int64]
+    first: IntArray
     spacing: FloatArray
 
     def pointwise(self, named: Named) -> FloatArray:

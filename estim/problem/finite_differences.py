@@ -20,9 +20,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, IntArray
 from estim.common import InputError, later
 from estim.problem.differences import Differences
 
@@ -73,7 +72,7 @@ class Derivative:
     """
 
     stencil: Stencil
-    rows: NDArray[np.int64]
+    rows: IntArray
     value: FloatArray
     matrix: Differences
     interval: float
@@ -86,7 +85,7 @@ def differentiate(
     stencil: Stencil,
     *,
     file: str = "data",
-    lines: NDArray[np.int64] | None = None,
+    lines: IntArray | None = None,
 ) -> Derivative:
     """Derivative of `position` (n_row,) at equally spaced times `t` (n_row,) s, where frames may be
     missing.
@@ -119,9 +118,7 @@ def differentiate(
     return Derivative(stencil, chosen, value, matrix, interval, int(frame[-1] + 1 - frame.size))
 
 
-def _frames(
-    t: FloatArray, *, file: str, lines: NDArray[np.int64] | None
-) -> tuple[float, NDArray[np.int64]]:
+def _frames(t: FloatArray, *, file: str, lines: IntArray | None) -> tuple[float, IntArray]:
     """The frame interval (s) and the frame number of each row."""
     steps = np.diff(t)
     counts = np.rint(steps / np.median(steps))

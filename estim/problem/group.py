@@ -14,10 +14,9 @@ from typing import Protocol
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, Named
 from estim.problem.likelihood import Likelihood, StackedPoints
 from estim.problem.observations import Observations
-from estim.problem.size import Named
 
 
 class SharedNoise(Protocol):

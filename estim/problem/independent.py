@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, Named
 from estim.problem.likelihood import Ends, Likelihood, Points
-from estim.problem.size import Named, Size
+from estim.problem.size import Size
 from estim.problem.tails import Tails, score_information
 from estim.problem.whitened import Linear
 

@@ -25,10 +25,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray, Named
 from estim.problem.abscissas import (
     LOG_WEIGHTS,
-    BoolArray,
     Predictive,
     TrueAbscissas,
     deepened,
@@ -39,7 +38,7 @@ from estim.problem.abscissas import (
     true_abscissas,
 )
 from estim.problem.likelihood import Ends, Likelihood, Points, n_draws
-from estim.problem.size import Named, Scale, Size
+from estim.problem.size import Scale, Size
 from estim.problem.tails import Tails
 from estim.problem.whitened import Tabled
 

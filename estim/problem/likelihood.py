@@ -22,12 +22,12 @@ from typing import TYPE_CHECKING, ClassVar, Protocol, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, Named
 from estim.problem.count_distributions import Counted
 from estim.problem.curve import Curve, LocalCurve, SquaredCurve, Wording
 from estim.problem.differences import Differences
 from estim.problem.roots import Root
-from estim.problem.size import Named, Size
+from estim.problem.size import Size
 from estim.problem.whitened import Linear
 
 Ends = Mapping[str, tuple[Named, Named, float]]

@@ -7,9 +7,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, IntArray
 
 # posterior standard deviations beyond which a measure that is known about the fit grows no further
 _REACH = 4.0
@@ -27,7 +26,7 @@ class Measure:
     n_run : runs whose readings it is of.
     """
 
-    columns: NDArray[np.int64]
+    columns: IntArray
     centre: FloatArray
     slope: FloatArray
     spread: float

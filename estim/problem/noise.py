@@ -30,9 +30,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, IntArray, Named
 from estim.common import InputError, phrase
 from estim.problem.abscissas import true_abscissas
 from estim.problem.curve import SpeedCurve, Wording
@@ -44,7 +43,6 @@ from estim.problem.independent import RobustErrors
 from estim.problem.latent import LatentErrors
 from estim.problem.likelihood import Likelihood, Noise, Points
 from estim.problem.normal import Diagonal, GaussianErrors
-from estim.problem.size import Named as Named
 from estim.problem.size import Scale as Scale
 from estim.problem.size import Size as Size
 from estim.problem.tails import GAUSSIAN, Tails
@@ -238,7 +236,7 @@ class Differentiated(Noise):
     scatter: Scale
     encoder_step: float
     derivative: Derivative
-    kept: NDArray[np.int64]  # (n_obs,) which speeds of `derivative` are used
+    kept: IntArray  # (n_obs,) which speeds of `derivative` are used
     relative: FloatArray | None = None
     exposure: float = 0.0
 

@@ -18,11 +18,11 @@ from typing import Protocol
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, Named
 from estim.problem.differences import Differences
 from estim.problem.likelihood import Ends, Likelihood, Points, n_draws
 from estim.problem.roots import DENSE, Band, Dense, Root
-from estim.problem.size import Named, Scale, Size
+from estim.problem.size import Scale, Size
 from estim.problem.whitened import Linear
 
 KNOWN = Size(Scale(1.0))

@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, IntArray, Named
 from estim.common import Finding, InputError, Label, Notation, phrase, split_level
 from estim.problem.curve import POINTS, Curve, Derived, DerivedQuantity, Motion, Wording
 from estim.problem.likelihood import Likelihood, Noise, Points
 from estim.problem.priors import Prior
-from estim.problem.size import Named
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,12 +85,12 @@ class Rows:
     """
 
     t: FloatArray
-    lines: NDArray[np.int64]
-    kept: NDArray[np.int64]
+    lines: IntArray
+    kept: IntArray
     positions: FloatArray | None = None
 
     @classmethod
-    def of_points(cls, n_obs: int, t: FloatArray | None, lines: NDArray[np.int64]) -> Rows:
+    def of_points(cls, n_obs: int, t: FloatArray | None, lines: IntArray) -> Rows:
         """Of points that are what was read, at times t (n_obs,) on these lines (n_obs,), where
         times are known.
         """
@@ -151,7 +150,7 @@ class Observations:
     complete: Finding | None = None
     lacks: Discrepancy | None = None
     sought: tuple[DerivedQuantity, ...] = ()
-    order: NDArray[np.int64] | None = None
+    order: IntArray | None = None
 
     @property
     def stated(self) -> bool:
@@ -208,7 +207,7 @@ class Observations:
         """
         return self.noise.likelihood(self.points, named)
 
-    def end(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    def end(self, arguments: Named) -> FloatArray:
         """(n_draw, 1) or (1, 1) abscissa behind which the motion does not go; inf where there is
         none, or it never ends.
         """
@@ -223,7 +222,7 @@ class Observations:
             )
         return self.motion
 
-    def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
+    def derived(self, arguments: Named) -> Mapping[str, Derived]:
         """Quantities that follow from the arguments of the curve (`bind`): those that mean
         something to a reader, and what was `sought`.
         """
@@ -236,7 +235,7 @@ class Observations:
                 quantities[quantity.name] = derived
         return quantities
 
-    def bind(self, values: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
+    def bind(self, values: Named) -> dict[str, ArrayLike]:
         """Arguments of the curve for parameter values (scalars or (n_draw, 1)), and what else is
         needed for what was `sought`.
         """

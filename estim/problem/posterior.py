@@ -14,9 +14,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, IntArray
 from estim.common import InputError
 from estim.problem.group import Group as Group
 from estim.problem.group import SharedNoise, grouped
@@ -62,7 +61,7 @@ class Problem:
         return grouped(self.runs, self.shared)
 
     @cached_property
-    def columns(self) -> tuple[NDArray[np.int64], ...]:
+    def columns(self) -> tuple[IntArray, ...]:
         """For each group (n_used,) the places of the parameters that it depends on."""
         place = {name: i for i, name in enumerate(self.names)}
         used = (
@@ -301,7 +300,7 @@ class Posterior:
         )
 
     @cached_property
-    def _parts(self) -> tuple[tuple[Likelihood, tuple[str, ...], NDArray[np.int64]], ...]:
+    def _parts(self) -> tuple[tuple[Likelihood, tuple[str, ...], IntArray], ...]:
         """For each group its likelihood, and names and places of the parameters that it depends on:
         derivatives in all others are 0.
         """
@@ -310,7 +309,7 @@ class Posterior:
             for likelihood, columns in zip(self.likelihoods, self.problem.columns, strict=True)
         )
 
-    def _widened(self, part: FloatArray, columns: NDArray[np.int64]) -> FloatArray:
+    def _widened(self, part: FloatArray, columns: IntArray) -> FloatArray:
         """(n, n_par) derivatives in all parameters from those (n, n_used) in `columns`."""
         if columns.size == self.problem.n_par:
             return part

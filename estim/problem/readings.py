@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, Named
 from estim.common import InputError, phrase
 from estim.given_numbers import real_numbers
 from estim.problem.abscissas import correlated_abscissas
@@ -20,7 +20,7 @@ from estim.problem.likelihood import Noise, Points
 from estim.problem.noise import Independent, scatter_words
 from estim.problem.normal import GaussianErrors
 from estim.problem.roots import root_of
-from estim.problem.size import Named, Scale, Size
+from estim.problem.size import Scale, Size
 
 
 @dataclass(frozen=True, eq=False)

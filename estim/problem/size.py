@@ -9,16 +9,13 @@ of C0 (of independent points: the variance of one for a unit sigma), that of C i
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
-
-Named = Mapping[str, ArrayLike]
-"""Parameter -> its value, or a column (n_draw, 1) of draws."""
+from estim.arrays import FloatArray, Named
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,15 +17,13 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, Named
 from estim.common import phrase
 from estim.distributions import normal_quantile, normal_tail, student_tail
 
@@ -48,39 +46,35 @@ class Tails(ABC):
         return ()
 
     @abstractmethod
-    def log_density(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
+    def log_density(self, z: FloatArray, values: Named) -> FloatArray:
         """Normalised log density."""
 
     @abstractmethod
-    def deviance_residual(
-        self, z: FloatArray, values: Mapping[str, ArrayLike]
-    ) -> tuple[FloatArray, FloatArray]:
+    def deviance_residual(self, z: FloatArray, values: Named) -> tuple[FloatArray, FloatArray]:
         """r(z) with r^2/2 = log p(0) - log p(z), signed as z, and dr/dz: what least squares
         minimises.
         """
 
     @abstractmethod
-    def information(self, values: Mapping[str, ArrayLike]) -> tuple[float, float]:
+    def information(self, values: Named) -> tuple[float, float]:
         """Fisher information of one z about its location and about the logarithm of its scale (1
         and 2 if normal).
         """
 
     @abstractmethod
-    def outlier_probability(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
+    def outlier_probability(self, z: FloatArray, values: Named) -> FloatArray:
         """Probability that this frame is an outlier, given z."""
 
-    def outlier_share(self, values: Mapping[str, ArrayLike]) -> float:
+    def outlier_share(self, values: Named) -> float:
         """The share of outliers where that is one of its own unknowns, otherwise nan."""
         return math.nan
 
     @abstractmethod
-    def normal_score(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
+    def normal_score(self, z: FloatArray, values: Named) -> FloatArray:
         """z mapped to a standard normal variable through its distribution function."""
 
     @abstractmethod
-    def draw(
-        self, rng: np.random.Generator, size: int, values: Mapping[str, ArrayLike]
-    ) -> FloatArray:
+    def draw(self, rng: np.random.Generator, size: int, values: Named) -> FloatArray:
         """(size,) random z."""
 
     @abstractmethod
@@ -94,26 +88,22 @@ class Gaussian(Tails):
 
     robust = False
 
-    def log_density(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
+    def log_density(self, z: FloatArray, values: Named) -> FloatArray:
         return -0.5 * z**2 - _LOG_ROOT_2PI
 
-    def deviance_residual(
-        self, z: FloatArray, values: Mapping[str, ArrayLike]
-    ) -> tuple[FloatArray, FloatArray]:
+    def deviance_residual(self, z: FloatArray, values: Named) -> tuple[FloatArray, FloatArray]:
         return z, np.ones_like(z)
 
-    def information(self, values: Mapping[str, ArrayLike]) -> tuple[float, float]:
+    def information(self, values: Named) -> tuple[float, float]:
         return 1.0, 2.0
 
-    def outlier_probability(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
+    def outlier_probability(self, z: FloatArray, values: Named) -> FloatArray:
         return np.zeros_like(z)
 
-    def normal_score(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
+    def normal_score(self, z: FloatArray, values: Named) -> FloatArray:
         return z
 
-    def draw(
-        self, rng: np.random.Generator, size: int, values: Mapping[str, ArrayLike]
-    ) -> FloatArray:
+    def draw(self, rng: np.random.Generator, size: int, values: Named) -> FloatArray:
         return rng.standard_normal(size)
 
     def describe(self) -> str:
@@ -136,21 +126,19 @@ class StudentT(Tails):
             - 0.5 * math.log(self.nu * math.pi)
         )
 
-    def log_density(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
+    def log_density(self, z: FloatArray, values: Named) -> FloatArray:
         return self._log_norm - 0.5 * (self.nu + 1.0) * np.log1p(z**2 / self.nu)
 
-    def deviance_residual(
-        self, z: FloatArray, values: Mapping[str, ArrayLike]
-    ) -> tuple[FloatArray, FloatArray]:
+    def deviance_residual(self, z: FloatArray, values: Named) -> tuple[FloatArray, FloatArray]:
         residual = np.sign(z) * np.sqrt((self.nu + 1.0) * np.log1p(z**2 / self.nu))
         return residual, _slope(
             residual, z, (self.nu + 1.0) * z / (self.nu + z**2), (self.nu + 1.0) / self.nu
         )
 
-    def information(self, values: Mapping[str, ArrayLike]) -> tuple[float, float]:
+    def information(self, values: Named) -> tuple[float, float]:
         return (self.nu + 1.0) / (self.nu + 3.0), 2.0 * self.nu / (self.nu + 3.0)
 
-    def outlier_probability(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
+    def outlier_probability(self, z: FloatArray, values: Named) -> FloatArray:
         """t is a normal whose precision follows a Gamma law: probability that this frame's own sd
         is above 3 sigma.
         """
@@ -158,12 +146,10 @@ class StudentT(Tails):
 
         return gammainc(0.5 * (self.nu + 1.0), 0.5 * (self.nu + z**2) / _FAR**2)
 
-    def normal_score(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
+    def normal_score(self, z: FloatArray, values: Named) -> FloatArray:
         return -np.sign(z) * normal_quantile(np.maximum(student_tail(np.abs(z), self.nu), 1e-300))
 
-    def draw(
-        self, rng: np.random.Generator, size: int, values: Mapping[str, ArrayLike]
-    ) -> FloatArray:
+    def draw(self, rng: np.random.Generator, size: int, values: Named) -> FloatArray:
         return rng.standard_t(self.nu, size)
 
     def describe(self) -> str:
@@ -185,9 +171,7 @@ class Mixture(Tails):
     def parameters(self) -> tuple[str, ...]:
         return (self.fraction, self.log_width)
 
-    def _parts(
-        self, z: FloatArray, values: Mapping[str, ArrayLike]
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _parts(self, z: FloatArray, values: Named) -> tuple[FloatArray, FloatArray, FloatArray]:
         """log of the good part, log of the bad part, width; shaped like z."""
         fraction = np.asarray(values[self.fraction], dtype=float)
         width = np.exp(np.asarray(values[self.log_width], dtype=float))
@@ -196,13 +180,11 @@ class Mixture(Tails):
             bad = np.log(fraction) - np.log(width) - 0.5 * (z / width) ** 2 - _LOG_ROOT_2PI
         return good, bad, width
 
-    def log_density(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
+    def log_density(self, z: FloatArray, values: Named) -> FloatArray:
         good, bad, _ = self._parts(z, values)
         return np.logaddexp(good, bad)
 
-    def deviance_residual(
-        self, z: FloatArray, values: Mapping[str, ArrayLike]
-    ) -> tuple[FloatArray, FloatArray]:
+    def deviance_residual(self, z: FloatArray, values: Named) -> tuple[FloatArray, FloatArray]:
         good, bad, width = self._parts(z, values)
         top_good, top_bad, _ = self._parts(np.zeros_like(z), values)
         share = np.exp(bad - np.logaddexp(good, bad))
@@ -214,7 +196,7 @@ class Mixture(Tails):
             residual, z, z * (1.0 - share + share / width**2), 1.0 - top + top / width**2
         )
 
-    def information(self, values: Mapping[str, ArrayLike]) -> tuple[float, float]:
+    def information(self, values: Named) -> tuple[float, float]:
         z = np.concatenate(
             [
                 np.linspace(0.0, 8.0, 400),
@@ -231,22 +213,20 @@ class Mixture(Tails):
             np.trapezoid((score * z - 1.0) ** 2 * density, z)
         )
 
-    def outlier_probability(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
+    def outlier_probability(self, z: FloatArray, values: Named) -> FloatArray:
         good, bad, _ = self._parts(z, values)
         return np.exp(bad - np.logaddexp(good, bad))
 
-    def outlier_share(self, values: Mapping[str, ArrayLike]) -> float:
+    def outlier_share(self, values: Named) -> float:
         return float(np.squeeze(values[self.fraction]))
 
-    def normal_score(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
+    def normal_score(self, z: FloatArray, values: Named) -> FloatArray:
         fraction = np.asarray(values[self.fraction])
         width = np.exp(np.asarray(values[self.log_width]))
         tail = (1.0 - fraction) * normal_tail(np.abs(z)) + fraction * normal_tail(np.abs(z) / width)
         return -np.sign(z) * normal_quantile(np.maximum(tail, 1e-300))
 
-    def draw(
-        self, rng: np.random.Generator, size: int, values: Mapping[str, ArrayLike]
-    ) -> FloatArray:
+    def draw(self, rng: np.random.Generator, size: int, values: Named) -> FloatArray:
         bad = rng.random(size) < np.ravel(values[self.fraction])
         return rng.standard_normal(size) * np.where(
             bad, np.exp(np.ravel(values[self.log_width])), 1.0
@@ -260,11 +240,7 @@ class Mixture(Tails):
         )
 
 
-def score_information(
-    tails: Tails,
-    values: Mapping[str, ArrayLike],
-    ends: tuple[Mapping[str, ArrayLike], Mapping[str, ArrayLike], float],
-) -> float:
+def score_information(tails: Tails, values: Named, ends: tuple[Named, Named, float]) -> float:
     """Mean square, over errors drawn from the tails themselves at `values`, of the score in one of
     their parameters.
 

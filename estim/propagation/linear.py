@@ -26,9 +26,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray
 from estim.common import InputError, Shown, Tabled, phrase, rounded
 from estim.distributions import student_quantile
 from estim.propagation.evaluation import (
@@ -227,7 +226,7 @@ def frozen(array: Any) -> FloatArray:
     return copy
 
 
-def how_many(affected: NDArray[np.bool_], *, scalar: bool) -> str:
+def how_many(affected: BoolArray, *, scalar: bool) -> str:
     """Text for the outputs concerned: empty for a scalar output, else "at 3 of 20 outputs: "."""
     return (
         ""

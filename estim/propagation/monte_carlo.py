@@ -20,9 +20,8 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray
 from estim.common import InputError, Shown, Tabled, interval, later, phrase, rounded
 from estim.propagation.copula import copula_matrix, draw_inputs
 from estim.propagation.evaluation import (
@@ -306,7 +305,7 @@ def _standard_errors(blocks: FloatArray) -> FloatArray:
     )
 
 
-def _stabilised(blocks: FloatArray, n_digits: int, watched: IntervalKind) -> NDArray[np.bool_]:
+def _stabilised(blocks: FloatArray, n_digits: int, watched: IntervalKind) -> BoolArray:
     """Whether each output has stabilised (JCGM 101, 7.9.4 g-k): (n_block, 7, n_out) -> (n_out,)."""
     count, mean, u = blocks[:, 0], blocks[:, 1], blocks[:, 2]
     total = count.sum(axis=0)
@@ -405,7 +404,7 @@ def _undefined_notes(undefined: FloatArray, conditional: bool, *, scalar: bool) 
 def _unstable_note(
     errors: FloatArray,
     tolerance: FloatArray,
-    stable: NDArray[np.bool_],
+    stable: BoolArray,
     n_draw: int,
     n_digits: int,
     watched: IntervalKind,

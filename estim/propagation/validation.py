@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray
 from estim.common import InputError, phrase
 from estim.propagation.linear import LinearResult, frozen, how_many
 from estim.propagation.monte_carlo import IntervalKind, MonteCarloResult, numerical_tolerance
@@ -39,8 +38,8 @@ class Validation:
     """
 
     status: Status
-    passes: NDArray[np.bool_]
-    decided: NDArray[np.bool_]
+    passes: BoolArray
+    decided: BoolArray
     d_low: FloatArray
     d_high: FloatArray
     tolerance: FloatArray
@@ -120,13 +119,13 @@ def compare(
 
 def _sentence(
     status: Status,
-    fails: NDArray[np.bool_],
-    open_: NDArray[np.bool_],
+    fails: BoolArray,
+    open_: BoolArray,
     difference: FloatArray,
     error: FloatArray,
     tolerance: FloatArray,
     n_digits: int,
-    settled: NDArray[np.bool_],
+    settled: BoolArray,
     *,
     scalar: bool,
 ) -> str:
@@ -209,7 +208,7 @@ def _check_comparable(
         raise InputError("must be one of symmetric, shortest", field="kind", value=kind)
 
 
-def _frozen_flags(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _frozen_flags(flags: BoolArray) -> BoolArray:
     copy = np.array(flags)
     copy.flags.writeable = False
     return copy

@@ -14,9 +14,8 @@ from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray, IntArray
 from estim.common import InputError, phrase, same_unit
 from estim.reading.cells import Row
 from estim.reading.dialect import Dialect
@@ -73,7 +72,7 @@ class Table:
     file: str
     sha256: str
     columns: Mapping[str, FloatArray]
-    lines: NDArray[np.int64]
+    lines: IntArray
     header_line: int = 0
     warnings: tuple[str, ...] = ()
     facts: tuple[str, ...] = ()
@@ -107,7 +106,7 @@ class Table:
                 line=self.header_line or None,
             )
 
-    def require(self, name: str, valid: NDArray[np.bool_], rule: str) -> None:
+    def require(self, name: str, valid: BoolArray, rule: str) -> None:
         """Raises InputError at the first row in which the column `name` is not `valid` (n_row,)."""
         if not np.all(valid):
             raise self.error(rule, name, int(np.argmin(valid)))

@@ -10,9 +10,8 @@ from itertools import cycle
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray
 from estim.campaign import way_back
 from estim.checks import Goodness, Outliers
 from estim.common import bracketed, later, phrase
@@ -208,7 +207,7 @@ def _draw_points(ax: Axes, run: Observations, residuals: Residuals) -> None:
 
 
 def _draw_outliers(
-    ax: Axes, run: Observations, outliers: Sequence[Outliers], far: NDArray[np.bool_]
+    ax: Axes, run: Observations, outliers: Sequence[Outliers], far: BoolArray
 ) -> None:
     """A ring about each outlier; one that is far off is an arrow at the edge, with its y."""
     for group in outliers:
@@ -256,7 +255,7 @@ class Residuals:
     run: Observations
     rest: FloatArray
     sd: FloatArray
-    far: NDArray[np.bool_]
+    far: BoolArray
 
 
 def drawn_runs(goodness: Sequence[Goodness]) -> list[int]:
@@ -290,7 +289,7 @@ def residuals_of(analysis: Analysis) -> list[Residuals]:
     return residuals
 
 
-def far_off(run: Observations, outliers: Sequence[Outliers]) -> NDArray[np.bool_]:
+def far_off(run: Observations, outliers: Sequence[Outliers]) -> BoolArray:
     """(n_obs,) which points would press all others flat: outliers of a user's own curve, some
     heights of the rest away from it.
     """

@@ -10,9 +10,8 @@ from typing import dataclass_transform
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, IntArray
 from estim.checks import Check, bad_frames_found, is_measured, upper_limit
 from estim.common import Label, Notation, split_level
 from estim.deviation import FoundForce
@@ -309,7 +308,7 @@ def _told(analysis: Analysis) -> list[int]:
     chosen = set(problem.foremost(_MOST // 2))
     uses = np.bincount(np.concatenate(problem.columns), minlength=problem.n_par)
 
-    def strongest(used: NDArray[np.int64]) -> float:
+    def strongest(used: IntArray) -> float:
         correlation = np.abs(np.atleast_2d(np.corrcoef(draws[:, used].T))) - np.eye(used.size)
         return float(np.max(correlation[:, uses[used] == 1], initial=0.0))
 

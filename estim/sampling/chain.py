@@ -18,11 +18,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, IntArray
 from estim.common import Finding, Kind, NumericalError, phrase
 from estim.sampling.diagnostics import Mixing, autocorrelation_time, mixing_of
 from estim.sampling.factors import lower_factor
-from estim.sampling.importance import K_HAT_LIMIT, IndexArray, kish_size, pareto_smoothed
+from estim.sampling.importance import K_HAT_LIMIT, kish_size, pareto_smoothed
 from estim.sampling.independence import STEPS_AHEAD, IndependenceMoves
 from estim.sampling.proposal import Proposal
 from estim.sampling.protocol import Density, log_density_in_batches
@@ -128,7 +128,7 @@ class Chain:
         """(at most n_draw,) log densities of the draws of `thinned`."""
         return np.asarray(self.log_density.reshape(-1)[self._spread(n_draw)])
 
-    def _spread(self, n_draw: int) -> IndexArray:
+    def _spread(self, n_draw: int) -> IntArray:
         rows = np.linspace(0, self.log_density.size - 1, n_draw).astype(np.int64)
         return rows[np.diff(rows, prepend=-1) > 0]
 

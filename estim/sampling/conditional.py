@@ -19,15 +19,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, IntArray
 from estim.common import InputError
 from estim.fitting import Fit
 from estim.problem import NormalErrors, Observations, Posterior, Prior
 from estim.sampling.importance import log_sum_exp
-
-IndexArray = NDArray[np.int64]
 
 _ROWS = 512  # rows of a block: its arrays stay in the cache
 _LOG_2PI = math.log(2.0 * math.pi)
@@ -55,9 +52,9 @@ class RunTerm:
 
     posterior: Posterior
     normal: NormalErrors
-    columns: IndexArray
-    shared: IndexArray
-    own: IndexArray
+    columns: IntArray
+    shared: IntArray
+    own: IntArray
     centre: FloatArray
 
     @property
@@ -194,7 +191,7 @@ class Expansion:
         return _features(z) @ self.coefficients[:, :k], root
 
 
-def run_terms(fit: Fit, sampled: IndexArray) -> tuple[RunTerm, ...]:
+def run_terms(fit: Fit, sampled: IntArray) -> tuple[RunTerm, ...]:
     """The runs of a fit as functions of the parameters `sampled` (n_sampled,) of its problem; each
     run's others are its own.
 
@@ -270,7 +267,7 @@ def expand(term: RunTerm, shared: FloatArray, start: FloatArray) -> Expansion:
     return Expansion(centre, whiten, coefficients, k, float(np.max(error, initial=0.0)))
 
 
-def _diagonal_places(k: int) -> IndexArray:
+def _diagonal_places(k: int) -> IntArray:
     """Where the diagonal stands among the lower triangle, row by row."""
     return np.cumsum(np.arange(1, k + 1)) - 1
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, IntArray
 
 _LOW, _HIGH = 0.05, 0.95  # quantiles that an effective size in the tails is asked of
 _LEAST_STEPS = 4
@@ -145,7 +145,7 @@ def _mixing(draws: FloatArray) -> tuple[float, float, float]:
     return rhat, _size(ranked), min(tails)
 
 
-def _normal_scores(order: NDArray[np.int64], ordered: FloatArray) -> FloatArray:
+def _normal_scores(order: IntArray, ordered: FloatArray) -> FloatArray:
     """Normal quantiles (n,) of the ranks of values, equal ones with their mean rank (Blom's
     offset); ordered : the values in their `order`, (n,).
     """
@@ -157,7 +157,7 @@ def _normal_scores(order: NDArray[np.int64], ordered: FloatArray) -> FloatArray:
     return quantiles
 
 
-def _folded_scores(order: NDArray[np.int64], ordered: FloatArray) -> FloatArray:
+def _folded_scores(order: IntArray, ordered: FloatArray) -> FloatArray:
     """The same of the distances from the median: two rows in order already, those below it and
     those above.
     """

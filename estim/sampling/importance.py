@@ -13,11 +13,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
-
-IndexArray = NDArray[np.int64]
+from estim.arrays import FloatArray, IntArray
 
 K_HAT_LIMIT = 0.7  # above it importance weights cannot be trusted (Vehtari et al. 2024)
 _MANY, _LEAST_TAIL = 225, 5  # draws: of fewer the tail is a fifth; that it needs at least
@@ -124,7 +121,7 @@ def flattened(log_weights: FloatArray, least: float) -> tuple[FloatArray, float]
     return np.asarray(weights / np.sum(weights)), high
 
 
-def systematic(weights: FloatArray, n: int, rng: np.random.Generator) -> IndexArray:
+def systematic(weights: FloatArray, n: int, rng: np.random.Generator) -> IntArray:
     """(n,) indices, each draw as often as its weight says to within one."""
     edges = np.cumsum(weights)
     places = (rng.random() + np.arange(n)) / n * edges[-1]

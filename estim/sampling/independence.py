@@ -13,9 +13,8 @@ from itertools import count
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray
 from estim.sampling.proposal import Proposal
 from estim.sampling.protocol import Density, log_density_in_batches
 
@@ -89,7 +88,7 @@ class Moves:
     def __init__(self, ahead: IndependenceMoves, others: Sequence[tuple[Any, float]]) -> None:
         self._proposal, self._steps, self._others = ahead.proposal, ahead.steps(), others
 
-    def propose(self, model: Any, state: Any) -> tuple[Any, NDArray[np.bool_]]:
+    def propose(self, model: Any, state: Any) -> tuple[Any, BoolArray]:
         """The state after one step, and which walkers moved."""
         proposed = next(self._steps)
         if proposed is None:

@@ -24,9 +24,8 @@ from collections import Counter
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, IntArray
 from estim.common import Finding, InputError, Kind, NumericalError, phrase
 from estim.fitting import Fit
 from estim.sampling.chain import Progress
@@ -43,8 +42,6 @@ from estim.sampling.importance import (
 from estim.sampling.marginal_density import Marginal
 from estim.sampling.proposal import Proposal, adapt_proposal
 from estim.words import tell
-
-IndexArray = NDArray[np.int64]
 
 _LEAST_ESS = 400.0
 _MOST_SAMPLED = 12
@@ -221,7 +218,7 @@ def sample_marginal(
     )
 
 
-def sampled_columns(fit: Fit) -> IndexArray:
+def sampled_columns(fit: Fit) -> IntArray:
     """Which parameters are sampled: those of several runs, those of none, all of a single run's,
     and those close to a hard edge.
 

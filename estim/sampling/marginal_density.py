@@ -6,15 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, IntArray
 from estim.common import phrase
 from estim.problem import Measure, Problem
 from estim.sampling.chain import Progress
 from estim.sampling.conditional import Expansion, RunTerm
-
-IndexArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +24,7 @@ class Marginal:
     """
 
     problem: Problem
-    columns: IndexArray
+    columns: IntArray
     terms: tuple[RunTerm, ...]
     weight: Measure | None
     expansions: Sequence[Expansion] = ()

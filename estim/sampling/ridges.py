@@ -22,15 +22,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray, IntArray
 from estim.sampling.factors import lower_factor
 from estim.sampling.importance import log_sum_exp
 from estim.sampling.proposal import Proposal
 from estim.sampling.protocol import Density, Support, log_density_in_batches
-
-IndexArray = NDArray[np.int64]
 
 _DEPTH = 10.0  # of a path, in log marginal density
 # target decrease of the log marginal density in a step at the mode; 1 more for each unit of depth
@@ -52,20 +49,20 @@ class Coordinates:
     """
 
     density: Density
-    held: IndexArray
+    held: IntArray
     factor: FloatArray
     slope: FloatArray
     low: FloatArray
     high: FloatArray
 
-    def rows(self, which: IndexArray) -> Coordinates:
+    def rows(self, which: IntArray) -> Coordinates:
         """The same for some of the n points."""
         return replace(
             self, held=self.held[which], factor=self.factor[which], slope=self.slope[which]
         )
 
     @property
-    def mask(self) -> NDArray[np.bool_]:
+    def mask(self) -> BoolArray:
         """(n, n_par) True for the parameter that is held."""
         return np.asarray(np.arange(self.low.size) == self.held[:, None])
 
@@ -106,9 +103,9 @@ class Expansions:
     log_densities: FloatArray
     gradients: FloatArray
     curvatures: FloatArray
-    at_bound: NDArray[np.bool_]
+    at_bound: BoolArray
 
-    def rows(self, which: IndexArray | NDArray[np.bool_]) -> Expansions:
+    def rows(self, which: IntArray | BoolArray) -> Expansions:
         """The same for some of the n points."""
         return Expansions(*(part[which] for part in vars(self).values()))
 
@@ -211,7 +208,7 @@ def path_proposal(coordinates: Coordinates, centres: FloatArray) -> Proposal:
 
 def profile_paths(
     coordinates: Coordinates, centres: FloatArray
-) -> tuple[IndexArray, Expansions, FloatArray]:
+) -> tuple[IntArray, Expansions, FloatArray]:
     """Points of the profile paths of the held parameter from centres (n, n_par), both ways at once.
 
     Returned: (n_point,) the index of the centre of each; the expansions there, path by path, from

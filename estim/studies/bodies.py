@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray
 from estim.campaign import CampaignFile, PartedBody, correlations, known_to, notes_of, parted_bodies
 from estim.common import InputError
 from estim.propagation import (
@@ -46,7 +46,7 @@ class BodyProperties:
     notes: tuple[str, ...]
 
     @property
-    def linear_holds(self) -> NDArray[np.bool_]:
+    def linear_holds(self) -> BoolArray:
         """(n_out,) whether the linear interval is that of the draws; else believe the draws."""
         return self.validation.passes
 

@@ -16,20 +16,17 @@ var(v)/2 of the square of a noisy speed is removed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, Named
 from estim.common import Status
 from estim.distributions import chi2_tail
 from estim.fitting import Fit, fit_least_squares
 from estim.pipeline import Analysis
 from estim.problem import Observations, Problem, Uniform
-
-Arguments = Mapping[str, ArrayLike]
 
 LOSS = "rolling_resistance"  # the argument of a curve through which energy is lost
 DETERMINED = 0.7  # of the prior sd: a posterior wider than this is mostly prior
@@ -194,7 +191,7 @@ def _record(
     fitted = np.ravel(np.broadcast_to(run.curve.value(run.x, at_mode), (1, run.n_obs)))
     noise, u_v, u_kinetic, bias = _noise(run, fitted, centre)
 
-    def energies(arguments: Arguments) -> tuple[FloatArray, FloatArray]:
+    def energies(arguments: Named) -> tuple[FloatArray, FloatArray]:
         kinetic, potential = run.body.energies(run.x, v, arguments)
         return np.atleast_2d(kinetic) - bias, np.atleast_2d(potential)
 
@@ -237,7 +234,7 @@ def _record(
 
 
 def _noise(
-    run: Observations, v: FloatArray, values: Mapping[str, ArrayLike]
+    run: Observations, v: FloatArray, values: Named
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """From reading errors: covariance (n_obs, n_obs) of the total energy; u of the speeds and of
     the kinetic energy, its bias (n_obs,) each.
@@ -250,7 +247,7 @@ def _noise(
     return cov, np.sqrt(var_speed), np.abs(by_v) * np.sqrt(var_speed), 0.5 * inertia * var_speed
 
 
-def _total(run: Observations, x: FloatArray, v: FloatArray, arguments: Arguments) -> FloatArray:
+def _total(run: Observations, x: FloatArray, v: FloatArray, arguments: Named) -> FloatArray:
     kinetic, potential = run.body.energies(x, v, arguments)
     return np.ravel(kinetic + potential)
 

@@ -9,13 +9,13 @@ stated, or of a fit.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, Named
 from estim.campaign import Campaign
 from estim.common import QUANTILES, Finding, InputError
 from estim.curves import borders_of, farthest_stop, steepest_tilt, turning_contours
@@ -185,12 +185,12 @@ def _map_body(
     )
 
 
-def _metres(run: Observations, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+def _metres(run: Observations, arguments: Named) -> FloatArray:
     """Metres that one unit of position is worth."""
     return np.asarray(run.body.metres(arguments), dtype=float)
 
 
-def _first(arguments: Mapping[str, ArrayLike], n_draw: int) -> dict[str, ArrayLike]:
+def _first(arguments: Named, n_draw: int) -> dict[str, ArrayLike]:
     return {
         name: value if np.ndim(value) == 0 else np.asarray(value)[:n_draw]
         for name, value in arguments.items()
@@ -203,7 +203,7 @@ def _steps(farthest: float) -> FloatArray:
     return np.asarray(np.arange(1, max(int(np.ceil(farthest / step)), 2)) * step)
 
 
-def _central(arguments: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
+def _central(arguments: Named) -> dict[str, ArrayLike]:
     """The median of each argument, (1, 1)."""
     columns = {name: np.asarray(value, dtype=float) for name, value in arguments.items()}
     return {

@@ -4,13 +4,11 @@ recording shows it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, Named
 from estim.campaign import Campaign
 from estim.checks import way_of
 from estim.common import QUANTILES, Finding, Kind
@@ -53,9 +51,7 @@ class RunPlace:
         return (Finding(Kind.RUN_OFF_MAP, run=self.run, p=self.agrees, numbers=numbers),)
 
 
-def place_of(
-    run: Observations, arguments: Mapping[str, ArrayLike], *, farthest: float, n_draw: int
-) -> RunPlace:
+def place_of(run: Observations, arguments: Named, *, farthest: float, n_draw: int) -> RunPlace:
     """Where a run lies and what follows.
 
     arguments : of its curve, scalars or (n_draw, 1).  farthest : m from the release.

@@ -16,9 +16,8 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, IntArray
 from estim.common import InputError, Quantity, in_its_file, listed, one_line, phrase, read_number
 from estim.reading.input_file import read_bytes
 from estim.reading.table import IMPORTED, Table
@@ -64,7 +63,7 @@ class Imported:
 
     track: Track
     ramp: Ramp
-    rows: NDArray[np.int64]
+    rows: IntArray
     t: FloatArray
     x: FloatArray
     facts: tuple[str, ...]

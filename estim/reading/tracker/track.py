@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, IntArray
 from estim.common import InputError
 
 Unit = Literal["m", "cm", "mm"]
@@ -48,8 +47,8 @@ class Track:
     t: FloatArray
     x: FloatArray | None
     y: FloatArray | None
-    frames: NDArray[np.int64] | None
-    lines: NDArray[np.int64]
+    frames: IntArray | None
+    lines: IntArray
     speed: FloatArray | None
     calibration: tuple[str, ...]
     warnings: tuple[str, ...]

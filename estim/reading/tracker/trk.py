@@ -19,9 +19,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, IntArray
 from estim.common import InputError, in_its_file, listed, phrase, read_number
 from estim.reading.input_file import read_bytes
 from estim.reading.tracker.track import METRES, Track
@@ -51,7 +50,7 @@ class _Clip:
         steps, rest = divmod(frame - self.start, self.step)
         return rest == 0 and 0 <= steps < self.count
 
-    def times(self, frames: NDArray[np.int64]) -> FloatArray:
+    def times(self, frames: IntArray) -> FloatArray:
         if self.video_times is None:
             return np.asarray(
                 (self.start_time + (frames - self.start) * self.duration) / 1e3, dtype=np.float64
@@ -291,7 +290,7 @@ class _Axes:
     frames: tuple[int, ...]
     values: FloatArray
 
-    def world(self, frames: NDArray[np.int64], pixels: FloatArray) -> FloatArray:
+    def world(self, frames: IntArray, pixels: FloatArray) -> FloatArray:
         """(n, 2) positions in the calibrated axes of (n, 2) pixels."""
         key = [bisect_right(self.frames, int(frame)) - 1 for frame in frames]
         x0, y0, angle, x_scale, y_scale = self.values[key].T
