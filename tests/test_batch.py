@@ -454,7 +454,7 @@ def test_a_cluster_does_the_work_where_one_is_named(
         "--resume: tcp://here:1"
     )
     monkeypatch.setitem(sys.modules, "distributed", None)
-    assert "pip install distributed" in str(
+    assert 'pip install "estim[dask]"' in str(
         batch(only, "--out", tmp_path / "no", "--scheduler", "tcp://here:1").exception
     )
 

@@ -262,9 +262,9 @@ def test_summary_frame_is_the_result_and_has_no_number_that_the_status_forbids(
 @pytest.mark.parametrize(
     ("verb", "package", "command"),
     [
-        (interop.to_datatree, "xarray", "pip install arviz-base h5netcdf xarray-einstats"),
-        (interop.to_netcdf, "h5netcdf", "pip install arviz-base h5netcdf xarray-einstats"),
-        (interop.to_frame, "pandas", "pip install pandas"),
+        (interop.to_datatree, "xarray", 'pip install "estim[arviz]"'),
+        (interop.to_netcdf, "h5netcdf", 'pip install "estim[arviz]"'),
+        (interop.to_frame, "pandas", 'pip install "estim[arviz]"'),
     ],
 )
 def test_missing_package_is_one_line_with_the_command_to_get_it(
@@ -306,10 +306,7 @@ def test_fit_without_the_extra_says_how_to_get_it_and_that_is_no_error(
     done = run_fit(line, tmp_path / "out")
     assert (done.exit_code, done.stderr) == (3, "")
     unwritten = "draws.nc (the draws, for ArviZ and xarray) was not written"
-    assert (
-        done.stdout.splitlines()[-1]
-        == f"{unwritten}: pip install arviz-base h5netcdf xarray-einstats"
-    )
+    assert done.stdout.splitlines()[-1] == f'{unwritten}: pip install "estim[arviz]"'
     assert (tmp_path / "out" / "report.md").exists()
     assert not list(tmp_path.rglob("draws.nc"))
 

@@ -53,7 +53,7 @@ def test_a_workbook_without_its_package_is_one_line(
 ) -> None:
     monkeypatch.setitem(sys.modules, "python_calamine", None)
     (tmp_path / "a.xlsx").write_bytes(xlsx({"A": [["t", "U"], [0, 1]]}))
-    with pytest.raises(InputError, match=r"pip install 'estim\[excel\]'"):
+    with pytest.raises(InputError, match=r'pip install "estim\[excel\]"'):
         read_table(tmp_path / "a.xlsx")
 
 

@@ -91,6 +91,17 @@ def test_the_lock_file_has_all_that_the_project_asks_for(
                 )
 
 
+def test_what_can_be_missing_is_installed_by_the_name_of_its_extra(project: Path) -> None:
+    """A message that tells how names an extra that there is."""
+    table = tomllib.loads((project / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    needed = {canonicalize_name(Requirement(r).name) for r in table["dependencies"]}
+    sources = "".join(path.read_text() for path in (project / "estim").rglob("*.py"))
+    told = re.findall(r"pip install (\"estim\[\w+\]\"|[\w-]+)", sources)
+    extras = {f'"estim[{name}]"' for name in table["optional-dependencies"]}
+    assert {'"estim[arviz]"', '"estim[dask]"', '"estim[pdf]"'} <= set(told) & extras
+    assert set(told) - extras <= needed
+
+
 def test_every_place_that_tells_the_version_tells_the_same(project: Path) -> None:
     package = tomllib.loads((project / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     said = {

@@ -33,7 +33,7 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
         from distributed import Client
     except ImportError:
         raise InputError(
-            "needs dask.distributed: pip install distributed", field="--scheduler", value=address
+            'needs dask.distributed: pip install "estim[dask]"', field="--scheduler", value=address
         ) from None
     logging.disable()  # it would print the traceback of what is told in a line below
     try:

@@ -15,7 +15,7 @@ _KEY = "estim.formats"
 _BROWSER = "or print report.html with a browser"
 _NEEDS = {
     "html": ("markdown_it", "pip install markdown-it-py"),
-    "pdf": ("weasyprint", f"pip install weasyprint; {_BROWSER}"),
+    "pdf": ("weasyprint", f'pip install "estim[pdf]"; {_BROWSER}'),
 }
 
 _LIBRARIES = "Pango: docs/reports.md says where from"

@@ -34,7 +34,7 @@ def sheet_text(data: bytes, dialect: Dialect) -> tuple[str, str, tuple[str, ...]
     try:
         from python_calamine import CalamineError, CalamineWorkbook
     except ImportError:
-        rule = "is a workbook, which needs python-calamine: pip install 'estim[excel]'"
+        rule = 'is a workbook, which needs python-calamine: pip install "estim[excel]"'
         raise InputError(f"{rule}, or save the table as CSV", field="file") from None
     parts = _parts(data)
     uncomputed = _uncomputed_of_ods(parts["content.xml"]) if "content.xml" in parts else None

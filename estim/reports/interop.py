@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray
 
-HOW_TO_GET = "pip install arviz-base h5netcdf xarray-einstats"
+HOW_TO_GET = 'pip install "estim[arviz]"'
 _NETCDF = ("h5netcdf", "h5py")
 _PRIOR_DRAWS = 4000
 Variable = tuple[tuple[str, ...], FloatArray, Mapping[str, str]]
@@ -172,7 +172,7 @@ def time_halves_order(n_step: int, n_walker: int) -> NDArray[np.intp]:
 
 def _require_pandas() -> None:
     if find_spec("pandas") is None:
-        raise InputError("is not installed: pip install pandas", field="pandas")
+        raise InputError(f"is not installed: {HOW_TO_GET}", field="pandas")
 
 
 def _shown_kind(kind: str) -> str:
