@@ -170,6 +170,19 @@ def test_examples_are_there() -> None:
         "EventTimes",
         "Model",
         "Poisson",
+        "budget",
+        "compare_values",
+        "fit_curve",
+        "fit_line",
         "fit_many",
+        "inverse_prediction",
+        "mean",
         "ode",
+        "propagate_linear",
+        "propagate_monte_carlo",
     } <= {*examples()}
+
+
+def test_the_page_begins_with_what_most_people_call(project: Path) -> None:
+    page = (project / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
+    assert re.findall(r"^##+ (.*)$", page, flags=re.M)[:2] == ["Curves", "fit_curve"]

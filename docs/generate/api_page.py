@@ -12,12 +12,12 @@ import estim
 from estim import model
 
 _SUBJECTS = {
-    "curve_fit": "Curves",
-    "curve_fits": "Curves",
+    "curve_fitting": "Curves",
     "curves": "Curves",
     "campaign": "Campaigns",
     "pipeline": "Campaigns",
     "line": "Straight lines",
+    "means": "Means, and two values compared",
     "propagation": "Propagation of uncertainties",
     "reports": "Reports and other programs",
     "fitting": "Stages of an analysis",
@@ -38,10 +38,11 @@ radians. Shapes are written `(n_obs,)`; a "mapping" goes from names to values. S
 def api_page() -> str:
     """The page in Markdown."""
     groups: dict[str, list[str]] = {subject: [] for subject in dict.fromkeys(_SUBJECTS.values())}
-    for name, home in sorted(estim._homes().items()):
-        groups.setdefault(_SUBJECTS.get(home.split(".")[1], "Further names"), []).append(
-            _entry(name, getattr(estim, name))
-        )
+    # what is called before the records that it takes and gives
+    for name, home in sorted(
+        estim._homes().items(), key=lambda item: (item[0][0].isupper(), item[0])
+    ):
+        groups[_SUBJECTS[home.split(".")[1]]].append(_entry(name, getattr(estim, name)))
     groups["Physics of the rolling body: `estim.model`"] = [
         _entry(name, getattr(model, name)) for name in model.__all__
     ]

@@ -166,6 +166,14 @@ def fit_curve(
         (`estim.ode`).
 
     Raises InputError where an argument breaks a rule.
+
+    >>> from estim import fit_curve
+    >>> fit = fit_curve("a*x + b", [1.0, 2.0, 3.0, 4.0], [2.1, 3.9, 6.2, 7.8], u_y=0.2)
+    >>> print(fit)
+    a*x + b: ok
+    a = 1.94 ± 0.09, 68 % in [1.851, 2.029], 95 % in [1.765, 2.115]
+    b = 0.15 ± 0.24, 68 % in [−0.09, 0.39], 95 % in [−0.33, 0.63]
+    chi2 = 2.05, dof = 2, p = 0.36; the starting values led to this optimum
     """
     rng = np.random.default_rng(1) if rng is None else rng
     n_start = getattr(curve, "n_start", N_START) if n_start is None else n_start

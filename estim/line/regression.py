@@ -136,6 +136,11 @@ def fit_line(
         "propagated" and "scaled"; "ols" has "scaled".  Raises InputError for data that break a
         rule.  Source: York, Evensen, Lopez Martinez and De Basabe Delgado 2004, Am. J. Phys. 72,
         367, eq. (1) for S.
+
+    >>> from estim import fit_line
+    >>> line = fit_line([1.0, 2.0, 3.0, 4.0], [2.1, 3.9, 6.2, 7.8], u_y=0.2)
+    >>> round(line.slope, 2), line.recommended
+    (1.94, 'propagated')
     """
     data = line_data(x, y, u_x=u_x, u_y=u_y, r_xy=r_xy, cov=cov)
     points = scaled_points(data)
@@ -375,6 +380,12 @@ def inverse_prediction(
     u_y0 : standard uncertainty of y0; None is the scatter of the residuals, for "ols" only.  Linear
         in the uncertainties: not for a slope that is uncertain by more than about 10 %.  Raises
         InputError.  Source: ISO/TS 28037:2010, 11.1.
+
+    >>> from estim import fit_line, inverse_prediction
+    >>> line = fit_line([1.0, 2.0, 3.0, 4.0], [2.1, 3.9, 6.2, 7.8], u_y=0.2)
+    >>> found = inverse_prediction(line, 5.0, u_y0=0.2)
+    >>> round(found.x0, 3), round(found.u_x0, 3)
+    (2.5, 0.115)
     """
     if not np.isfinite(fit.slope) or fit.slope == 0.0:
         raise InputError(

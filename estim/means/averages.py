@@ -168,6 +168,11 @@ def mean(
     `estim.means.dark_uncertainty`.
 
     Raises InputError.
+
+    >>> from estim import mean
+    >>> found = mean(["9.81(2)", "9.78(1)", "9.80(2)"])
+    >>> print(str(found).splitlines()[-1])
+    Quote weighted: the values are consistent (chi2 = 2.21, dof = 2, p = 0.33).
     """
     check_probability(probability)
     if u is None and isinstance(values, Sequence) and any(isinstance(v, str) for v in values):

@@ -44,6 +44,11 @@ def compare_values(
 
     r : correlation of their errors.  Raises InputError where the units differ, and where nothing is
     uncertain.
+
+    >>> from estim import compare_values
+    >>> print(compare_values("9.81(2) m/s²", "9.75(1) m/s²"))
+    difference: 0.060 m/s², u = 0.022 m/s², U = k u = 0.045 m/s² with k = 2
+    E_n = 1.34: the two values do not agree (|E_n| <= 1)
     """
     (a, unit), (b, other) = (
         read_with_unit(given, field=field) if isinstance(given, str) else given

@@ -177,6 +177,12 @@ def propagate_linear(
     correlation : of the inputs; None, a matrix (n_in, n_in), or pairs {("V", "I"): -0.36}.
     probability : of the coverage interval.  Raises InputError for inputs, a correlation or a
         function that break a rule.  A derivative that does not exist is NaN and a note.
+
+    >>> from estim import propagate_linear
+    >>> print(propagate_linear("4*pi**2*L/T**2", {"L": "0.850(1) m", "T": "1.851(3) s"}))
+    Linear propagation (GUM), 95 %
+         value  u      dof  k     U = k u
+      y  9.794  0.034  ∞    1.96  0.066
     """
     checked = check_inputs(inputs)
     matrix = correlation_matrix(checked, correlation)

@@ -195,6 +195,15 @@ def propagate_monte_carlo(
     function, inputs : as for `propagate_linear`.
     progress : called as progress(draws made, most draws) after each block.
     Raises InputError for inputs, a correlation, choices or a function that break a rule.
+
+    >>> import numpy as np
+    >>> from estim import propagate_monte_carlo
+    >>> inputs = {"L": "0.850(1) m", "T": "1.851(3) s"}
+    >>> drawn = propagate_monte_carlo("4*pi**2*L/T**2", inputs, rng=np.random.default_rng(1))
+    >>> print(drawn)
+    Monte Carlo (JCGM 101), 110000 draws
+         mean   u      95 %, symmetric  95 %, shortest
+      y  9.794  0.034  [9.728, 9.861]   [9.729, 9.862]
     """
     checked = check_inputs(inputs)
     function = callable_of(function, checked)

@@ -111,6 +111,14 @@ def budget(linear: LinearResult, *, output: int | None = None) -> Budget:
     5.1.3, H.1 table H.1.
 
     Raises InputError if `output` is missing for a curve, given for a scalar, or out of range.
+
+    >>> from estim import budget, propagate_linear
+    >>> linear = propagate_linear("4*pi**2*L/T**2", {"L": "0.850(1) m", "T": "1.851(3) s"})
+    >>> print(budget(linear))
+    value: 9.794, u: 0.034, dof: ∞, k: 1.96, U = k u: 0.066
+      input  value  u        c      |c| u   share
+      T      1.851  0.00300  −10.6  0.0317  88 %
+      L      0.85   0.00100  11.5   0.0115  12 %
     """
     n_out = linear.value.size
     if linear.value.ndim == 0 and output is not None:
