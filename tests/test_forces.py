@@ -87,7 +87,7 @@ def posed(body_name, case):
     """(truth, body, how it is placed, forces) of a case."""
     case = dict(case)
     curved = case.pop("curved", False)
-    base = BODIES[body_name]
+    base = BODIES.get(body_name, case.pop("body", {}))
     mass, radius = base.get("mass", 0.4), base.get("radius", 0.15)
     truth = Truth(**base, **in_newton(case, mass, radius), **(CURVED if curved else {}))
     once, twice = (turn_components(*case.get(name, (0.0, 0.0))) for name in ("once", "twice"))
@@ -153,6 +153,35 @@ def test_positions_are_those_of_lagrange_back_and_forth(body_name, case):
     assert got_x[0] == pytest.approx(x, abs=1e-9)
     assert got_v[0] == pytest.approx(v, abs=1e-9)
     assert (body_name == "downhill") or len(motion.legs) > 2  # friction has changed its sign twice
+
+
+def test_any_body_under_any_forces_moves_as_lagrange_says_up_to_where_it_turns(rng):
+    turned = 0
+    for _ in range(12):
+        size, share = rng.uniform(0.5, 1.5, 5), rng.uniform(0.0, 1.0, 8)
+        names = ("radius", "gamma", "kappa", "phi", "theta0")
+        middle = (0.15, 0.19, 0.6, 0.05, 1.1)
+        case = {
+            "body": dict(zip(names, size * middle, strict=True)),
+            "release_speed": 0.3 * share[0], "rolling_resistance": 0.01 * share[1],
+            "load_resistance": 0.02 * share[2], "moment": 0.01 * share[3],
+            "viscous": 0.3 * share[4], "quadratic": share[5], "curved": bool(share[6] > 0.5),
+            "once": (0.03 * share[7], 6.0 * share[0]), "twice": (0.02 * share[1], 6.0 * share[3]),
+        }  # fmt: skip
+        truth, body, place, forces = posed("any", case)
+        motion, t = solve(truth, 2.6), np.linspace(0.0, 2.5, 50)
+        x, v = motion(t)
+        got = back_and_forth(t, body, **place, release_speed=truth.release_speed, forces=forces)
+        assert got[0][0] == pytest.approx(x, abs=1e-9)
+        assert got[1][0] == pytest.approx(v, abs=1e-9)
+        end = truth.radius * float(motion.legs[0][2](min(motion.legs[0][1], 2.5))[0])
+        way = np.append(np.linspace(0.001, 0.99, 30), (0.999, 0.9999)) * end
+        e0 = energy_at_release(truth, body)
+        assert np.ravel(
+            speed(way, body, **place, release_energy=e0, forces=forces)
+        ) == pytest.approx(motion.speed_at(way), abs=1e-9)
+        turned += motion.first_rest < 2.5
+    assert turned > 3
 
 
 def test_released_backwards_it_comes_back():

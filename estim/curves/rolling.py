@@ -238,17 +238,24 @@ class PhaseCurve:
         """The gradient is closed where at most scales are added, else by central differences."""
         if not _BEYOND_SCALES & arguments.keys():
             return self._scaled(x, arguments)
-        (square,), gradient = with_gradient(
-            lambda columns: (self.square(x, columns),), arguments, step=_STEP
+        (square, slope), gradient = with_gradient(
+            lambda columns: self._square_and_slope(x, columns), arguments, step=_STEP
         )
+        return LocalCurve(square, slope, gradient)
+
+    def _square_and_slope(
+        self, x: FloatArray, arguments: Mapping[str, ArrayLike]
+    ) -> tuple[FloatArray, FloatArray]:
+        """`square` and its slope along x."""
         known = _known(arguments, self.setting)
-        true = known.readings.true_position(from_release(x, arguments))
-        squares = self._squares(true, known, 1)
-        read = known.readings
+        read, true = known.readings, known.readings.true_position(from_release(x, arguments))
+        square, slope = self._squares(true, known, 1)
         # of F (dx_read/dx)^2 along x_read
-        slope = squares[1] * read.stretch(true) - 4.0 * read.parabola()[1] * squares[0]
-        slope = slope / np.square(1.0 + np.asarray(read.scale_t))
-        return LocalCurve(square, np.atleast_2d(slope), gradient)
+        slope = slope * read.stretch(true) - 4.0 * read.parabola()[1] * square
+        return (
+            np.atleast_2d(square * read.speed(1.0, true) ** 2),
+            np.atleast_2d(slope / np.square(1.0 + np.asarray(read.scale_t))),
+        )
 
     def _scaled(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
         """F^2 with errors of scale a and clock b: k f^2(x/(1 + a)), k = ((1 + a)/(1 + b))^2, x

@@ -32,15 +32,17 @@ _PIECE = 3.0  # of the time in which a state changes
 _SMALLEST = 1e-4  # of the first length of a piece: then the draw is given up
 _GROWTH = 1.4  # of a piece after one that was resolved, up to its first length
 _MOST_PIECES, _MOST_ROUNDS, _MOST_NEWTON = 2000, 30, 60
-_SETTLED, _NEGLIGIBLE = 1e-12, 1e-10
+_NEGLIGIBLE = 1e-10  # of u and y
+_CLOSE = 1e-7  # of z, of a Newton step: the error left is of the order of its square
 _SLOWEST = 0.5  # 1/s, of what sets the length of a piece
-_FEW = 0.6  # of the crossings of a block: these are looked for alone
 _BLOCK = 512  # draws at once: what they need fits in the cache
 
 _NODES = -np.cos(np.pi * np.arange(_N_NODE) / (_N_NODE - 1))
-# values at nodes @ this = coefficients
+# values at nodes @ this = coefficients, of Chebyshev polynomials and of powers
 _TO_SERIES = np.linalg.inv(chebyshev.chebvander(_NODES, _N_NODE - 1)).T
-_DERIVATIVE = np.array([np.append(chebyshev.chebder(row), 0.0) for row in np.eye(_N_NODE)])
+_TO_POWERS = np.array(
+    [np.pad(p, (0, _N_NODE - p.size)) for p in map(chebyshev.cheb2poly, np.eye(_N_NODE))]
+)
 _INTEGRAL = _TO_SERIES @ np.array(
     [chebyshev.chebval(_NODES, chebyshev.chebint(row, lbnd=-1.0)) for row in np.eye(_N_NODE)]
 )
@@ -71,9 +73,11 @@ class _Draws:
         ) = values
         self.bend = self.phi_slope * self.radius
         self.scale = 2.0 * self.g / self.radius
-        self.viscous = viscous * np.sqrt(2.0 * self.radius / self.g)
+        self.rate, self.twice = np.sqrt(self.scale), 2.0 * self.gamma
+        self.viscous = viscous / np.sqrt(0.5 * self.g / self.radius)
         self.quadratic = 2.0 * quadratic * self.radius
         self.turning, self.loaded = bool(np.any(values[11:15])), bool(np.any(self.load))
+        self.ramp = sine_and_cosine(self.phi)
         self.bent = bool(np.any(self.bend))
 
     def taken(self, chosen: Any) -> _Draws:
@@ -83,21 +87,20 @@ class _Draws:
         self, u: FloatArray, y: FloatArray, sense: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """(w, y') for friction that acts against `sense`, +1 or -1."""
-        push, friction, square, pace = self.forces(u)
-        pull = (
-            push
-            - sense * friction
-            - self.viscous * y * np.sqrt(square)
-            - sense * self.quadratic * y * y * square
-        )
+        push, friction, root = self.forces(u)
+        speed = y * root  # of the axle, in units of sqrt(2 g R)
+        pull = push - sense * friction - speed * (self.viscous + sense * self.quadratic * speed)
         if self.loaded:
-            pull = self._loaded(pull, u, y, sense, square)
+            pull = self._loaded(pull, u, speed, sense, root)
+        pace = self.rate * root
         return pace, 0.5 * pace * pull
 
-    def forces(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Force that does not depend on the direction, friction of a body at rest, 1/D and w."""
+    def forces(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Force that does not depend on the direction, friction of a body at rest, and
+        1/sqrt(D).
+        """
         sine, cosine = sine_and_cosine(self.theta0 + u)
-        climb, level = sine_and_cosine(self.phi + self.bend * u if self.bent else self.phi)
+        climb, level = sine_and_cosine(self.phi + self.bend * u) if self.bent else self.ramp
         push = self.gamma * sine - climb
         if self.turning:
             push = (
@@ -107,33 +110,32 @@ class _Draws:
                 - self.c2 * (1.0 - 2.0 * sine * sine)
                 - self.s2 * 2.0 * sine * cosine
             )
-        square = 1.0 / (self.inertia + 2.0 * self.gamma * (cosine * level - sine * climb))
-        return (
-            push,
-            (self.resistance + self.load) * level + self.moment,
-            square,
-            np.sqrt(self.scale * square),
-        )
+        inertia = self.inertia + self.twice * level * cosine - self.twice * climb * sine
+        friction = (self.resistance + self.load) * level + self.moment
+        return push, friction, 1.0 / np.sqrt(inertia)
 
     def _loaded(
-        self, pull: FloatArray, u: FloatArray, y: FloatArray, sense: FloatArray, square: FloatArray
+        self,
+        pull: FloatArray,
+        u: FloatArray,
+        speed: FloatArray,
+        sense: FloatArray,
+        root: FloatArray,
     ) -> FloatArray:
         """dq/du with the part of the load that comes from the motion: q' = (q/D)' D + q D'/D solved
         for q'.
         """
         sine, cosine = sine_and_cosine(self.theta0 + u + self.phi + self.bend * u)
-        ratio, change = y * y * square, -2.0 * self.gamma * sine * (1.0 + self.bend)
+        ratio, change = speed * speed, -self.twice * sine * (1.0 + self.bend)
         load = sense * self.load
-        lever = load * self.gamma * sine * square
+        lever = load * self.gamma * sine * root * root
         return (
-            pull
-            + load * ratio * (2.0 * self.gamma * cosine - 2.0 * self.bend)
-            - lever * ratio * change
+            pull + load * ratio * (self.twice * cosine - 2.0 * self.bend) - lever * ratio * change
         ) / (1.0 - lever)
 
     def direction(self, u: FloatArray) -> FloatArray:
         """Where a body at rest starts to: +1, -1, or 0 where friction holds it."""
-        push, friction, _, _ = self.forces(u)
+        push, friction, _ = self.forces(u)
         return np.where(push > friction, 1.0, np.where(push < -friction, -1.0, 0.0))
 
     def fastest(self, fall: FloatArray, energy: FloatArray) -> FloatArray:
@@ -164,14 +166,12 @@ class _Draws:
                 pace, rate = self.rates(at, root, sense)
                 root_next = y + half * (rate @ _INTEGRAL)
                 at_next = u + half * ((pace * root_next) @ _INTEGRAL)
-                moved = np.max(np.abs(at_next - at) + np.abs(root_next - root), axis=1)
+                moved = np.abs(root_next - root)
                 at, root = at_next, root_next
-                if np.max(moved) < _SETTLED:
+                if np.max(moved) < 0.1 * _NEGLIGIBLE:
                     break
-            tail = np.max(
-                np.abs(at @ _TO_SERIES[:, -2:]) + np.abs(root @ _TO_SERIES[:, -2:]), axis=1
-            )
-        return at, root, (moved < _NEGLIGIBLE) & (tail < _NEGLIGIBLE)
+            tail = np.abs(at @ _TO_SERIES[:, -2:]) + np.abs(root @ _TO_SERIES[:, -2:])
+        return at, root, np.all(moved < _NEGLIGIBLE, axis=1) & np.all(tail < _NEGLIGIBLE, axis=1)
 
 
 def sine_and_cosine(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -181,42 +181,45 @@ def sine_and_cosine(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
     return t * cosine_1, cosine_1 - 1.0
 
 
-def _series(coefficients: FloatArray, z: FloatArray) -> FloatArray:
-    """Chebyshev series (n_node, ...) each at its own z (...), by Clenshaw's recurrence."""
-    twice, ahead, here = 2.0 * z, np.zeros(z.shape), coefficients[-1]
-    for k in range(_N_NODE - 2, 0, -1):
-        ahead, here = here, twice * here + (coefficients[k] - ahead)
-    return z * here + (coefficients[0] - ahead)
+def _powers(values: FloatArray) -> FloatArray:
+    """Series in powers (n_node, n) of values at nodes (..., n_node): all that comes before is one
+    axis.
+    """
+    return _TO_POWERS.T @ (_TO_SERIES.T @ values.reshape(-1, _N_NODE).T)
+
+
+def _series(powers: FloatArray, which: NDArray[Any], z: FloatArray) -> FloatArray:
+    """Of the series (n_power, n) those of the numbers `which`, each at its own z, by Horner's
+    rule.
+    """
+    total = powers[-1].take(which)
+    for row in powers[-2::-1]:
+        total *= z
+        total += row.take(which)
+    return total
 
 
 def _crossing(
-    coefficients: FloatArray,
-    slope: FloatArray,
+    powers: FloatArray,
+    which: NDArray[Any],
     level: FloatArray | float,
     low: FloatArray,
     high: FloatArray,
     z: FloatArray,
 ) -> FloatArray:
     """z at which rising series reach `level`, by Newton steps from `z` inside a bracket."""
-    shape, rows = z.shape, (coefficients.reshape(_N_NODE, -1), slope.reshape(_N_NODE, -1))
-    end = z.ravel().copy()
-    z, low, high = end, low.ravel(), high.ravel()
-    levels, left = np.broadcast_to(level, shape).ravel(), np.arange(end.size)
+    slopes = powers[1:] * np.arange(1.0, _N_NODE)[:, None]
     for _ in range(_MOST_NEWTON):
-        ahead = _series(rows[0], z) - levels
+        ahead = _series(powers, which, z) - level
         low, high = np.where(ahead <= 0.0, z, low), np.where(ahead >= 0.0, z, high)
         with np.errstate(divide="ignore", invalid="ignore"):
-            newton = z - ahead / _series(rows[1], z)
+            newton = z - ahead / _series(slopes, which, z)
         following = np.where((newton >= low) & (newton <= high), newton, 0.5 * (low + high))
-        moving = np.abs(following - z) >= _NEGLIGIBLE
-        end[left] = z = following
-        n_moving = np.count_nonzero(moving)
-        if not n_moving:
+        moved = np.abs(following - z)
+        z = following
+        if not np.any(moved >= _CLOSE):
             break
-        if n_moving < _FEW * z.size:  # most are there: go on with the others
-            z, low, high, levels, left = (v[moving] for v in (z, low, high, levels, left))
-            rows = (rows[0][:, moving], rows[1][:, moving])
-    return end.reshape(shape)
+    return z
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,7 +269,8 @@ def _follow(
         )
         if not going.size:
             break
-        at, root, good = draws.taken(going).piece(u[going], y[going], sense[going], h[going])
+        moving = draws if going.size == n else draws.taken(going)
+        at, root, good = moving.piece(u[going], y[going], sense[going], h[going])
         h[going[~good]] *= 0.5
         going, at, root = going[good], at[good], root[good]
         begin, length, cut = time.copy(), np.zeros(n), np.ones(n)
@@ -279,11 +283,12 @@ def _follow(
         turns = np.flatnonzero(np.any(over, axis=1))
         if turns.size:
             rows, node = going[turns], np.argmax(over[turns], axis=1)
-            falling = (-sense[rows] * root[turns] @ _TO_SERIES).T
             low, high = _NODES[node - 1], _NODES[node]
-            z = _crossing(falling, _DERIVATIVE.T @ falling, 0.0, low, high, 0.5 * (low + high))
+            all_turns = np.arange(turns.size)
+            falling = _powers(-sense[rows] * root[turns])
+            z = _crossing(falling, all_turns, 0.0, low, high, 0.5 * (low + high))
             cut[rows] = 0.5 * (z + 1.0)
-            u[rows, 0], y[rows] = _series((at[turns] @ _TO_SERIES).T, z), 0.0
+            u[rows, 0], y[rows] = _series(_powers(at[turns]), all_turns, z), 0.0
             stopped[rows] = np.where(np.isinf(stopped[rows]), u[rows, 0], stopped[rows])
             sense[rows] = draws.taken(rows).direction(u[rows]) if back else 0.0
         time[going] += length[going] * cut[going]
@@ -331,20 +336,11 @@ def _blocks(
     ]
 
 
-def _gathered(values: FloatArray, place: NDArray[Any]) -> FloatArray:
-    """(n_node, n_draw, n_obs) series of the pieces `place` (n_draw, n_obs)."""
-    column = np.arange(place.shape[0])[:, None]
-    return np.array([row[place, column] for row in np.moveaxis(values @ _TO_SERIES, -1, 0)])
-
-
-def _placed(ends: FloatArray, wanted: FloatArray) -> NDArray[Any]:
-    """The first piece (n_draw, n_obs) whose end is not before what is wanted."""
-    return np.array(
-        [
-            np.searchsorted(row, values)
-            for row, values in zip(np.maximum.accumulate(ends).T, wanted, strict=True)
-        ]
-    )
+def _places(ends: FloatArray, wanted: FloatArray) -> NDArray[Any]:
+    """The first of the rising `ends` (n_draw, n) that is not before what is `wanted` (n_draw,
+    n_obs).
+    """
+    return np.array([np.searchsorted(*pair) for pair in zip(ends, wanted, strict=True)])
 
 
 def driven_motion(
@@ -374,22 +370,24 @@ def driven_motion(
 
 def _block_motion(t: FloatArray, draws: _Draws, v0: FloatArray) -> tuple[FloatArray, FloatArray]:
     u = np.zeros(v0.shape)
-    y = v0 / (draws.radius * draws.forces(u)[3])
+    y = v0 / (draws.radius * draws.rate * draws.forces(u)[2])
     last = max(float(np.max(t, where=np.isfinite(t), initial=0.0)), 1e-9)
     sense = np.where(v0 != 0.0, np.sign(v0), np.maximum(draws.direction(u), 0.0))
     path = _follow(draws, u, y, sense, _PIECE / draws.fastest(u, y * y), last=last, back=True)
-    ends = path.begin + path.cut * path.length
-    place = _placed(ends, t)
-    beyond = place == path.begin.shape[0]
-    place = np.minimum(place, path.begin.shape[0] - 1)
-    column = np.arange(v0.size)[:, None]
-    length = path.length[place, column]
-    z = 2.0 * (t - path.begin[place, column]) / np.where(length > 0.0, length, 1.0) - 1.0
+    last_piece = path.begin.shape[0] - 1
+    place = _places(np.maximum.accumulate(path.begin + path.cut * path.length).T, t)
+    beyond = place > last_piece
+    at = np.minimum(place, last_piece), np.arange(v0.size)[:, None]
+    index = np.ravel_multi_index(at, path.begin.shape)
+    length = path.length[at]
+    z = 2.0 * (t - path.begin[at]) / np.where(length > 0.0, length, 1.0) - 1.0
     z = np.clip(z, -1.0, 1.0)
-    angle = np.where(beyond, path.reached[-1][:, None], _series(_gathered(path.u, place), z))
-    root = np.where(beyond, 0.0, _series(_gathered(path.y, place), z))
+    reached = path.reached[-1][:, None]
+    angle = np.where(beyond, reached, _series(_powers(path.u), index, z))
+    root = np.where(beyond, 0.0, _series(_powers(path.y), index, z))
     lost = np.isnan(t) | (beyond & ~path.held[:, None] & (t > 0.0))
-    position, velocity = draws.radius * angle, draws.radius * draws.forces(angle)[3] * root
+    position = draws.radius * angle
+    velocity = draws.radius * draws.rate * draws.forces(angle)[2] * root
     return tuple(
         np.where(lost, np.nan, np.where(t > 0.0, value, 0.0)) for value in (position, velocity)
     )  # type: ignore[return-value]
@@ -434,23 +432,35 @@ def _block_energy(
         draws, u, y, sense, _PIECE / draws.fastest(np.zeros(u.shape), energy), far=far, back=False
     )
     reached = path.reached[-1][:, None]
-    place = np.minimum(_placed(path.reached, angle), path.begin.shape[0] - 1)
-    at = place, np.arange(u.size)[:, None]
-    series, low, high = (
-        _gathered(path.u, place),
-        np.full(angle.shape, -1.0),
-        2.0 * path.cut[at] - 1.0,
+    # all nodes of a draw one after the other, with the end of the motion for those beyond it
+    share = 0.5 * (_NODES + 1.0)
+    beyond = (share > path.cut[..., None]) | (path.length[..., None] == 0.0)
+    nodes, roots, times = (
+        np.moveaxis(np.where(beyond, end[..., None], values), 0, 1).reshape(u.size, -1)
+        for end, values in (
+            (path.reached, path.u),
+            (np.zeros_like(path.cut), path.y),
+            (path.cut, share),
+        )
     )
-    first, last = path.y[..., 0][at], path.y[..., -1][at]
+    there = (angle >= u) & (angle < reached)
+    level = np.where(there, angle, np.nan)
+    place = np.clip(_places(np.maximum.accumulate(nodes, axis=1), level), 1, nodes.shape[1] - 1)
+    place += place % _N_NODE == 0
+    row = np.arange(u.size)[:, None]
+    (low, first, begin), (high, last, end) = (
+        [values[row, at] for values in (nodes, roots, times)] for at in (place - 1, place)
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = (angle - path.u[..., 0][at]) / (path.u[..., -1] - path.u[..., 0])[at]
-        there = np.square(first) + share * (np.square(last) - np.square(first))
+        share = (level - low) / (high - low)
+        energy = np.square(first) + share * (np.square(last) - np.square(first))
         # as under a constant force
-        begin = 2.0 * share * (first + last) / (first + np.sqrt(there)) - 1.0
-    slope = np.tensordot(_DERIVATIVE.T, series, 1)
-    z = _crossing(series, slope, angle, low, high, np.clip(begin, low, high))
-    q = np.square(_series(_gathered(path.y, place), z))
-    there = (angle >= u) & (angle <= reached)
+        share = np.nan_to_num(share * (first + last) / (first + np.sqrt(energy)))
+    low, high = 2.0 * begin - 1.0, 2.0 * end - 1.0
+    index = place // _N_NODE * u.size + row
+    z = np.clip(low + share * (high - low), low, high)
+    z = _crossing(_powers(path.u), index, level, low, high, z)
+    q = np.square(_series(_powers(path.y), index, z))
     known = path.held[:, None] | (reached >= far)
     q = np.where(np.isnan(angle), np.nan, np.where(there & (sense > 0.0), q, 0.0))
     stop = np.where(sense > 0.0, path.stopped[:, None], 0.0)
@@ -474,7 +484,7 @@ def _first_rest(draws: _Draws, energy: FloatArray) -> FloatArray:
         "rolling_resistance": draws.resistance + draws.load,
     }
     for _ in range(_MOST_NEWTON):
-        push, friction, _, _ = draws.forces(u)
+        push, friction, _ = draws.forces(u)
         with np.errstate(divide="ignore", invalid="ignore"):
             step = np.where(
                 lacking, -(energy + work(u, body, **place, forces=forces)) / (push - friction), 0.0

@@ -55,8 +55,10 @@ class Readings:
         """
         a, k = self.parabola()
         reading = np.asarray(reading, dtype=float)
-        square = a * a - 4.0 * k * reading
-        slope = a + np.sqrt(np.where(square >= 0.0, square, np.nan))
+        slope = a + np.abs(a)
+        if np.any(k):
+            square = a * a - 4.0 * k * reading
+            slope = a + np.sqrt(np.where(square >= 0.0, square, np.nan))
         # a scale of 0 or less reads nothing
         return np.asarray(2.0 * reading / np.where(slope > 0.0, slope, np.nan))
 
