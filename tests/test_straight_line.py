@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -19,11 +20,13 @@ import pytest
 from command_runner import runner
 from scipy import stats
 
+from estim.campaign import TableChoices, campaign_of_table
 from estim.cli.commands import cli
 from estim.common.errors import InputError
 from estim.common.kinds import Status
 from estim.common.quantity import Quantity
 from estim.line.table_line import Columns, straight_line
+from estim.reports.straight_line import straight_line_figure
 
 REFERENCE = Path(__file__).resolve().parent / "reference"
 LINES = REFERENCE / "lines"
@@ -222,7 +225,7 @@ def test_a_line_that_does_not_fit_has_no_result_and_exit_code_3(tmp_path):
     assert result.exit_code == 3
     assert "line: poor-fit" in result.output
     text = (folder / "report.md").read_text()
-    assert "No main result" in text
+    assert "Best values, not a result: intercept" in text
     assert "Predictions" not in text
 
 
@@ -311,3 +314,97 @@ def test_columns_that_nobody_names_are_asked_for(tmp_path, header, options):
     (tmp_path / "p.csv").write_text(header + "\n1,1,3\n2,2.1,4\n3,2.9,4\n4,4.2,1\n")
     result, _ = told(tmp_path, tmp_path / "p.csv")
     assert f"p.csv:1: 'column' must be named by {options} (there are" in str(result.exception)
+
+
+UNITS = """t (s),Voltage [V]
+0,0.21
+1,2.05
+2,3.82
+3,5.71
+4,7.49
+5,9.36
+"""
+
+
+def test_units_of_the_columns_stand_behind_every_number_as_in_a_fit_of_a_formula(tmp_path):
+    path = tmp_path / "p.csv"
+    path.write_text(UNITS)
+    result, folder = told(tmp_path, path, "--predict", 3, "--inverse", 5)
+    assert re.search(
+        r"intercept \(0\.\d+ ± 0\.\d+\) V, slope \(1\.\d+ ± 0\.\d+\) V/s", result.output
+    )
+    assert re.search(
+        r"t = 3 s: Voltage = \(5\.\d+ ± \S+\) V, 95 % interval \[.*\] V\n", result.output
+    )
+    assert re.search(r"Voltage = \(5\.0\d* ± \S+\) V: t = \(2\.\d+ ± \S+\) s, 95 %", result.output)
+    report, record = (
+        (folder / "report.md").read_text(),
+        json.loads((folder / "result.json").read_bytes()),
+    )
+    assert re.search(
+        r"\*\*Voltage = \(.*\) V \+ \(.*\) V/s · t\*\*, .* the slope \[.*\] V/s\.", report
+    )
+    for words in (
+        "| t (s) | Voltage (V) of the line |",
+        "| intercept (V) | slope (V/s) |",
+        r"\volt\per\second",
+    ):
+        assert words in report
+    assert record["units"] == {"x": "s", "y": "V", "intercept": "V", "slope": "V/s"}
+    line = straight_line(path, Columns())
+    upper, lower = straight_line_figure(line).axes
+    assert (upper.get_ylabel(), lower.get_xlabel()) == ("Voltage (V)", "t (s)")
+    assert lower.get_ylabel() == "residual (V)"
+    fitted = analyse_table(path)
+    assert fitted == {"b": line.units["slope"], "a": line.units["intercept"]}
+
+
+def analyse_table(path):
+    """Units of the parameters of the same line as `estim fit --formula` has them."""
+    campaign = campaign_of_table(path, TableChoices(formula="a + b*x"))
+    return {
+        p.name: p.unit
+        for p in campaign.problem(list(campaign.tables)).parameters
+        if p.name in ("a", "b")
+    }
+
+
+def test_a_table_without_units_has_none(tmp_path):
+    path = tmp_path / "p.csv"
+    path.write_text(UNITS.replace("t (s),Voltage [V]", "x,y"))
+    result, folder = told(tmp_path, path)
+    assert re.search(r"intercept 0\.\d+ ± 0\.\d+, slope 1\.\d+ ± 0\.\d+ \(", result.output)
+    assert set(json.loads((folder / "result.json").read_bytes())["units"].values()) == {"1"}
+    assert straight_line_figure(straight_line(path, Columns())).axes[0].get_ylabel() == "y"
+
+
+def test_a_scatter_that_sets_the_errors_is_no_test_of_the_line(tmp_path):
+    path = tmp_path / "p.csv"
+    path.write_text(UNITS)
+    _, folder = told(tmp_path, path)
+    text = (folder / "report.md").read_text()
+    line = straight_line(path, Columns()).fit
+    scatter = math.sqrt(line.chi2 / line.dof)
+    assert f"scatter of the points about the line, {scatter:.2g} V with 4 degrees" in text
+    assert "cannot test the line" in text
+    assert "S = " not in text
+    assert not any("S = " in words for words in str(line.shown().title).splitlines())
+    _, folder = told(tmp_path, path, "--uy", 0.05)
+    assert "S = " in (text := (folder / "report.md").read_text())
+    assert "cannot test the line" not in text
+
+
+def test_a_line_that_does_not_fit_shows_its_best_values_without_uncertainties(tmp_path):
+    path = tmp_path / "p.csv"
+    path.write_text("t (s),s [m]\n" + "".join(f"{t},{t * t}\n" for t in range(8)))
+    result, folder = told(tmp_path, path, "--uy", 0.5)
+    first = (folder / "report.md").read_text().partition("<details>")[0]
+    # of y = x^2 at 0..7 the line of least squares is 7 x - 7, farthest off by 7 at both ends
+    best = "intercept = −7.00 m, slope = 7.00 m/s; points lie up to 14 standard deviations"
+    for text in (result.output, first):
+        text = text.replace("\N{NO-BREAK SPACE}", " ")
+        assert best in text
+        assert re.search(r"at t = [07] s", text)
+        assert "look at the residuals" in text
+    assert "±" not in first
+    assert "recommended" not in (folder / "report.md").read_text()

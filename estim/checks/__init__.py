@@ -13,6 +13,7 @@ from estim.checks.cells import (
     parameter_cells,
 )
 from estim.checks.cells import (
+    best_words,
     lopsided,
     print_lines,
     result_table,

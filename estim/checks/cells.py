@@ -30,6 +30,7 @@ from estim.common import (
     markdown,
     phrase,
     signed,
+    significant,
     table,
     with_unit,
 )
@@ -260,6 +261,23 @@ def p_sentence(p_curve: float | None, p_stated: float | None) -> str:
     )
     return ", ".join(
         phrase(words, p=format_p(p)) for words, p in tests if p is not None and np.isfinite(p)
+    )
+
+
+def best_words(values: Sequence[str], sds: float, where: str) -> str:
+    """The best values of a fit that is no result, and how far the farthest point lies from it.
+
+    values : "m = 1.83 V/s"; none where they mean nothing.
+    sds : its distance in standard deviations of the data.  where : "t = 3 s".
+    """
+    if not values:
+        return ""
+    return phrase(
+        "best values, not a result: {values}; points lie up to {sds} standard deviations from the "
+        "best curve, at {where}",
+        values=", ".join(values),
+        sds=significant(sds, 2),
+        where=where,
     )
 
 

@@ -225,6 +225,7 @@ def _fit_groups(
     from estim.reports.pages import with_campaign
     from estim.reports.result import result_lines
     from estim.sampling import Target
+    from estim.words import first_step
 
     results, explanations = {}, []
     for group in groups:
@@ -250,12 +251,11 @@ def _fit_groups(
                 with_campaign(files, campaign.source.written, file=file, command=command) | draws,
                 within=folder,
             )
-        reasons = (
-            []
-            if analysis.diagnosis.ok
-            else [*filter(None, [slip_words(analysis.explanation)]), *analysis.diagnosis.reasons]
-        )
-        lines = [*reasons, *result_lines(results[group[0]])]
+        lines = result_lines(results[group[0]])
+        if not analysis.diagnosis.ok:
+            slip, step = slip_words(analysis.explanation), first_step(analysis.diagnosis.findings)
+            lines = [*filter(None, [slip]), *analysis.diagnosis.reasons, *lines]
+            lines += [] if slip else [phrase("first step: {words}", words=step)]
         if len(results) == 1 and (
             columns := campaign.columns([name for group in groups for name in group])
         ):

@@ -127,12 +127,7 @@ def line(
     )
     write_report(folder, straight_line_report(fitted, figures=figures))
     say(fitted.told)
-    conclude(
-        phrase("line"),
-        fitted.status,
-        straight_line_lines(fitted) if fitted.status.ok else [fitted.message],
-        fitted.facts,
-    )
+    conclude(phrase("line"), fitted.status, straight_line_lines(fitted), fitted.facts)
     report_at(folder / "report.md", ())
     exit_unless(fitted.status.ok)
 

@@ -50,8 +50,7 @@ def recommendation(data: LineData, chi2: float, dof: int, p_value: float) -> tup
         held = 1.0 - 2.0 * float(student_tail(1.0, dof))
         few = phrase(
             "; value ± standard error contains the true value in {held:.0f} % of such "
-            "experiments; coverage_factor() expands it "
-            "to any level",
+            "experiments, not in 68 %; the intervals allow for it",
             held=100 * held,
         )
         # up to which value ± standard error holds less than 66 %

@@ -103,8 +103,14 @@ class LineFit(Tabled):
             (name, *map(format_quantity, (self.intercept, self.slope), (u.u_intercept, u.u_slope)))
             for name, u in self.standard_errors.items()
         ]
-        fit = phrase("S = {chi2:.4g}, {dof} degrees of freedom", chi2=self.chi2, dof=self.dof)
-        fit += "" if math.isnan(self.p_value) else f", {format_p(self.p_value)}"
+        if self.method == "ols":
+            scatter = math.sqrt(self.chi2 / self.dof)
+            fit = phrase(
+                "scatter {scatter:.3g}, {dof} degrees of freedom", scatter=scatter, dof=self.dof
+            )
+        else:
+            fit = phrase("S = {chi2:.4g}, {dof} degrees of freedom", chi2=self.chi2, dof=self.dof)
+            fit += "" if math.isnan(self.p_value) else f", {format_p(self.p_value)}"
         quoted = phrase("Quote {name}: {reason}.", name=self.recommended, reason=self.reason)
         return Shown(
             phrase("Line, method {method}: {fit}", method=self.method, fit=fit),

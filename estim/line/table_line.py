@@ -5,7 +5,7 @@ at a measured ordinate (a calibration line).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import Finding, InputError, Kind, Quantity, Status, listed, read_number
+from estim.common import Finding, InputError, Kind, Quantity, Status, listed, phrase, read_number
+from estim.curves import AxisNames, read_formula, units_of
 from estim.line.conventions import is_exact
 from estim.line.findings import points_findings
 from estim.line.interval import SlopeInterval, slope_interval
@@ -39,7 +40,7 @@ from estim.reading import (
     uncertainty_of,
     value_columns,
 )
-from estim.words import tell
+from estim.words import first_step, tell
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +84,7 @@ class StraightLine:
     there.  facts : how the table was read, in words.
 
     correlated : what is stated of errors that points share, in words.
+    axes : names of x and y, with the units that the header states.
     told : which columns are what, in words.
     findings : what the residuals say against the line.
     """
@@ -96,6 +98,7 @@ class StraightLine:
     probability: float
     predictions: tuple[PredictedPoint, ...]
     inverses: tuple[PredictedPoint, ...]
+    axes: AxisNames
     told: str
     facts: tuple[str, ...] = ()
     correlated: tuple[str, ...] = ()
@@ -106,6 +109,28 @@ class StraightLine:
         if self.findings:
             return Status.POOR_FIT
         return Status.NOT_IDENTIFIED if self.fit.message else Status.OK
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Of "x", "y", "intercept" and "slope"; "1" where the header says none."""
+        names = "intercept", "slope"
+        found = units_of(read_formula("intercept + slope*x"), self.axes, names)
+        own = {"x": self.axes.x_unit, "y": self.axes.y_unit}
+        return own | {name: found.get(name, "1") for name in names}
+
+    @property
+    def first_step(self) -> str:
+        """What to do first about a line that is no result."""
+        if any(finding.kind is not Kind.POINTS_SCATTER for finding in self.findings):
+            return phrase(
+                "look at the residuals: if the points bend, fit another curve (estim fit); if "
+                "one reading is far off, check it"
+            )
+        if self.findings:
+            return first_step(self.findings)
+        if math.isinf(self.fit.slope):
+            return phrase("exchange x and y")
+        return phrase("measure over a wider range of x, or more precisely")
 
     @property
     def message(self) -> str:
@@ -211,6 +236,13 @@ def straight_line(
         probability=probability,
         predictions=tuple(_prediction(fit, x0, k) for x0 in predict),
         inverses=tuple(_inverse(fit, y0, k, probability) for y0 in inverse),
+        axes=AxisNames(
+            *(
+                word
+                for name in (read.x, read.y)
+                for word in (name_and_unit(name)[0], table.units[name] or "1")
+            )
+        ),
         told=columns_sentence(used, table.unread),
         facts=(*table.facts, *table.warnings),
         correlated=tuple(stated.words),

@@ -95,6 +95,13 @@ class WhatIf(Record):
     shifts: dict[str, float]  # parameter -> by how many posterior standard deviations it moves
 
 
+class Farthest(Record):
+    """The point that lies farthest from the curve."""
+
+    where: str  # "t = 3 s"
+    sds: float  # its distance, in standard deviations of the data
+
+
 class RunSummary(Record, omit_defaults=True):
     file: str
     x: str  # what is on the axes, with units
@@ -118,6 +125,8 @@ class RunSummary(Record, omit_defaults=True):
     sought: list[str]  # those of `derived` that were asked for
     # lines of rows without a value, which are left out; absent where there are none
     blank: list[int] = []
+    # where the status is not ok
+    farthest: Farthest | None = None
 
 
 class TurningPoint(Summary, frozen=True, kw_only=True):

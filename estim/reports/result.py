@@ -27,6 +27,8 @@ from estim.checks import (
     SURE,
     Diagnosis,
     Estimate,
+    Goodness,
+    best_words,
     headline,
     not_measured,
     p_sentence,
@@ -36,7 +38,22 @@ from estim.checks import (
     stated_values,
     tolerated_pattern,
 )
-from estim.common import Kind, as_json, behind, later, listed, one_line, phrase, signed, split_level
+from estim.common import (
+    Kind,
+    Status,
+    as_json,
+    behind,
+    bracketed,
+    format_quantity,
+    later,
+    listed,
+    one_line,
+    phrase,
+    signed,
+    significant,
+    split_level,
+    with_unit,
+)
 from estim.pipeline import Analysis
 from estim.problem import Observations
 from estim.reading import Run, line_numbers
@@ -55,6 +72,7 @@ from estim.reports.records import (
     FELT,
     CertificateSummary,
     Correlation,
+    Farthest,
     FitSummary,
     Labels,
     ParameterSummary,
@@ -90,13 +108,15 @@ _WHERE = {
     "not-converged": "computing",
     "methods-disagree": "computing",
 }
-MOST_MINDS, _MOST_ERRORS = 2, 3
+MOST_MINDS, _MOST_ERRORS, _MOST_VALUES = 2, 3, 5
 
 
 @dataclass(frozen=True)
 class Screen:
-    """What stands first; every entry but the title and rows that were left out (in `minds`) is
-    empty where the status is not ok.
+    """What stands first; every entry but the title, `best` and rows that were left out (in `minds`)
+    is empty where the status is not ok.
+
+    best : of a curve that does not fit, its values without uncertainties, in words.
 
     estimates : of all parameters that are not a single run's among several, and what was sought.
     head, rows : the table of those measured.
@@ -106,6 +126,7 @@ class Screen:
     """
 
     title: str
+    best: str = ""
     tests: str = ""
     estimates: tuple[Estimate, ...] = ()
     head: tuple[str, ...] = ()
@@ -118,7 +139,8 @@ class Screen:
     @property
     def lines(self) -> list[str]:
         """What a terminal shows."""
-        return screen_lines(self.estimates, tests=self.tests, minds=self.minds)
+        told = screen_lines(self.estimates, tests=self.tests, minds=self.minds)
+        return [self.best, *told] if self.best else told
 
 
 class Result(Report, dict=True):
@@ -171,7 +193,7 @@ class Result(Report, dict=True):
             screen.title,
             kind=self.kind,
             status=self.status,
-            reasons=self.reasons,
+            reasons=[*self.reasons, *filter(None, [screen.best])],
             advice=self.advice,
             head=screen.head,
             rows=screen.rows,
@@ -186,7 +208,7 @@ class Result(Report, dict=True):
         return print_lines(
             screen.title,
             status=self.status,
-            reasons=self.reasons,
+            reasons=[*self.reasons, *filter(None, [screen.best])],
             advice=self.advice,
             shown=screen.lines,
         )
@@ -404,7 +426,18 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
         derived=derived,
         sought=[entry.name for entry in run.sought if entry.name in derived],
         blank=list(table.blank),
+        farthest=None if analysis.diagnosis.ok else _farthest(run, goodness),
     )
+
+
+def _farthest(run: Observations, goodness: Goodness) -> Farthest | None:
+    """Of robust noise in normal scores, since no standard deviation measures its tails."""
+    far = np.abs(goodness.whitened if run.noise.robust else goodness.raw / goodness.sd)
+    if far.size != run.n_obs or not np.all(np.isfinite(far)):
+        return None
+    i = int(np.argmax(far))
+    place = with_unit(format_quantity(float(run.x[i])), run.x_unit)
+    return Farthest(f"{run.x_label.removesuffix(bracketed(run.x_unit))} = {place}", float(far[i]))
 
 
 def to_json(result: Result) -> bytes:
@@ -426,7 +459,7 @@ def first_screen(result: Result) -> Screen:
     runs = ", ".join(result.runs)
     title = f"{result.title}: {runs}" if result.title not in ("", runs) else runs
     if result.status != "ok":
-        return Screen(title, minds=_left_out(result))
+        return Screen(title, _best(result), minds=_left_out(result))
     counted = [
         check.p_value
         for run in result.runs.values()
@@ -459,6 +492,7 @@ def first_screen(result: Result) -> Screen:
     ]
     return Screen(
         title,
+        "",
         tests,
         estimates,
         head,
@@ -467,6 +501,31 @@ def first_screen(result: Result) -> Screen:
         listed(elsewhere) if elsewhere else "",
         (*_left_out(result), *_without_a_value(estimates), *minds[:MOST_MINDS]),
         sensitivity_words([result]),
+    )
+
+
+def _best(result: Result) -> str:
+    """The values of the curve that fits best, but not well, without those that were stated."""
+    if result.status not in (Status.POOR_FIT, Status.AT_BOUND):
+        return ""
+    run, farthest = max(
+        ((name, run.farthest) for name, run in result.runs.items() if run.farthest is not None),
+        key=lambda of_run: of_run[1].sds,
+        default=("", None),
+    )
+    if farthest is None:
+        return ""
+    labels = result.labels.bare if len(result.runs) == 1 else result.labels.parameters
+    values = [
+        f"{labels[name].symbol} = "
+        + with_unit(significant(result.fit.values[name] * labels[name].factor), labels[name].unit)
+        for name, p in result.parameters.items()
+        if p.prior != "normal" and not _of_one_run(name, result)
+    ]
+    return best_words(
+        [*values[:_MOST_VALUES], *["…"] * (len(values) > _MOST_VALUES)],
+        farthest.sds,
+        farthest.where if len(result.runs) == 1 else f"{farthest.where} ({run})",
     )
 
 

@@ -8,21 +8,25 @@ from typing import Any
 
 import numpy as np
 
-from estim.checks import Estimate
+from estim.checks import Estimate, best_words
 from estim.common import (
     FigureChoice,
     Notation,
     Status,
     as_json,
+    behind,
+    bracketed,
     format_quantity,
     interval,
     later,
     one_line,
     phrase,
     rounded,
+    significant,
+    with_unit,
 )
 from estim.drawing import BLUE, GREEN, INK, ORANGE, Figure, legend_below, new_figure
-from estim.line import CONVENTIONS, PredictedPoint, StraightLine, confidence_band
+from estim.line import CONVENTIONS, PredictedPoint, StraightLine, confidence_band, line_goodness
 from estim.reports.copying import copies_of
 from estim.reports.pages import page
 from estim.reports.records import Report
@@ -49,7 +53,9 @@ class StraightLineResult(Report):
     n_obs: int
     intercept: float
     slope: float
-    coefficients: dict[str, dict[str, float]]  # the same as "value", with the recommended "u"
+    # the same as "value", with the recommended "u"
+    coefficients: dict[str, dict[str, float]]
+    units: dict[str, str]  # of x, y, intercept and slope; "1" where the table states none
     chi2: float
     dof: int
     p_value: float
@@ -91,6 +97,7 @@ def straight_line_result(line: StraightLine) -> StraightLineResult:
                 strict=False,
             )
         },
+        dict(line.units),
         fit.chi2,
         fit.dof,
         fit.p_value,
@@ -110,7 +117,10 @@ def straight_line_report(line: StraightLine, *, figures: FigureChoice = "main") 
     """`report.md`, `result.json` and `figures/line.png`."""
     result = straight_line_result(line)
 
-    used = line.fit.standard_errors[line.fit.recommended]
+    used, units = line.fit.standard_errors[line.fit.recommended], line.units
+    x, y = line.axes.x_name, line.axes.y_name
+    intercept = _pair(result.intercept, used.u_intercept)
+    slope = _pair(result.slope, used.u_slope)
     text = partial(
         render,
         "straight_line.md.j2",
@@ -120,12 +130,20 @@ def straight_line_report(line: StraightLine, *, figures: FigureChoice = "main") 
         conventions=CONVENTIONS,
         pair=_pair,
         ends=_ends,
-        equation=f"{result.columns['y']} = ({_pair(result.intercept, used.u_intercept)}) + "
-        f"({_pair(result.slope, used.u_slope)}) · {result.columns['x']}",
+        x=x,
+        y=y,
+        heads={
+            key: name + bracketed(units[key])
+            for key, name in zip(units, (x, y, phrase("intercept"), phrase("slope")), strict=True)
+        },
+        equation=f"{y} = ({intercept}){behind(units['intercept'])} + "
+        f"({slope}){behind(units['slope'])} · {x}",
+        scatter=with_unit(significant(math.sqrt(result.chi2 / result.dof), 2), units["y"]),
+        best=_best(line),
+        first_step=line.first_step,
         facts=line.facts,
         uncertainties=_uncertainties(result),
-        slope=_ends(*result.slope_interval, used.u_slope),
-        opened={"methods"} if not line.status.ok else (),
+        slope=_ends(*result.slope_interval, used.u_slope, units["slope"]),
         copies=copies_of(_estimates(result)) if line.status.ok else None,
     )
     return page({"figures/line.png": partial(straight_line_figure, line)}, text, wanted=figures) | {
@@ -133,11 +151,33 @@ def straight_line_report(line: StraightLine, *, figures: FigureChoice = "main") 
     }
 
 
+def _best(line: StraightLine) -> str:
+    """The best line in words where it is no result; "" where it means nothing."""
+    fit, units = line.fit, line.units
+    if line.status is not Status.POOR_FIT:
+        return ""
+    x = fit.data.x
+    order = np.argsort(x, kind="stable")
+    residuals = (fit.data.y - fit.intercept - fit.slope * x)[order]
+    far = np.abs(residuals) / line_goodness(fit).sd
+    i = int(np.argmax(far))
+    values = (
+        ("intercept", phrase("intercept"), fit.intercept),
+        ("slope", phrase("slope"), fit.slope),
+    )
+    return best_words(
+        [f"{name} = {with_unit(significant(value), units[key])}" for key, name, value in values],
+        float(far[i]),
+        f"{line.axes.x_name} = {with_unit(format_quantity(float(x[order][i])), units['x'])}",
+    )
+
+
 def _estimates(result: StraightLineResult) -> list[Estimate]:
     """Intercept and slope with the recommended standard errors."""
     estimates, names = [], (phrase("intercept"), phrase("slope"))
-    for name, value, u in zip(
+    for name, unit, value, u in zip(
         names,
+        (result.units["intercept"], result.units["slope"]),
         (result.intercept, result.slope),
         result.standard_errors[result.recommended],
         strict=False,
@@ -150,8 +190,8 @@ def _estimates(result: StraightLineResult) -> list[Estimate]:
             )
             estimates.append(
                 Estimate(
-                    Notation(name).label("1"),
-                    Summary("1", "", value, u, value, low, value - u, value + u, high),
+                    Notation(name).label(unit),
+                    Summary(unit, "", value, u, value, low, value - u, value + u, high),
                     "",
                     True,
                 )
@@ -160,10 +200,15 @@ def _estimates(result: StraightLineResult) -> list[Estimate]:
 
 
 def straight_line_lines(line: StraightLine) -> list[str]:
-    """What a terminal is told of a line whose status is ok."""
-    fit, x, y = line.fit, line.columns.x, line.columns.y
+    """What a terminal is told of a line."""
+    if not line.status.ok:
+        step = phrase("first step: {words}", words=line.first_step)
+        return [*filter(None, (line.message, _best(line))), step]
+    fit, x, y, units = line.fit, line.axes.x_name, line.axes.y_name, line.units
+    x_unit, y_unit = units["x"], units["y"]
     error = fit.standard_errors[fit.recommended]
-    intercept, slope = _pair(fit.intercept, error.u_intercept), _pair(fit.slope, error.u_slope)
+    intercept = with_unit(_pair(fit.intercept, error.u_intercept), units["intercept"])
+    slope = with_unit(_pair(fit.slope, error.u_slope), units["slope"])
     lines = [
         phrase(
             "intercept {intercept}, slope {slope} ({convention})",
@@ -175,16 +220,16 @@ def straight_line_lines(line: StraightLine) -> list[str]:
     percent = f"{100.0 * line.probability:g} %"
     found = [
         (
-            f"{x} = {format_quantity(p.given, p.u_given or None)}",
-            f"{y} = {_pair(p.value, p.u)}",
-            _ends(p.low, p.high, p.u),
+            f"{x} = {with_unit(format_quantity(p.given, p.u_given or None), x_unit)}",
+            f"{y} = {with_unit(_pair(p.value, p.u), y_unit)}",
+            _ends(p.low, p.high, p.u, y_unit),
         )
         for p in line.predictions
     ] + [
         (
-            f"{y} = {_pair(q.given, q.u_given)}",
-            f"{x} = {_pair(q.value, q.u)}",
-            _ends(q.low, q.high, q.u),
+            f"{y} = {with_unit(_pair(q.given, q.u_given), y_unit)}",
+            f"{x} = {with_unit(_pair(q.value, q.u), x_unit)}",
+            _ends(q.low, q.high, q.u, x_unit),
         )
         for q in line.inverses
     ]
@@ -207,9 +252,9 @@ def _pair(value: float, u: float, digits: int = 2) -> str:
     )
 
 
-def _ends(low: float, high: float, u: float) -> str:
+def _ends(low: float, high: float, u: float, unit: str = "1") -> str:
     known = math.isfinite(low) and math.isfinite(high)
-    return interval(low, high, u, 3) if known else phrase("unbounded")
+    return interval(low, high, u, 3) + behind(unit) if known else phrase("unbounded")
 
 
 def _uncertainties(result: StraightLineResult) -> str:
@@ -220,9 +265,7 @@ def _uncertainties(result: StraightLineResult) -> str:
     if result.columns["r_xy"] is not None and len(sources) == 2:
         sources.append(phrase("their correlation from {name}", name=result.columns["r_xy"]))
     sources += result.correlated
-    return ", ".join(sources) or phrase(
-        "no uncertainties: the scatter of the points alone sets the scale"
-    )
+    return ", ".join(sources) or phrase("no uncertainties are stated")
 
 
 def straight_line_figure(line: StraightLine) -> Figure:
@@ -278,7 +321,11 @@ def straight_line_figure(line: StraightLine) -> Figure:
             if math.isfinite(q.low):
                 ends = np.reshape([q.value - q.low, q.high - q.value], (2, 1))
                 upper.errorbar(q.value, q.given, None, ends, "D", color=GREEN, label=label, **style)
-    upper.set(ylabel=line.columns.y)
-    lower.set(xlabel=line.columns.x, ylabel=phrase("residual"))
+    units = line.units
+    upper.set(ylabel=line.axes.y_name + bracketed(units["y"]))
+    lower.set(
+        xlabel=line.axes.x_name + bracketed(units["x"]),
+        ylabel=phrase("residual") + bracketed(units["y"]),
+    )
     legend_below(figure, ncols=2)
     return figure
