@@ -189,6 +189,15 @@ def test_the_command_reads_groups_in_words(tmp_path):
     assert "Analysis of variance" in (tmp_path / "out/report.md").read_text()
 
 
+@pytest.mark.parametrize("head", ["period (s)", "period [s]", "period in s"])
+def test_one_column_has_a_name_with_a_blank_before_its_unit(tmp_path, head):
+    path = tmp_path / "a.csv"
+    path.write_text(f"{head}\n2.01\n2.03\n1.99\n2.02\n")
+    arguments = ["mean", str(path), "--out", str(tmp_path / "out"), "--figures", "none"]
+    result = runner().invoke(cli, arguments)
+    assert result.output.startswith("columns: y = period (s)\n")
+
+
 def test_two_values_are_compared_with_their_correlation():
     a, b = Quantity(9.81, 0.02), Quantity(9.79, 0.02)
     assert difference(a, b).u == pytest.approx(0.02 * math.sqrt(2.0))

@@ -222,14 +222,21 @@ def _without_thousands(rows: list[Row], dialect: Dialect) -> tuple[list[Row], li
 
 
 def _is_one_column(lines: Lines, dialect: Dialect) -> bool:
-    """Whether each row is one number with a decimal comma: as stated, or as a name with its unit
-    above them shows, `t (s)` or `t in s`.
+    """Whether each row is one number, perhaps with a decimal comma: as stated, or as a name with
+    its unit above them shows, `t (s)` or `t in s`.
     """
-    if dialect.decimal == "point" or not _DECIMAL_COMMA.fullmatch(lines[-1][1].strip()):
+
+    def has_comma(line: str) -> bool:
+        return dialect.decimal != "point" and bool(_DECIMAL_COMMA.fullmatch(line.strip()))
+
+    last = lines[-1][1]
+    if not (has_comma(last) or looks_like_a_number(last.strip())):
         return False
-    above = [line for _, line in lines if not _DECIMAL_COMMA.fullmatch(line.strip())]
+    above = [
+        line for _, line in lines if not (has_comma(line) or looks_like_a_number(line.strip()))
+    ]
     named = len(above) == 1 and "," not in above[0] and is_unit(name_and_unit(above[0])[1])
-    return dialect.decimal == "comma" or named
+    return named or (dialect.decimal == "comma" and has_comma(last))
 
 
 def _no_names(first: Row, delimiter: str) -> InputError:
