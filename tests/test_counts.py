@@ -219,7 +219,7 @@ def test_counts_in_bins_against_scipy_and_narrow_bins_against_single_times(
     )
     assert [fit.values["N"], fit.values["tau"]] == pytest.approx(best.x, rel=1e-5)
     # the likelihood of a count of 0 ends at a wall that a millionth of a count makes smooth
-    smooth = 1e-6 * np.sum(counts == 0)
+    smooth = 1e-6 * np.any(counts == 0)
     deviance = 2.0 * (best.fun + np.sum(stats.poisson.logpmf(counts, counts)))
     assert fit.chi2 == pytest.approx(deviance + smooth, abs=1e-6)
     narrow = np.linspace(0.0, 10.0, 251)
@@ -797,3 +797,15 @@ def test_the_deviance_of_a_sure_success_is_as_exact_as_that_of_a_rare_one() -> N
     ]
     wanted = np.sqrt(-2e5 * np.log1p(-rare))
     assert np.ravel(residuals) == pytest.approx([-wanted, wanted, 0.0, 0.0], rel=1e-6)
+
+
+def test_no_shown_interval_reaches_beyond_the_end_of_a_likelihood_that_many_counts_of_0_make() -> None:
+    """A peak without background: of 940 empty bins each counts the same expectation."""
+    x = np.arange(1000.0)
+    counts = np.random.default_rng(1).poisson(50.0 * np.exp(-0.5 * ((x - 500.0) / 10.0) ** 2))
+    start = {"A": 40.0, "m": 500.0, "s": 9.0, "c": 0.1}
+    fit = fit_curve("A*exp(-0.5*((x-m)/s)**2)+c", x, counts, noise="poisson", start=start)
+    assert np.sum(counts == 0) > 900
+    for low, high in fit.intervals["c"].values():
+        assert 0.0 >= low > -0.005 * high
+    assert "\N{MINUS SIGN}" not in next(line for line in str(fit).splitlines() if line[0] == "c")

@@ -31,7 +31,7 @@ from estim.problem.readings import Readings
 from estim.problem.size import Scale, Size
 
 _LEAST = 1e-300  # expectation or variance, so that nothing is divided by 0
-# standard deviation, in counts, of the penalty where a count of 0 is expected to be less than 0
+# standard deviation, in counts, of the penalty where a single count of 0 is expected to be less
 _PENALTY = 1e-3
 
 
@@ -47,16 +47,24 @@ class CountErrors(Likelihood):
 
     creeps = True
 
+    @cached_property
+    def penalty(self) -> float:
+        """Standard deviation, in counts, of the penalty of each point: of many that end the
+        likelihood together as narrow, beside what they tell, as that of one.
+        """
+        ends = np.isfinite(self.law.unseen(self.y, self.y, self.trials))
+        return _PENALTY / math.sqrt(max(1, np.count_nonzero(ends)))
+
     def pointwise(self, named: Named) -> FloatArray:
         mean, none = self._expected(named)
-        beyond = np.where(none < 0.0, none + 0.5 * np.square(none / _PENALTY), 0.0)
+        beyond = np.where(none < 0.0, none + 0.5 * np.square(none / self.penalty), 0.0)
         return self.law.log_density(self.y, mean, self.trials) - beyond
 
     def residuals(self, named: Named) -> FloatArray:
         """Signed roots of the deviance, which are closer to normal than (y - m)/sd."""
         mean, none = self._expected(named)
         root = deviance_residual(self.law, self.y, mean, self.trials)
-        unseen = np.where(none < 0.0, none / _PENALTY + _PENALTY, np.sqrt(root**2 + _PENALTY**2))
+        unseen = np.where(none < 0.0, none / self.penalty + self.penalty, np.sqrt(root**2 + self.penalty**2))
         return np.where(np.isfinite(none), np.where(self.y > 0.0, unseen, -unseen), root)
 
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
@@ -82,7 +90,7 @@ class CountErrors(Likelihood):
 
     def sd(self, named: Named) -> FloatArray:
         variance = self.law.variance(self._expected(named)[0][0], self.trials)
-        return np.sqrt(np.maximum(variance, np.square(_PENALTY / self.trials)))
+        return np.sqrt(np.maximum(variance, np.square(self.penalty / self.trials)))
 
     def _expected(self, named: Named) -> tuple[FloatArray, FloatArray]:
         """(n_draw, n_obs) expectations, and how many are expected of what was not seen at all, as
@@ -102,7 +110,7 @@ class CountErrors(Likelihood):
         mean, none = self._expected(named)
         with np.errstate(all="ignore"):
             score = (mean - self.y) / self.law.variance(mean, self.trials)
-        edge = self.trials * (1.0 + np.minimum(none, 0.0) / _PENALTY**2)
+        edge = self.trials * (1.0 + np.minimum(none, 0.0) / self.penalty**2)
         edge = np.where(self.y > 0.0, -edge, edge)
         return np.asarray(np.where(none > 0.0, score, edge)[0])
 

@@ -227,6 +227,7 @@ def _text(
         if result.curve_deviation
         else "",
         explanation="" if analysis.explanation is None else explanation_text(analysis.explanation),
+        robust=any(run.robust for run in result.runs.values()),
         counts=counts_text(analysis.fit, pictures),
         deviation=render(
             "deviation.md.j2", pictures=pictures, forces=result.deviation, labels=result.labels
