@@ -799,7 +799,9 @@ def test_the_deviance_of_a_sure_success_is_as_exact_as_that_of_a_rare_one() -> N
     assert np.ravel(residuals) == pytest.approx([-wanted, wanted, 0.0, 0.0], rel=1e-6)
 
 
-def test_no_shown_interval_reaches_beyond_the_end_of_a_likelihood_that_many_counts_of_0_make() -> None:
+def test_no_shown_interval_reaches_beyond_the_end_of_a_likelihood_that_many_counts_of_0_make() -> (
+    None
+):
     """A peak without background: of 940 empty bins each counts the same expectation."""
     x = np.arange(1000.0)
     counts = np.random.default_rng(1).poisson(50.0 * np.exp(-0.5 * ((x - 500.0) / 10.0) ** 2))

@@ -4,7 +4,9 @@ may be zero, everything else folded.
 
 from __future__ import annotations
 
+import json
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -12,6 +14,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from command_runner import runner
 from report_words import words
 
 from estim.campaign import load_campaign
@@ -24,6 +27,7 @@ from estim.checks.cells import (
     screen_lines,
     upper_limit,
 )
+from estim.cli.commands import cli
 from estim.common import Finding, Kind
 from estim.common.errors import InputError
 from estim.common.labels import Notation
@@ -457,3 +461,45 @@ def test_the_sample_report_prints_on_six_pages_and_publishes_nothing_that_was_pu
     assert "radius of the disk" not in published
     assert report.count("**recommended**") == 1
     assert report.count("<details>") == report.count("</details>") > 5
+
+
+def fit_of_a_table(folder: Path, y: Sequence[float], *options: str) -> tuple[str, str]:
+    """What a terminal and a report say of a line through y at t = 0, 1, ... s."""
+    rows = "".join(f"{i},{value}\n" for i, value in enumerate(y))
+    (folder / "r.csv").write_text("t (s),U [V]\n" + rows)
+    arguments = ["fit", str(folder / "r.csv"), "--formula", "m*t + c", *options]
+    out = folder / "out"
+    result = runner().invoke(cli, [*arguments, "--figures", "none", "--out", str(out)])
+    assert result.exit_code in (0, 3), result.output
+    report = (out / "report.md").read_text().replace("\N{NO-BREAK SPACE}", " ")
+    return result.output, " ".join(report.split())
+
+
+def test_a_curve_that_does_not_fit_shows_its_best_values_without_uncertainties(
+    tmp_path: Path,
+) -> None:
+    # of y = t^2 at 0..7 the line of least squares is 7 t - 7, farthest off by 7 at both ends
+    said, report = fit_of_a_table(tmp_path, [t * t for t in range(8)], "--u-y", "0.5")
+    first = report.partition("<details>")[0]
+    best = "est values, not a result: m = 7.00 V/s, c = −7.00 V; points lie up to 14 standard"
+    for text in (said, first):
+        assert best in text
+        assert re.search(r"from the best curve, at t = [07] s", text)
+        assert re.search(r"[Ff]irst step: look at the residuals", text)
+    assert "±" not in first.replace("data ± one standard deviation", "")
+    assert len(words(first)) < 120
+    record = json.loads((tmp_path / "out" / "result.json").read_bytes())
+    far = record["runs"]["r"]["farthest"]
+    assert far["where"] in ("t = 0 s", "t = 7 s")
+    assert far["sds"] == pytest.approx(14.0, rel=1e-3)
+
+
+def test_a_scatter_that_sets_the_errors_is_called_no_test_of_the_curve(tmp_path: Path) -> None:
+    y = [0.21, 2.05, 3.82, 5.71, 7.49, 9.36, 11.14, 13.03]
+    _, report = fit_of_a_table(tmp_path, y)
+    assert "were estimated from the scatter about the curve, so the size of the residuals" in report
+    assert "χ² = " not in report
+    assert "farthest" not in (tmp_path / "out" / "result.json").read_text()
+    _, report = fit_of_a_table(tmp_path, y, "--u-y", "0.05")
+    assert "χ² = 2.115 for 6 degrees of freedom (data and priors), p = 0.91." in report
+    assert "estimated from the scatter" not in report

@@ -53,7 +53,7 @@ class CountErrors(Likelihood):
         likelihood together as narrow, beside what they tell, as that of one.
         """
         ends = np.isfinite(self.law.unseen(self.y, self.y, self.trials))
-        return _PENALTY / math.sqrt(max(1, np.count_nonzero(ends)))
+        return _PENALTY / math.sqrt(max(1, int(np.sum(ends))))
 
     def pointwise(self, named: Named) -> FloatArray:
         mean, none = self._expected(named)
@@ -64,7 +64,9 @@ class CountErrors(Likelihood):
         """Signed roots of the deviance, which are closer to normal than (y - m)/sd."""
         mean, none = self._expected(named)
         root = deviance_residual(self.law, self.y, mean, self.trials)
-        unseen = np.where(none < 0.0, none / self.penalty + self.penalty, np.sqrt(root**2 + self.penalty**2))
+        unseen = np.where(
+            none < 0.0, none / self.penalty + self.penalty, np.sqrt(root**2 + self.penalty**2)
+        )
         return np.where(np.isfinite(none), np.where(self.y > 0.0, unseen, -unseen), root)
 
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:

@@ -168,7 +168,7 @@ class Independent(Noise):
         sizes = []
         if self.sigma.parameter is not None:
             sizes.append(
-                phrase("their standard deviation {name} inferred", name=self.sigma.parameter)
+                phrase("their standard deviation {name} is inferred", name=self.sigma.parameter)
             )
         elif self.exposure:
             least = self.sigma.value * np.min(self.relative)

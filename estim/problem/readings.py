@@ -36,7 +36,7 @@ class Readings(Independent):
         """The noise in words."""
         y_unit = "" if y_unit == "1" else y_unit
         if self.sigma.parameter is not None:
-            size = phrase("their standard deviation {name} inferred", name=self.sigma.parameter)
+            size = phrase("their standard deviation {name} is inferred", name=self.sigma.parameter)
         elif self.said:
             size = self.said[0]
         elif np.ptp(self.relative) > 0.0:

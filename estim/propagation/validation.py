@@ -150,7 +150,7 @@ def _sentence(
     )
     if status == "invalid":
         return where + phrase(
-            "the linear interval is not valid: {by}, {limit}: quote the Monte-Carlo interval",
+            "the linear interval is not valid: {by}, while {limit}: quote the Monte-Carlo interval",
             by=by,
             limit=limit,
         )

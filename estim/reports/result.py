@@ -436,7 +436,7 @@ def _farthest(run: Observations, goodness: Goodness) -> Farthest | None:
     if far.size != run.n_obs or not np.all(np.isfinite(far)):
         return None
     i = int(np.argmax(far))
-    place = with_unit(format_quantity(float(run.x[i])), run.x_unit)
+    place = with_unit(format_quantity(float(f"{run.x[i]:.4g}")), run.x_unit)
     return Farthest(f"{run.x_label.removesuffix(bracketed(run.x_unit))} = {place}", float(far[i]))
 
 
@@ -518,9 +518,16 @@ def _best(result: Result) -> str:
     labels = result.labels.bare if len(result.runs) == 1 else result.labels.parameters
     values = [
         f"{labels[name].symbol} = "
-        + with_unit(significant(result.fit.values[name] * labels[name].factor), labels[name].unit)
+        + with_unit(
+            significant(
+                (result.fit.values[name] if p.limit is None else p.limit.edge) * labels[name].factor
+            ),
+            labels[name].unit,
+        )
         for name, p in result.parameters.items()
-        if p.prior != "normal" and not _of_one_run(name, result)
+        if p.prior != "normal"
+        and (p.stated or p.prior_sd is None)
+        and not _of_one_run(name, result)
     ]
     return best_words(
         [*values[:_MOST_VALUES], *["…"] * (len(values) > _MOST_VALUES)],

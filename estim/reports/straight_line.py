@@ -161,6 +161,7 @@ def _best(line: StraightLine) -> str:
     residuals = (fit.data.y - fit.intercept - fit.slope * x)[order]
     far = np.abs(residuals) / line_goodness(fit).sd
     i = int(np.argmax(far))
+    place = float(f"{x[order][i]:.4g}")
     values = (
         ("intercept", phrase("intercept"), fit.intercept),
         ("slope", phrase("slope"), fit.slope),
@@ -168,7 +169,7 @@ def _best(line: StraightLine) -> str:
     return best_words(
         [f"{name} = {with_unit(significant(value), units[key])}" for key, name, value in values],
         float(far[i]),
-        f"{line.axes.x_name} = {with_unit(format_quantity(float(x[order][i])), units['x'])}",
+        f"{line.axes.x_name} = {with_unit(format_quantity(place), units['x'])}",
     )
 
 
@@ -283,7 +284,7 @@ def straight_line_figure(line: StraightLine) -> Figure:
     percent = f"{100.0 * line.probability:g} %"
     bars = [u if np.any(u > 0.0) and fit.method != "ols" else None for u in (data.u_x, data.u_y)]
     if math.isfinite(fit.slope):
-        if line.status is not Status.NOT_IDENTIFIED:
+        if line.status.ok:
             band = confidence_band(fit, x, probability=line.probability)
             label = phrase("{percent} band of the line, point by point", percent=percent)
             upper.fill_between(x, band.low, band.high, color=BLUE, alpha=0.25, lw=0, label=label)

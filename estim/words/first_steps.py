@@ -13,7 +13,7 @@ from estim.words.telling import advice
 def _short() -> dict[Kind, str]:
     """What to do first where all that could be done takes longer to say."""
     look = phrase(
-        "look at the residuals: a bad reading, a wrong window, or an effect that the curve "
+        "look at the residuals for a bad reading, a wrong window, or an effect that the curve "
         "does not model"
     )
     another = phrase("try another curve: if the curve is wrong, none of the intervals is reliable")
