@@ -46,6 +46,7 @@ _EVEN = 0.05  # standard deviations: what is nearer to the truth is "0.0"
 _LOPSIDED = 1.5
 # standard deviations over half of the 68 % interval: a ratio whose denominator comes near 0
 _HEAVY = 2.0
+_FAR = 2.0  # standard deviations from which the farthest point is worth telling
 
 
 def value_cell(p: Summary, shown: Label) -> str:
@@ -272,10 +273,11 @@ def best_words(values: Sequence[str], sds: float, where: str) -> str:
     """
     if not values:
         return ""
-    return phrase(
-        "best values, not a result: {values}; points lie up to {sds} standard deviations from the "
-        "best curve, at {where}",
-        values=", ".join(values),
+    words = phrase("best values, not a result: {values}", values=", ".join(values))
+    if not sds > _FAR:  # what is wrong is no distance but a pattern
+        return words
+    return words + phrase(
+        "; points lie up to {sds} standard deviations from the best curve, at {where}",
         sds=significant(sds, 2),
         where=where,
     )
