@@ -46,7 +46,7 @@ from estim.reports.identifiability import (
     identify_section,
     profile_figure,
 )
-from estim.reports.pages import Drawers, page, shortened
+from estim.reports.pages import Drawers, numbered, page, shortened
 from estim.reports.records import DRAWS, FELT
 from estim.reports.rendering import render
 from estim.reports.result import (
@@ -307,7 +307,7 @@ def index_report(
         cell=_index_cell,
         causes=causes,
     )
-    return {"report.md": text.encode()}
+    return {"report.md": numbered(text).encode()}
 
 
 def _index_cell(p: Summary, shown: Label) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 
 from estim.campaign import OUTPUTS, CampaignFile
 from estim.common import as_json, format_quantity
+from estim.reports.pages import numbered
 from estim.reports.records import Record, Report
 from estim.reports.rendering import render
 from estim.reports.result import Correlation, Provenance, provenance_of
@@ -118,7 +119,7 @@ def body_report(source: CampaignFile, weighing: BodyProperties, *, seed: int) ->
             for out, _, rest in (name.partition("[") for name in result.correlation.names)
         ],
     )
-    return {"report.md": text.encode(), "result.json": as_json(result)}
+    return {"report.md": numbered(text).encode(), "result.json": as_json(result)}
 
 
 def body_lines(weighing: BodyProperties) -> list[str]:

@@ -63,7 +63,7 @@ _MARK = re.compile(
 _HEADING = re.compile(r"<h(\d)>(.*?)</h\1>\n")
 _IMAGE = re.compile(r'<img src="([^"]*)" alt="([^"]*)" />')
 _ALONE = re.compile(r"<p>(<img [^>]*>)</p>\n(?:<p><em>((?:(?!</?em>).)*)</em></p>\n)?", re.DOTALL)
-_TABLE = re.compile(r"<table>(.*?)</table>", re.DOTALL)
+_TABLE = re.compile(r"(?:<p><em>((?:(?!</?em>).)*)</em></p>\n)?<table>(.*?)</table>", re.DOTALL)
 
 
 def html_page(files: Mapping[str, bytes], *, paper: bool = False) -> bytes:
@@ -156,7 +156,8 @@ def _text(html: str) -> str:
 
 def _dressed(html: str, pictures: Mapping[str, bytes]) -> str:
     """HTML of markdown-it with images in it (an image alone is a figure, the italics below it its
-    caption), tables that scroll, and links to other reports that lead to their pages.
+    caption; so are those above a table), tables that scroll, and links to other reports that lead
+    to their pages.
     """
     numbers = count(1)
 
@@ -175,12 +176,14 @@ def _dressed(html: str, pictures: Mapping[str, bytes]) -> str:
         return f"<figure>{match[1]}{caption}</figure>\n"
 
     def table(match: re.Match[str]) -> str:
-        wide = ' class="wide"' if match[1].count("<th>") >= 7 else ""  # smaller on paper
-        cells = re.sub(r"<th></th>", "<td></td>", match[1]).replace("<th>", '<th scope="col">')
-        name = escape(phrase("Table {n}", n=next(numbers)))
+        wide = ' class="wide"' if match[2].count("<th>") >= 7 else ""  # smaller on paper
+        cells = re.sub(r"<th></th>", "<td></td>", match[2]).replace("<th>", '<th scope="col">')
+        name = match[1] and _text(match[1]).partition(".")[0]
+        name = escape(name or phrase("List {n}", n=next(numbers)))
+        caption = f"<caption>{match[1]}</caption>" if match[1] else ""
         return (
             f'<div class="table" role="region" aria-label="{name}" tabindex="0">'
-            f"<table{wide}>{re.sub('<td>(.*?)</td>', cell, cells)}</table></div>"
+            f"<table{wide}>{caption}{re.sub('<td>(.*?)</td>', cell, cells)}</table></div>"
         )
 
     def cell(match: re.Match[str]) -> str:

@@ -9,15 +9,28 @@ import unicodedata
 from collections.abc import Callable, Collection, Mapping
 from types import MappingProxyType
 from typing import Protocol
+from urllib.parse import unquote
 
 from estim.common import FIGURE_CHOICES, FigureChoice, InputError, Markdown, as_csv, phrase
 from estim.drawing import Figure, png
-from estim.reports.rendering import render
+from estim.reports.rendering import CITED, render
 
 _CODE = re.compile(r"(^```.*?^```$|`[^`\n]*`|^#[^\n]*$)", re.DOTALL | re.MULTILINE)
 _BREAKS = re.compile(
     r"(?<=[\d)]) (?=(?:±|%|×|°|sd|mm|cm|m|s|kg|N|J|rad|Hz|deg)(?![\w]))|(?<=±) (?=\d)"
 )
+
+_NUMBERED = re.compile(
+    r"^```.*?^```$"
+    r"|^!\[(?P<alt>[^\n]*)\]\((?P<path>[^)\n]*)\)$"
+    r"(?:\n\n+\*(?P<below>(?!\ue000)(?:\\.|(?!\n\n)[^*\\])+)\*(?=\n\n|\n?\Z))?"
+    rf"|(?:^\*{CITED.pattern} *(?P<above>[^\n]*)\*\n\n+)?"
+    r"(?P<head>^\|(?![ |]*\n)[^\n]*\n\|[-:| ]+\n)",
+    re.DOTALL | re.MULTILINE,
+)
+"""Code; an image alone with the caption below it; a table's caption and head, but not that of a
+list, whose columns have no names.
+"""
 
 Drawers = Mapping[str, "Callable[[], Figure]"]
 """Path of a figure -> what draws it."""
@@ -40,6 +53,32 @@ def unbroken(text: str) -> str:
     return "".join(
         part if i % 2 else _BREAKS.sub("\u00a0", part) for i, part in enumerate(_CODE.split(text))
     )
+
+
+def numbered(text: str) -> str:
+    """Markdown whose figures and tables have numbers, in the order in which they stand, and whose
+    sentences name them by these (`cited` of a template).
+
+    The caption of a figure begins with its number; where there is none, it is the text in place of
+    the image.  A table has its number above it, with the caption that a template gives it.
+    """
+    places: dict[str, str] = {}
+    n_figure = n_table = 0
+
+    def named(found: re.Match[str]) -> str:
+        nonlocal n_figure, n_table
+        if found["path"] is not None:
+            n_figure += 1
+            name = places[unquote(found["path"])] = phrase("Figure {n}", n=n_figure)
+            words = found["below"] or f"{found['alt'].rstrip('.')}."
+            return f"![{found['alt']}]({found['path']})\n\n*{name}. {words}*"
+        if found["head"] is not None:
+            n_table += 1
+            name = places[found["cited"]] = phrase("Table {n}", n=n_table)
+            return f"*{name}. {found['above'] or ''}".rstrip() + f"*\n\n{found['head']}"
+        return found[0]
+
+    return CITED.sub(lambda found: places[found["cited"]], _NUMBERED.sub(named, text))
 
 
 def marked(figure: Figure) -> Figure:
@@ -74,7 +113,7 @@ def page(
     images = {
         path: png(draw, marked if kind == "synthetic" else None) for path, draw in drawn.items()
     }
-    return images | {"report.md": unbroken(text(pictures=drawn.keys())).encode()}
+    return images | {"report.md": numbered(unbroken(text(pictures=drawn.keys()))).encode()}
 
 
 def with_campaign(

@@ -47,6 +47,10 @@ _QUOTED = re.compile(
     r"\{[{%][^}]*?(?:\bif\b|\belse\b|~)[^}]*?[\"'][^\"']*[A-Za-z]{2}[^\"']*[\"'][^}]*?[%}]\}"
 )
 _WORD = re.compile(r"[^\W\d_]{2}")
+CITED = re.compile("\ue000(?P<cited>[^\ue000]*)\ue000")
+"""What stands for the number of a figure or a table until all have theirs; no text of others has
+such a mark, since it does not print.
+"""
 _OWN_LINE = ("|", "#", "-", "*", ">", "<")  # begins a sentence of its own
 
 
@@ -89,6 +93,13 @@ def folded(title: str, body: str, *, opened: bool) -> Markdown:
         if opened
         else f"<details>\n<summary><b>{markdown(title)}</b></summary>\n\n{inside}\n\n</details>"
     )
+
+
+def cited(key: str) -> Markdown:
+    """The number of the figure at the path `key`, or of the table whose caption begins with it:
+    "Figure 2".
+    """
+    return Markdown(f"\ue000{key}\ue000")
 
 
 def render(
@@ -180,6 +191,7 @@ def _environment(_language: str) -> jinja2.Environment:
     environment.filters |= {
         "cells": cells,
         "sentence": sentence,
+        "cited": cited,
         "code": code,
         "destination": destination,
     }

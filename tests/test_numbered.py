@@ -1,0 +1,120 @@
+"""Figures and tables of reports have numbers, and sentences that name one use its number."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from conftest import PIXEL
+from test_html_page import files_of, page_of, seen
+
+from estim.common import spoken
+from estim.reports.html_page import html_page
+from estim.reports.pages import numbered, shortened
+from estim.reports.rendering import cited, markdown
+
+PROJECT = Path(__file__).parents[1]
+TEXT = f"""# T
+
+{cited("figures/b c.png")} and {cited("later")} stand below.
+
+![first \\* figure](figures/a.png)
+
+![second](figures/b%20c.png)
+
+*Its caption,
+γ = 1.*
+
+| x | y |
+|---|---|
+| 1 | 2 |
+
+```text
+| x | y |
+|---|---|
+```
+
+![third](figures/d.png)
+
+*{cited("later")} What it shows.*
+
+| | y |
+| --- | --- |
+| 1 | 2 |
+
+*As before*, in words.
+
+| | |
+|---|---|
+| a list | of no columns |
+"""
+
+
+def test_figures_and_tables_are_counted_where_they_stand() -> None:
+    text = numbered(TEXT)
+    assert "\nFigure 2 and Table 2 stand below.\n" in text
+    assert re.findall(r"^\*((?:Figure|Table) [^*]*(?:\\\*[^*]*)*)\*$", text, re.MULTILINE) == [
+        "Figure 1. first \\* figure.",
+        "Figure 2. Its caption,\nγ = 1.",
+        "Table 1.",
+        "Figure 3. third.",
+        "Table 2. What it shows.",
+    ]
+    # nothing else changes
+    captions = r"\*(?:Figure|Table) \d\.(?: first \\\* figure\.| third\.)?\*\n\n"
+    plain = re.sub(r"(?<=\*)(Figure|Table) \d\. ", "", re.sub(captions, "", text))
+    assert plain == re.sub(
+        "\ue000.*?\ue000 ?",
+        "",
+        TEXT.replace(f"{cited('figures/b c.png')} and {cited('later')}", "Figure 2 and Table 2"),
+    )
+
+
+def test_numbers_are_said_in_the_language() -> None:
+    with spoken("es"):
+        text = numbered(TEXT)
+    assert "Figura 2 and Tabla 2" in text
+    assert "*Tabla 2. What it shows.*" in text
+
+
+def test_what_is_named_must_be_there() -> None:
+    with pytest.raises(KeyError, match="figures/none"):
+        numbered(cited("figures/none.png"))
+
+
+def test_text_of_others_names_no_figure() -> None:
+    mine = str(markdown("\ue000figures/a.png\ue000"))
+    assert numbered(f"{mine}\n\n{TEXT}").startswith(mine)
+
+
+def test_numbers_stay_where_a_long_table_is_shortened() -> None:
+    rows = "".join(f"| {i} | 1 |\n" for i in range(200))
+    files = shortened(numbered(f"# T\n\n| n | x |\n|---|---|\n{rows}\n| a |\n|---|\n| 1 |\n"))
+    text = files["report.md"].decode()
+    assert text.index("*Table 1.*") < text.index("All 200 rows") < text.index("*Table 2.*")
+
+
+def test_a_page_has_captions() -> None:
+    page = page_of(numbered(TEXT), **{f"figures/{a}.png": PIXEL for a in ("a", "b c", "d")})
+    assert len(page.all("figcaption")) == len(page.all("figure")) == 3
+    assert [table["aria-label"] for table in page.all("div")] == ["Table 1", "Table 2", "List 1"]
+    assert len(page.all("caption")) == 2
+
+
+def test_every_report_has_its_numbers_in_order_also_on_paper(reports: Path) -> None:
+    for path in sorted(reports.rglob("report.md")):
+        files = files_of(path.parent)
+        text = files["report.md"].decode()
+        figure, table = ("Figura", "Tabla") if "/es/" in path.as_posix() else ("Figure", "Table")
+        images = len(re.findall(r"^!\[", text, re.MULTILINE))
+        heads = re.findall(r"^\|(?![ |]*\n)[^\n]*\n\|[-:| ]+$", text, re.MULTILINE)
+        for kind, count in ((figure, images), (table, len(heads))):
+            numbers = re.findall(rf"^\*{kind} (\d+)\.", text, re.MULTILINE)
+            assert numbers == [str(n) for n in range(1, count + 1)], (path, kind)
+        page = seen(html_page(files, paper=True))
+        assert len(page.all("figcaption")) == images, path
+        assert len(page.all("caption")) == len(heads), path
+        for kind, count in ((figure, images), (table, len(heads))):
+            printed = re.findall(rf"(?:^|\n){kind} (\d+)\.", "\n".join(page.texts))
+            assert [int(n) for n in printed] == sorted(range(1, count + 1)), (path, kind)
