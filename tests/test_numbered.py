@@ -102,7 +102,7 @@ def test_a_page_has_captions() -> None:
     assert len(page.all("caption")) == 2
 
 
-def test_every_report_has_its_numbers_in_order_also_on_paper(reports: Path) -> None:
+def test_every_report_has_its_numbers_in_order_and_the_same_on_paper(reports: Path) -> None:
     for path in sorted(reports.rglob("report.md")):
         files = files_of(path.parent)
         text = files["report.md"].decode()
@@ -117,4 +117,5 @@ def test_every_report_has_its_numbers_in_order_also_on_paper(reports: Path) -> N
         assert len(page.all("caption")) == len(heads), path
         for kind, count in ((figure, images), (table, len(heads))):
             printed = re.findall(rf"(?:^|\n){kind} (\d+)\.", "\n".join(page.texts))
-            assert [int(n) for n in printed] == sorted(range(1, count + 1)), (path, kind)
+            # what is folded follows in an appendix, under the numbers that it has everywhere
+            assert sorted(map(int, printed)) == list(range(1, count + 1)), (path, kind)
