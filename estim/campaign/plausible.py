@@ -16,8 +16,6 @@ from estim.problem import Observations, Prior, Scale
 from estim.reading import Run
 
 _SDS = 5.0  # how far a quantity may lie above its centre
-# speeds are taken over this part of the time, where errors of the positions do not matter
-_SPAN = 8.0
 
 
 def check_reading_error(sigma: Scale, run: Run, noise: StatedNoise) -> None:
@@ -107,7 +105,8 @@ def _typical_speed(run: Observations, position: FloatArray) -> float:
     """
     if run.t is None:
         return float(np.quantile(np.abs(run.y), 0.9))
-    later = np.searchsorted(run.t, run.t + np.ptp(run.t) / _SPAN)
+    # speeds are taken over this part of the time, where errors of the positions do not matter
+    later = np.searchsorted(run.t, run.t + np.ptp(run.t) / 8.0)
     first = np.flatnonzero(later < run.t.size)
     return float(
         np.quantile(

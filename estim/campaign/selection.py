@@ -24,8 +24,6 @@ from estim.words import tell
 
 _MIN_OBS = 5
 MAX_OBS = 10_000
-# of the largest speed: slower than this at its farthest, a body is taken to have turned there
-_SLOW = 0.25
 
 
 @dataclass(frozen=True)
@@ -87,7 +85,9 @@ def select(
         guard = GUARD * sigma_position
         if guard > 0.0 and not np.isfinite(window.low):
             leave_out(position < guard, Kind.BESIDE_RELEASE)
-        slow = abs(speed[farthest]) < _SLOW * np.max(np.abs(speed[inside]))
+        # of the largest speed: slower than this at its farthest, a body is taken to have turned
+        # there
+        slow = abs(speed[farthest]) < 0.25 * np.max(np.abs(speed[inside]))
         if guard > 0.0 and slow and not np.isfinite(window.high):
             leave_out(position > position[farthest] - guard, Kind.BESIDE_TURNING)
     return Selection(np.flatnonzero(left), tuple(reasons))

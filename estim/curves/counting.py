@@ -28,7 +28,6 @@ from estim.problem import BINOMIAL, POISSON, Counts, Curve, Events, Wording, cou
 
 MAX_OBS = 1_000_000  # what costs in proportion: independent errors of y alone, counts, events
 _MOST_CELLS = 1000
-_LARGEST = 1e15  # count that a float still tells from the next
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +192,8 @@ def counted_points(
 
 def not_a_count(y: FloatArray) -> int | None:
     """Where y is first no whole number from 0; None if nowhere."""
-    bad = (y < 0.0) | (y > _LARGEST) | (np.abs(y - np.rint(y)) > 1e-9)
+    # 1e15: a float still tells it from the next
+    bad = (y < 0.0) | (y > 1e15) | (np.abs(y - np.rint(y)) > 1e-9)
     return int(np.argmax(bad)) if np.any(bad) else None
 
 

@@ -15,8 +15,6 @@ from estim.common import InputError
 
 Method = Literal["DOP853", "RK45", "Radau", "BDF"]
 _TOLERANCE = 1e-10
-# evaluations of a right side on one way: some 10,000 steps, after which there is no solution
-_MOST = 100_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +132,9 @@ class OdeCurve:
         """
         from scipy.integrate import solve_ivp
 
-        budget = iter(range(_MOST))
+        # evaluations of a right side on one way: some 10,000 steps, after which there is no
+        # solution
+        budget = iter(range(100_000))
 
         def rate(at: float, y: Any) -> Any:
             if next(budget, None) is None:

@@ -145,10 +145,6 @@ def _power_of_exponent(r: Any, a: Any, b: Any) -> Any:
     )
 
 
-# from here on the Faddeeva function's own derivative would be a small difference of large numbers
-_FAR = 100.0
-
-
 def _voigt_slopes(r: Any, x: Any, sigma: Any, gamma: Any) -> tuple[Any, Any, Any]:
     """Derivatives of Re w(z)/(sigma sqrt(2 pi)), z = (|x| + i gamma)/(sigma sqrt 2), in x, sigma
     and gamma.
@@ -161,7 +157,9 @@ def _voigt_slopes(r: Any, x: Any, sigma: Any, gamma: Any) -> tuple[Any, Any, Any
     # a width that stands for 0
     sign, width = np.where(np.asarray(sigma) < 0.0, -1.0, 1.0), np.maximum(np.abs(sigma), 1e-60)
     z = (np.abs(x) + 1j * np.asarray(gamma)) / (width * np.sqrt(2.0))
-    far = np.abs(z) > _FAR
+    # from here on the Faddeeva function's own derivative would be a small difference of large
+    # numbers
+    far = np.abs(z) > 100.0
     inverse, near = np.where(far, 1.0 / np.where(far, z, 1.0), 0.0), np.where(far, 0.0, z)
     square, faddeeva = inverse**2, special.wofz(near)
     slope = np.where(

@@ -76,8 +76,6 @@ FUNCTIONS: Mapping[str, tuple[str, int]] = MappingProxyType(
 RESERVED = frozenset({"x", *CONSTANTS, *FUNCTIONS})
 
 MAX_LENGTH = 2000
-_MAX_NODES = 600
-_MAX_DEPTH = 120
 _MAX_POWER = 1000.0
 _POWER = "power"  # a formula cannot say it: ** is turned into it
 _OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div)
@@ -334,7 +332,7 @@ def _check_size(tree: ast.expr, field: str) -> None:
     while pending:
         node, depth = pending.pop()
         count += 1
-        if count > _MAX_NODES or depth > _MAX_DEPTH:
+        if count > 600 or depth > 120:
             raise InputError("is too long or nested too deeply", field=field)
         pending.extend(
             (child, depth + 1)

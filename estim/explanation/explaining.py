@@ -41,7 +41,6 @@ _UMBRELLA = later(
     "a smooth disturbance without a key of its own (an uneven track, correlated errors of "
     "successive readings)"
 )
-_MOST_POSED = 6  # candidates with which the campaign is fit again
 _SIZE = "chi2"  # the one test that is not of order
 # standard deviations of the prior of what cannot be negative: where a search starts, and where its
 # direction is asked
@@ -155,9 +154,8 @@ class Explanation:
 
     def with_outcomes(self, outcome: Callable[[Candidate], Outcome]) -> Explanation:
         """The same with what fits of the campaign with the first of these give."""
-        leading = [candidate for candidate in self.tied if candidate.posed is not None][
-            :_MOST_POSED
-        ]
+        # candidates with which the campaign is fit again
+        leading = [candidate for candidate in self.tied if candidate.posed is not None][:6]
         return replace(
             self,
             candidates=tuple(

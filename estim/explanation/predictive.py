@@ -35,8 +35,6 @@ from estim.problem import Likelihood, Observations, Points, Posterior, n_draws
 P_NOT_BROUGHT_BACK = 0.01
 N_DRAW, _FEW = 1000, 100  # draws; those of a noise of which every draw has another covariance
 _PART, _LEAST = 8, 4  # the last and first eighth of the readings, four at least
-# of the largest speed: a body that is slower at the end is on its way to a turning point
-_SLOWED = 0.7
 # speeds of positions: slopes over a twelfth of the frames, five at least
 _SPEED_OVER, _LEAST_OVER = 12, 5
 
@@ -186,7 +184,8 @@ def _of_motion(
     if first.stop <= top < last.start:
         words = phrase("position of the largest speed")
         statistics.append(compared("its_place", words, here, place))
-        if not run.positions and np.mean(v[last]) < _SLOWED * v[top]:
+        # of the largest speed: a body that is slower at the end is on its way to a turning point
+        if not run.positions and np.mean(v[last]) < 0.7 * v[top]:
             end, words = x[last], phrase("turning point")
             statistics.append(
                 compared("turning_point", words, here, lambda m: _zero_of(end, m[1][:, last]))

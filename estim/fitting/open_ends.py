@@ -17,9 +17,6 @@ from estim.fitting.least_squares import Fit
 from estim.fitting.profile import ProfileInterval, profile_intervals
 from estim.problem import Parameter, Problem
 
-# ranges of the data by which one standard deviation moves the curve, from which on it is no small
-# step of it
-_VAGUE = 1.0
 _PROBABILITY = 0.95
 
 
@@ -40,7 +37,9 @@ def open_sides(fit: Fit, sds: FloatArray, *, dof: float = math.inf) -> list[Find
         if not math.isfinite(p.prior.sd) and p.name not in problem.noise_names
     ]
     names = [problem.names[i] for i in free]
-    if not np.any(_moved(problem, fit.values, names) * sds[free] >= _VAGUE):
+    # ranges of the data by which one standard deviation moves the curve, from which on it is no
+    # small step of it
+    if not np.any(_moved(problem, fit.values, names) * sds[free] >= 1.0):
         return []
     intervals = profile_intervals(fit, names=names, probabilities=(_PROBABILITY,), dof=dof)
     findings = []

@@ -14,9 +14,6 @@ from estim.arrays import FloatArray
 from estim.descent import End, Start, Task
 from estim.fitting.profile_search import ProfileSearch
 
-# of the square root of the objective: the line through the two last points does the rest
-_ON_LEVEL = 1e-6
-
 
 def walk(search: ProfileSearch, mode: End, i: int, sign: float, rise: float) -> Task[list[End]]:
     """Points outward from the mode until the objective has risen by `rise`, to the edge of the
@@ -89,7 +86,8 @@ def crossing(
         else:
             beyond, above, below = point, height, below * (0.5 if before > 0.0 else 1.0)
         before = height
-        if abs(height) < _ON_LEVEL:
+        # of the square root of the objective: the line through the two last points does the rest
+        if abs(height) < 1e-6:
             break
     below, above = _height(inner, mode, rise), _height(beyond, mode, rise)
     share = below / (below - above)

@@ -47,9 +47,6 @@ from estim.problem import HalfNormal, LogNormal, Normal, Prior, Uniform
 FACTOR = 4.0  # to which the stated u_theta is taken as known, 95 %
 LOG_SD = math.log(FACTOR) / 1.959964
 _REACH = 4.5  # standard deviations of a tilt that are integrated over
-# step over the distance of the integrand's nearest pole: an error of exp(-2 pi/1.3) = 0.8 % where
-# the scatter is smallest
-_STRIP = 1.3
 _MOST_NODES = 161
 _BLOCK = 10_000  # draws times nodes at once: arrays that stay in the cache of a processor
 
@@ -227,7 +224,9 @@ def _nodes(trials: Trials) -> FloatArray:
     pole = min(
         smallest / (trials.u_phi * _steepness(tilt, rough_gamma(trials))) for tilt in trials.tilts
     )
-    n_node = 2 * math.ceil(_REACH / min(_STRIP * pole, 0.7)) + 1
+    # step over the distance of the integrand's nearest pole: an error of exp(-2 pi/1.3) = 0.8 %
+    # where the scatter is smallest
+    n_node = 2 * math.ceil(_REACH / min(1.3 * pole, 0.7)) + 1
     return np.linspace(-_REACH, _REACH, min(n_node, _MOST_NODES))
 
 

@@ -16,8 +16,6 @@ from estim.reading import read_known_columns
 
 COLUMNS = ("phi_deg", "theta_deg", "climbed")
 LOW, HIGH = "min", "max"  # ends of the angles from which a body climbs
-# degrees: no angle is set more closely, and the integral over the tilt has no nodes for less
-_LEAST = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +106,9 @@ def read_trials(source: CampaignFile) -> Trials:
     table.require("climbed", either, "must be 1 (it climbed) or 0 (it did not)")
     keys = ("u_phi_deg", "u_theta_deg", "release_deg", "u_zero_phi_deg", "u_zero_theta_deg")
     for key in keys:
-        least = _LEAST if key == "u_theta_deg" else 0.0
+        # degrees: no angle is set more closely, and the integral over the tilt has no nodes for
+        # less
+        least = 0.01 if key == "u_theta_deg" else 0.0
         if not least <= getattr(stated, key) < 45.0:
             raise source.error(
                 f"must lie between {least:g} and 45", ("trials", key), value=getattr(stated, key)

@@ -30,7 +30,6 @@ from estim.reading import Run
 
 _LONGER = (1, 2, 4)  # times the duration of the run that it is like: how long a new run may take
 _MOST = 3000  # frames
-_ENDS = 1.02  # times the farthest reading, which has an error: where the ramp is taken to end
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,8 +125,9 @@ def rolling_basis(campaign: Campaign, names: Sequence[str], fit: Fit) -> Rolling
     """What plans start from.  Raises InputError for noise that cannot be simulated."""
     ramp: dict[str, float] = {}
     for table in campaign.tables.values():
+        # the farthest reading has an error: the ramp is taken to end 2 % beyond it
         ramp[table.coordinate] = max(
-            ramp.get(table.coordinate, 0.0), _ENDS * float(np.max(table.columns[table.coordinate]))
+            ramp.get(table.coordinate, 0.0), 1.02 * float(np.max(table.columns[table.coordinate]))
         )
     release = release_times(campaign, fit.problem, fit.values)
     return RollingBasis(

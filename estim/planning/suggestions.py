@@ -13,8 +13,6 @@ from estim.fitting import Fit
 from estim.planning.changes import MORE, Wish
 from estim.problem import Observations
 
-# times that of the body, and the tilt that goes with it
-_GAMMAS = ((0.5, 0.5), (1.5, 1.0), (1.5, 1.5))
 _RELEASES = (1.0, 179.0)  # degrees, of a body that climbs
 
 
@@ -104,7 +102,8 @@ def _other_runs(
             if said:
                 wishes.append(_run(f"{len(wishes)}", like, said, body, tilt, radians(angle)))
     if gamma > 0.0:
-        for share, factor in _GAMMAS:
+        # times that of the body, and the tilt that goes with it
+        for share, factor in ((0.5, 0.5), (1.5, 1.0), (1.5, 1.5)):
             said = {"gamma": Quantity(_two_digits(gamma * share), u_gamma)}
             if factor != 1.0:
                 said["phi"] = Quantity(radians(_two_digits(degrees(tilt) * factor)), u_tilt)

@@ -32,10 +32,6 @@ from estim.problem.curve import Curve, LocalCurve, Wording
 from estim.problem.latent import rooted
 from estim.problem.likelihood import Likelihood, Points, n_draws
 
-# the exponential of it is how far a rate may exceed one event between an event and its nearest
-# neighbour
-_ROOM = 3.0
-
 
 @runtime_checkable
 class RateCurve(Curve, Protocol):
@@ -81,7 +77,9 @@ class EventErrors(CountErrors):
         """Up to a constant that keeps the squares positive: no density of single times is the
         highest.
         """
-        highest = self._by_cell(-np.log(self.spacing)[None, :])[0] + _ROOM * self.y + 1.0
+        # the exponential of it is how far a rate may exceed one event between an event and its
+        # nearest neighbour
+        highest = self._by_cell(-np.log(self.spacing)[None, :])[0] + 3.0 * self.y + 1.0
         with np.errstate(all="ignore"):
             rate, expected = self._rates.rate(self.points.bind(named))
             # never 0: the number in a cell says nothing of where in it events lie

@@ -25,8 +25,6 @@ from estim.arrays import FloatArray, IntArray
 from estim.common import InputError, later
 from estim.problem.differences import Differences
 
-_STEP_TOLERANCE = 0.1  # of a frame interval: what rounding a time to a few decimals may cost
-
 
 @dataclass(frozen=True)
 class Stencil:
@@ -125,7 +123,8 @@ def _frames(t: FloatArray, *, file: str, lines: IntArray | None) -> tuple[float,
     if np.all(counts >= 1):
         interval = float((t[-1] - t[0]) / counts.sum())
         off = np.abs(steps - counts * interval) / interval
-        if np.all(off <= _STEP_TOLERANCE):
+        # of a frame interval: what rounding a time to a few decimals may cost
+        if np.all(off <= 0.1):
             return interval, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     else:
         off = np.where(counts >= 1, 0.0, 1.0)

@@ -43,9 +43,6 @@ from estim.problem.tails import Tails
 from estim.problem.whitened import Tabled
 
 _BLOCK = 1_000_000  # values of the curve computed at once
-# variance of x that is error, as a share, below which the distribution of the true abscissas is
-# known well enough
-_NEGLIGIBLE = 1e-3
 _FAREST = 5.0
 _LOG_ROOT_2PI = 0.5 * np.log(2.0 * np.pi)
 
@@ -237,7 +234,9 @@ class LatentErrors(Likelihood):
     def _well_known(self, named: Named) -> bool:
         if self.sigma_x.parameter is not None:
             return False
-        return float(np.mean(np.square(self._sd_of_x(named)))) < _NEGLIGIBLE * float(np.var(self.x))
+        # variance of x that is error, as a share, below which the distribution of the true
+        # abscissas is known well enough
+        return float(np.mean(np.square(self._sd_of_x(named)))) < 1e-3 * float(np.var(self.x))
 
     def _abscissas(self, named: Named) -> TrueAbscissas:
         return true_abscissas(self.x, self._sd_of_x(named))

@@ -28,7 +28,6 @@ from estim.common import phrase
 from estim.distributions import normal_quantile, normal_tail, student_tail
 
 _LOG_ROOT_2PI = 0.5 * math.log(2.0 * math.pi)
-_FAR = 3.0  # a Student-t frame counts as an outlier where its own sd is more than this many sigmas
 
 
 class Tails(ABC):
@@ -144,7 +143,8 @@ class StudentT(Tails):
         """
         from scipy.special import gammainc
 
-        return gammainc(0.5 * (self.nu + 1.0), 0.5 * (self.nu + z**2) / _FAR**2)
+        # a Student-t frame counts as an outlier where its own sd is more than three sigmas
+        return gammainc(0.5 * (self.nu + 1.0), 0.5 * (self.nu + z**2) / 3.0**2)
 
     def normal_score(self, z: FloatArray, values: Named) -> FloatArray:
         return -np.sign(z) * normal_quantile(np.maximum(student_tail(np.abs(z), self.nu), 1e-300))

@@ -45,12 +45,6 @@ from estim.propagation.inputs import (
     correlation_matrix,
 )
 
-# numerical error of a derivative times u(x), as a part of u(y), from which on it is reported
-_INACCURATE = 1e-3
-# difference of the slopes to the two sides times u(x), as a part of u(y), from which on it is
-# reported
-_KINK = 0.05
-
 
 @dataclass(frozen=True, eq=False)
 class LinearResult(Tabled):
@@ -307,10 +301,12 @@ def _derivative_notes(
         if quantity.u == 0.0:
             continue
         missing = ~np.isfinite(component) & ~undefined
-        rough = ~missing & ~undefined & (u > 0.0) & (error * quantity.u > _INACCURATE * u)
-        bent = (
-            ~missing & ~undefined & (~np.isfinite(kink) | (np.abs(kink) * quantity.u > _KINK * u))
-        )
+        # numerical error of a derivative times u(x), as a part of u(y), from which on it is
+        # reported
+        rough = ~missing & ~undefined & (u > 0.0) & (error * quantity.u > 1e-3 * u)
+        # difference of the slopes to the two sides times u(x), as a part of u(y), from which on it
+        # is reported
+        bent = ~missing & ~undefined & (~np.isfinite(kink) | (np.abs(kink) * quantity.u > 0.05 * u))
         for affected, text in (
             (
                 missing,

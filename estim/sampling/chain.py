@@ -31,13 +31,8 @@ from estim.words import tell
 _FIRST_CHECK = 60  # steps
 # autocorrelation times: walkers that start from draws of the posterior have little to forget
 _BURN, _BURN_BLIND = 5.0, 10.0
-# effective draws that a walker gives in an autocorrelation time: tails are worth less than the
-# middle
-_YIELD = 0.65
 # of the moves: for a proposal whose weights are even, and for one that cannot be trusted
 _PROPOSAL_SHARE, _LEAST_SHARE = 0.9, 0.1
-# effective share of its draws from which a proposal gets the full share of moves
-_GOOD_EFFICIENCY = 0.4
 
 Progress = Callable[[int, str], None]
 """Called with the share of the draws needed that there are, in per cent, and a few words on
@@ -211,7 +206,9 @@ def _n_walker(n_par: int, target: Target) -> int:
     """Walkers of an ensemble, an even number: as many as give enough draws in the length that is
     asked for anyway, half of which span all directions.
     """
-    each = _YIELD * max(target.n_tau - _BURN, 1.0) * target.n_ensemble
+    # effective draws that a walker gives in an autocorrelation time: tails are worth less than the
+    # middle
+    each = 0.65 * max(target.n_tau - _BURN, 1.0) * target.n_ensemble
     least = max(2 * n_par + 4, min(math.ceil(target.ess / each), 512))
     n_walker = target.n_walker or least
     return n_walker + n_walker % 2
@@ -266,7 +263,8 @@ def _first_points(
         points = [
             part[which] for part, which in zip(np.split(draws, n_ensemble), chosen, strict=True)
         ]
-        return np.array(points), _PROPOSAL_SHARE * min(1.0, efficiency / _GOOD_EFFICIENCY)
+        # effective share of its draws from which a proposal gets the full share of moves
+        return np.array(points), _PROPOSAL_SHARE * min(1.0, efficiency / 0.4)
     return np.array(
         [_scatter(posterior, start, cov, n_walker, rng) for _ in range(n_ensemble)]
     ), _LEAST_SHARE

@@ -32,7 +32,6 @@ _REACH = 4.0  # standard deviations of s within which the quadratic terms are us
 _N_REFINE, _WIDER = 10, 1.5
 # error of polynomials from which modes are sought at each draw, and by how many steps
 _ROUGH, _N_STEP = 0.1, 3
-_EXCLUDED = 20.0  # fall of log m(s) from which on a point counts as excluded
 _LONGEST_STEP, _FROM_AFAR = 3.0, 100.0  # conditional standard deviations
 _NOT_NORMAL = "must have plain normal noise for a marginal over runs: use the sampler"
 
@@ -255,7 +254,8 @@ def expand(term: RunTerm, shared: FloatArray, start: FloatArray) -> Expansion:
     whiten = np.diag(1.0 / np.where(scale > 0.0, scale, 1.0))
     centre = np.mean(shared, axis=0)
     features = _features((shared - centre) @ whiten.T)
-    weight = np.exp(0.125 * np.maximum(log_p - np.nanmax(log_p), -_EXCLUDED))[:, None]
+    # from this fall of log m(s) on, a point counts as excluded
+    weight = np.exp(0.125 * np.maximum(log_p - np.nanmax(log_p), -20.0))[:, None]
     usable = np.all(np.isfinite(out), axis=1) & (weight[:, 0] > 0.0)
     coefficients = np.linalg.lstsq(
         weight[usable] * features[usable], weight[usable] * out[usable], rcond=None

@@ -19,9 +19,6 @@ from estim.sampling.proposal import Proposal
 from estim.sampling.protocol import Density, log_density_in_batches
 
 STEPS_AHEAD = 20  # a block
-# times that draws beyond the support are drawn; what is beyond it after that is a move that no
-# walker makes
-_MOST_AGAIN = 20
 
 Proposed = tuple[FloatArray, FloatArray, FloatArray]
 """Points (n_walker, n_par), their log densities (n_walker,) and those of the proposal
@@ -69,7 +66,9 @@ class IndependenceMoves:
         """
         points, log_density = np.empty((n, self.proposal.n_par)), np.full(n, -np.inf)
         outside = np.arange(n)
-        for _ in range(_MOST_AGAIN):
+        # times that draws beyond the support are drawn; what is beyond it after that is a move that
+        # no walker makes
+        for _ in range(20):
             if outside.size == 0:
                 break
             points[outside] = self.proposal.draw(rng, outside.size)

@@ -18,8 +18,6 @@ from estim.sampling.proposal import Proposal, grown
 from estim.sampling.protocol import Density, Support, log_density_in_batches
 from estim.sampling.ridges import ridge_proposal
 
-# density over proposal, root mean square at draws of the posterior, from which another is made
-_UNEVEN = 2.0
 _N_COMPONENT, _RIDGE_SHARE = 8, 0.2
 
 
@@ -75,6 +73,7 @@ def repaired(
     """
     heights = log_density_in_batches(density, draws) - log_evidence
     ratio = np.exp(np.minimum(heights - adapted.log_density(draws), 300.0))
-    if np.sqrt(np.mean(ratio**2)) < _UNEVEN:
+    # density over proposal, root mean square at draws of the posterior, from which another is made
+    if np.sqrt(np.mean(ratio**2)) < 2.0:
         return adapted
     return both(both(adapted, grown(draws, _N_COMPONENT, rng)), ridges, _RIDGE_SHARE)

@@ -45,10 +45,6 @@ from estim.words import tell
 
 _LEAST_ESS = 400.0
 _MOST_SAMPLED = 12
-_CLOSE = 4.0  # standard deviations to a hard edge below which a parameter is not treated as normal
-# spread of a run's log weights above which its own parameters are no normal variables: a shift of
-# 0.08 of their sd
-_UNEVEN = 0.1
 
 
 @dataclass(frozen=True)
@@ -179,7 +175,9 @@ def sample_marginal(
         own_draws, log_q = term.draw_own(given, expansion, rng)
         excess = term.log_joint(given[first], own_draws[first]) - log_q[first]
         raw_all[first] += excess
-        if spread(excess - log_marginal[first], log_weights[first]) > _UNEVEN:
+        # spread of a run's log weights above which its own parameters are no normal variables: a
+        # shift of 0.08 of their sd
+        if spread(excess - log_marginal[first], log_weights[first]) > 0.1:
             own_draws[inside] = term.refine_own(given[inside], own_draws[inside], expansion, rng)
             refined.append(term.run.name)
         draws[:, own_columns] = own_draws
@@ -235,7 +233,8 @@ def sampled_columns(fit: Fit) -> IntArray:
         zip(problem.parameters, fit.values, sds, strict=True)
     ):
         prior = parameter.prior
-        if i in candidates and min(value - prior.low, prior.high - value) < _CLOSE * sd:
+        # standard deviations to a hard edge below which a parameter is not treated as normal
+        if i in candidates and min(value - prior.low, prior.high - value) < 4.0 * sd:
             edges.append(i)
     if len(shared) + len(edges) > _MOST_SAMPLED:
         near = (

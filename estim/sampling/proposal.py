@@ -30,10 +30,6 @@ DOF = 5  # tails heavier than those of most posteriors
 # share and width (in sds of the whole) of the component that guards a mixture
 _WIDE_SHARE, _WIDE_FACTOR = 0.05, 2.0
 _FAR_SHARE, _FAR_FACTOR = 0.25, 3.0  # the same for `Proposal.widened`
-# of the draws from components that are told to be there: a rare wide part is seldom drawn, and then
-# no chain leaves it soon
-_TAIL_SHARE = 0.4
-_SURE = 0.7  # from which one more round costs more draws than it can save
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +175,9 @@ def adapt_proposal(
         )
         if better > 1.15 * quality:
             best, quality, draws, weights = candidate, better, candidate_draws, candidate_weights
-    return best.beside(centres[1:], factors[1:], _TAIL_SHARE) if covs else best
+    # of the draws from components that are told to be there: a rare wide part is seldom drawn, and
+    # then no chain leaves it soon
+    return best.beside(centres[1:], factors[1:], 0.4) if covs else best
 
 
 def _settle(
@@ -198,7 +196,8 @@ def _settle(
         quality = _quality(log_ratio)
         weights, _ = flattened(log_ratio, least=min(0.1 * n_round, 20.0 * proposal.n_par))
         rounds.append((proposal, quality, draws, weights))
-        if (len(rounds) > 1 and quality > _SURE) or (
+        # from 0.7 on, one more round costs more draws than it can save
+        if (len(rounds) > 1 and quality > 0.7) or (
             len(rounds) > 2 and 0.05 < quality < 1.1 * max(f[1] for f in rounds[:-1])
         ):
             break

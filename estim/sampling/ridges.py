@@ -30,8 +30,6 @@ from estim.sampling.proposal import Proposal
 from estim.sampling.protocol import Density, Support, log_density_in_batches
 
 _DEPTH = 10.0  # of a path, in log marginal density
-# target decrease of the log marginal density in a step at the mode; 1 more for each unit of depth
-_FALL = 1.5
 # standard deviations; a path whose steps collapse ends before a jump of the density
 _MIN_STEP = 1e-2
 _DIFFERENCE = 0.1  # step of the finite differences, in standard deviations
@@ -233,7 +231,9 @@ def profile_paths(
         guess = np.clip(before + tangent[active] * advance[:, None], there.low, there.high)
         expansions = conditional_maxima(there, guess)
         new_depth = at_mode.log_marginals[centre[active]] - expansions.log_marginals
-        decrease, allowed = new_depth - depth[active], _FALL + np.maximum(depth[active], 0.0)
+        # target decrease of the log marginal density in a step at the mode; 1 more for each unit of
+        # depth
+        decrease, allowed = new_depth - depth[active], 1.5 + np.maximum(depth[active], 0.0)
         accepted = np.isfinite(decrease) & (decrease <= 1.5 * allowed)
         path, reached = active[accepted], expansions.rows(accepted)
         rows.append(centre[path])

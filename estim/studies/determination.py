@@ -11,9 +11,6 @@ from estim.fitting import ProfileInterval, profile_intervals
 from estim.pipeline import Analysis
 
 _DRAWS = 4000
-_MOST_PROFILES = 24
-# beyond, each search over all the others takes too long, and their posterior is as good as normal
-_MOST_PARAMETERS = 150
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +32,9 @@ def determine(analysis: Analysis, *, profiles: bool = True) -> Determination:
     """
     draws = analysis.chain.thinned(_DRAWS)
     problem = analysis.problem
-    few = problem.foremost(_MOST_PROFILES) if profiles and problem.n_par <= _MOST_PARAMETERS else []
+    # beyond, each search over all the others takes too long, and their posterior is as good as
+    # normal
+    few = problem.foremost(24) if profiles and problem.n_par <= 150 else []
     intervals = (
         profile_intervals(analysis.fit, names=[problem.names[i] for i in few]) if few else ()
     )

@@ -32,7 +32,6 @@ Lines = list[tuple[int, str]]
 _NAME = re.compile(r"(.{1,30}?)\s*[(\[]\s*(\w{1,5})\s*[)\]]")
 _COLUMNS = ("t", "x", "y", "v", "frame")
 _SECONDS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3}
-_SEARCHED = 10  # lines in which the names of the columns stand
 
 
 def head_of_export(text: str) -> tuple[int, str, bool] | None:
@@ -132,7 +131,7 @@ def _named(cell: str) -> tuple[str, str]:
 
 def _header_at(lines: Lines) -> int | None:
     """Index of the line of names among the first lines."""
-    return next((i for i, (_, line) in enumerate(lines[:_SEARCHED]) if _is_header(line)), None)
+    return next((i for i, (_, line) in enumerate(lines[:10]) if _is_header(line)), None)
 
 
 def _is_header(line: str) -> bool:
