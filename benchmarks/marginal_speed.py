@@ -43,7 +43,7 @@ from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.model import Body
 from estim.model.simulate import frame_times, simulate_positions
 from estim.sampling.chain import Target, sample_posterior
-from estim.sampling.diagnostics import effective_size
+from estim.sampling.diagnostics import mixing_of
 from estim.sampling.marginal import MarginalOptions, sample_marginal
 
 FloatArray = NDArray[np.float64]
@@ -108,7 +108,7 @@ def weighted(draws: FloatArray, log_weights: FloatArray, seconds: float) -> Mome
 
 def chained(draws: FloatArray, seconds: float) -> Moments:
     """Moments of chains (n_ensemble, n_step, n_walker, 2)."""
-    size, flat = effective_size(draws, "bulk"), draws.reshape(-1, draws.shape[-1])
+    size, flat = mixing_of(draws).ess_bulk, draws.reshape(-1, draws.shape[-1])
     return Moments(
         flat.mean(axis=0),
         flat.std(axis=0) / np.sqrt(size),

@@ -32,7 +32,7 @@ from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.model import Body, trajectory
 from estim.sampling.certificate import Certificate, certify
 from estim.sampling.chain import Chain, Convergence, Target, sample_posterior
-from estim.sampling.diagnostics import effective_size
+from estim.sampling.diagnostics import effective_size, mixing_of
 from estim.sampling.proposal import adapt_proposal
 
 FloatArray = NDArray[np.float64]
@@ -103,12 +103,12 @@ def from_draws(method: str, seconds: float, names: tuple[str, ...], draws: Float
     )
     deviation = draws - chain.flat.mean(axis=0)
     squares, spread = deviation**2, chain.flat.std(axis=0)
-    of_squares = squares.std(axis=(0, 1, 2)) / np.sqrt(effective_size(squares, "mean"))
-    u_mean, u_sd = spread / np.sqrt(effective_size(draws, "mean")), of_squares / (2.0 * spread)
+    of_squares = squares.std(axis=(0, 1, 2)) / np.sqrt(effective_size(squares))
+    u_mean, u_sd = spread / np.sqrt(effective_size(draws)), of_squares / (2.0 * spread)
     return Row(
         method,
         seconds,
-        float(np.min(effective_size(draws, "bulk"))),
+        float(np.min(mixing_of(draws).ess_bulk)),
         chain.flat.mean(axis=0),
         chain.flat.std(axis=0),
         u_mean,

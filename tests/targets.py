@@ -110,6 +110,6 @@ def chain_errors(chain: Chain) -> tuple[FloatArray, FloatArray]:
     deviation = chain.draws - chain.flat.mean(axis=0)
     squares = deviation**2
     spread, of_squares = deviation.std(axis=(0, 1, 2)), squares.std(axis=(0, 1, 2))
-    u_mean = spread / np.sqrt(effective_size(chain.draws, "mean"))
+    u_mean = spread / np.sqrt(effective_size(chain.draws))
     with np.errstate(divide="ignore", invalid="ignore"):  # walkers that never moved
-        return u_mean, of_squares / np.sqrt(effective_size(squares, "mean")) / (2.0 * spread)
+        return u_mean, of_squares / np.sqrt(effective_size(squares)) / (2.0 * spread)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from emcee.autocorr import integrated_time
 
-from estim.sampling.diagnostics import autocorrelation_time, effective_size, mixing_of, r_hat
+from estim.sampling.diagnostics import autocorrelation_time, mixing_of
 
 
 def remembering(
@@ -46,10 +46,6 @@ def test_a_walker_that_never_moved_has_no_time(rng: np.random.Generator) -> None
     assert math.isnan(autocorrelation_time(chain))
 
 
-def test_mixing_is_what_its_parts_say(rng: np.random.Generator) -> None:
-    chain = remembering(rng, (0.3, 0.6), (2, 200, 12))
-    mixing = mixing_of(chain)
-    np.testing.assert_array_equal(mixing.rhat, r_hat(chain))
-    np.testing.assert_array_equal(mixing.ess_bulk, effective_size(chain, "bulk"))
-    np.testing.assert_array_equal(mixing.ess_tail, effective_size(chain, "tail"))
+def test_a_chain_of_longer_memory_has_fewer_effective_draws(rng: np.random.Generator) -> None:
+    mixing = mixing_of(remembering(rng, (0.3, 0.6), (2, 200, 12)))
     assert mixing.ess_bulk[0] > 1.5 * mixing.ess_bulk[1]

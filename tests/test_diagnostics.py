@@ -39,7 +39,7 @@ def test_mixing_is_that_of_arviz(
     for found, method, prob in (
         (mixing.ess_bulk, "bulk", None),
         (mixing.ess_tail, "tail", (0.05, 0.95)),
-        (effective_size(chain, "mean"), "mean", None),
+        (effective_size(chain), "mean", None),
     ):
         assert found[0] == pytest.approx(
             float(array_stats.ess(each, chain_axis=0, draw_axis=1, method=method, prob=prob)),
@@ -54,7 +54,7 @@ def test_draws_that_say_nothing_have_no_size(rng: np.random.Generator) -> None:
     brief = mixing_of(remembering(rng, 0.0, (2, 3, 4)))
     assert np.isnan([brief.ess_bulk[0], brief.ess_tail[0]]).all()
     assert brief.rhat[0] > 0.0
-    assert np.isnan(effective_size(remembering(rng, 0.0, (2, 3, 4)), "mean")[0])
+    assert np.isnan(effective_size(remembering(rng, 0.0, (2, 3, 4)))[0])
     frozen = mixing_of(np.ones((2, 20, 4, 1)))
     assert np.isnan(frozen.rhat[0])
     assert frozen.ess_bulk[0] == 160.0

@@ -25,7 +25,7 @@ from estim.common.statuses import Finding
 from estim.pipeline import Analysis
 from estim.reports import interop
 from estim.sampling.chain import Target
-from estim.sampling.diagnostics import effective_size, r_hat
+from estim.sampling.diagnostics import mixing_of
 from estim.words import advice, tell
 
 NEEDED = "needs the extra arviz"
@@ -105,11 +105,11 @@ def test_order_keeps_our_r_hat_and_effective_sizes_and_the_order_in_time_does_no
         float(array_stats.rhat(ordered[..., i], chain_axis=0, draw_axis=1))
         for i in range(draws.shape[-1])
     ]
-    np.testing.assert_allclose(hats, r_hat(draws), rtol=1e-9)
-    ratio = sizes(ordered) / effective_size(draws, "bulk")
+    np.testing.assert_allclose(hats, mixing_of(draws).rhat, rtol=1e-9)
+    ratio = sizes(ordered) / mixing_of(draws).ess_bulk
     assert np.all(np.abs(ratio - 1.0) < 0.25), ratio  # 15 % off at most in five tries
     # step by step: every draw passes for an independent one
-    assert np.all(sizes(flat) > 1.6 * effective_size(draws, "bulk"))
+    assert np.all(sizes(flat) > 1.6 * mixing_of(draws).ess_bulk)
 
 
 # --- DataTree and netCDF

@@ -27,7 +27,7 @@ from estim.problem.tails import StudentT
 from estim.sampling import conditional
 from estim.sampling.chain import Target, sample_posterior
 from estim.sampling.conditional import RunTerm, hermite_nodes, log_volume
-from estim.sampling.diagnostics import effective_size
+from estim.sampling.diagnostics import mixing_of
 from estim.sampling.importance import pareto_smoothed
 from estim.sampling.marginal import MarginalOptions, MarginalPosterior, sample_marginal
 
@@ -236,7 +236,7 @@ def test_inferred_noise_of_each_run_is_integrated_out(
     found = sample_marginal(fit, rng=rng, options=MarginalOptions(n_node=3))
     assert found.sampled == ("slope", "bend")
     chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=Target(ess=1500), rng=rng)
-    size = effective_size(chain.draws, "bulk")
+    size = mixing_of(chain.draws).ess_bulk
     error = np.hypot(
         chain.flat.std(axis=0) / np.sqrt(size), error_of_mean(found, list(range(fit.problem.n_par)))
     )
@@ -346,7 +346,7 @@ def test_two_runs_agree_with_the_chain_in_all_dimensions(
     chain = sample_posterior(
         fit.sampled, fit.values, fit.cov, target=Target(ess=500, max_step=1000), rng=rng
     )
-    size = effective_size(chain.draws, "bulk")
+    size = mixing_of(chain.draws).ess_bulk
     sd = chain.flat.std(axis=0)
     error = np.hypot(sd / np.sqrt(size), error_of_mean(found, list(range(fit.problem.n_par))))
     assert found.trusted

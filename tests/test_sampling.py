@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from estim.sampling.chain import Target, sample_posterior
-from estim.sampling.diagnostics import effective_size, mcse_mean, r_hat
+from estim.sampling.diagnostics import mcse_mean, mixing_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ def test_sampler_reproduces_a_correlated_normal(rng: np.random.Generator) -> Non
     chain = sample_posterior(Gaussian(COV), np.zeros(4), COV, target=Target(ess=5000), rng=rng)
     assert chain.convergence.met
     sds = np.sqrt(np.diag(COV))
-    size = effective_size(chain.draws, "bulk")
+    size = mixing_of(chain.draws).ess_bulk
     assert np.all(np.abs(chain.flat.mean(axis=0)) < 4.0 * sds / np.sqrt(size))
     # a standard deviation from n independent draws is uncertain by 1/sqrt(2 n)
     assert np.all(np.abs(chain.flat.std(axis=0) / sds - 1.0) < 4.0 / np.sqrt(2.0 * size))
@@ -69,7 +69,7 @@ def test_snooker_move_would_fail_the_same_check() -> None:
     sampler.run_mcmc(np.random.default_rng(5).standard_normal((64, 4)), 1500)
     draws = sampler.get_chain(discard=500)[None]
     deviation = np.abs(draws.reshape(-1, 4).std(axis=0) - 1.0)
-    assert np.any(deviation > 4.0 / np.sqrt(2.0 * effective_size(draws, "bulk")))
+    assert np.any(deviation > 4.0 / np.sqrt(2.0 * mixing_of(draws).ess_bulk))
 
 
 @pytest.mark.slow
@@ -79,7 +79,7 @@ def test_sampler_reproduces_a_bounded_skewed_target(rng: np.random.Generator) ->
     )
     assert chain.convergence.met
     x = chain.flat[:, 0]
-    error = 1.0 / np.sqrt(effective_size(chain.draws, "bulk")[0])
+    error = 1.0 / np.sqrt(mixing_of(chain.draws).ess_bulk[0])
     # the marginal of x is the unit exponential
     assert abs(x.mean() - 1.0) < 4.0 * error
     for q in (0.025, 0.16, 0.5, 0.84, 0.975):
@@ -113,9 +113,9 @@ def test_capped_chain_says_that_it_did_not_converge(rng: np.random.Generator) ->
 
 def test_r_hat_sees_ensembles_that_disagree(rng: np.random.Generator) -> None:
     draws = rng.standard_normal((4, 500, 16, 1))
-    assert r_hat(draws)[0] < 1.01
+    assert mixing_of(draws).rhat[0] < 1.01
     draws[0] += 0.5
-    assert r_hat(draws)[0] > 1.02
+    assert mixing_of(draws).rhat[0] > 1.02
 
 
 def test_mcse_is_that_of_independent_draws(rng: np.random.Generator) -> None:

@@ -97,7 +97,7 @@ def share_below(chain: Chain, at: float) -> tuple[float, float]:
     """Share of the draws of k below a value, and its Monte-Carlo error."""
     inside = (chain.draws[..., 1:2] < at).astype(float)
     share = float(inside.mean())
-    return share, float(np.sqrt(share * (1.0 - share) / effective_size(inside, "mean")[0]))
+    return share, float(np.sqrt(share * (1.0 - share) / effective_size(inside)[0]))
 
 
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.statistics)])
@@ -108,7 +108,7 @@ def test_chain_has_the_long_tail_of_two_exponentials(seed: int) -> None:
     assert chain.names == ("a", "k", "b", "q")
     assert chain.convergence.met
     squares = (chain.draws[..., 1:2] - chain.flat[:, 1].mean()) ** 2
-    u_sd = squares.std() / np.sqrt(effective_size(squares, "mean")[0]) / (2.0 * truth.sd)
+    u_sd = squares.std() / np.sqrt(effective_size(squares)[0]) / (2.0 * truth.sd)
     assert abs(chain.flat[:, 1].std() - truth.sd) < 4.0 * u_sd < 0.06 * truth.sd
     share, u = share_below(chain, 0.7)
     assert abs(share - truth.below) < 4.0 * u

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections import UserDict
 from collections.abc import Hashable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -75,22 +76,13 @@ def later(english: str) -> str:
     return english
 
 
-class PhraseTable(Mapping[K, str]):
+class PhraseTable(UserDict[K, str]):
     """A table of English sentences, each said in the language that is spoken where it is
     looked up.
     """
 
-    def __init__(self, english: Mapping[K, str]) -> None:
-        self._english = MappingProxyType(dict(english))
-
     def __getitem__(self, key: K) -> str:
-        return phrase(self._english[key])
-
-    def __iter__(self) -> Iterator[K]:
-        return iter(self._english)
-
-    def __len__(self) -> int:
-        return len(self._english)
+        return phrase(self.data[key])
 
 
 @cache

@@ -29,16 +29,16 @@ def column(values: ArrayLike | None, field: str) -> FloatArray:
 _SHARE = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*%(\s+of\s+y)?\s*")
 
 
-def share_of(text: str, field: str) -> tuple[float, bool]:
+def share_of(text: str) -> tuple[float, bool]:
     """The share that text like "15%" says, and whether it is one of each reading ("15% of y")
-    rather than of the curve.  Raises InputError naming `field`.
+    rather than of the curve.  Raises InputError.
     """
     found = _SHARE.fullmatch(text)
     if found is None:
         rule = 'must be numbers, or a share: "15%" of the curve, "15% of y" of each reading'
-        raise InputError(rule, field=field, value=text)
+        raise InputError(rule, field="u_y", value=text)
     if not 0.0 < float(found[1]) < 100.0:
-        raise InputError("must be a share between 0 and 100 %", field=field, value=text)
+        raise InputError("must be a share between 0 and 100 %", field="u_y", value=text)
     return float(found[1]) / 100.0, found[2] is not None
 
 

@@ -34,12 +34,9 @@ _X, _Y = "(x)", "(y)"
 LARGEST_PURE = 10.0  # a number as large may turn mm into cm
 
 
-def dimensions_of(formula: Formula, *, density: bool | None = False) -> dict[str, Dimension]:
-    """Name -> unit of each parameter that the formula determines.
-
-    density : whether the whole has the unit of y over that of x, None where it may have any.
-    """
-    return _found(_solved(formula, _System(), density), formula)
+def dimensions_of(formula: Formula) -> dict[str, Dimension]:
+    """Name -> unit of each parameter that the formula determines."""
+    return _found(_solved(formula, _System(), density=False), formula)
 
 
 @lru_cache(maxsize=64)
@@ -53,6 +50,7 @@ def certain_dimensions(
     """Name -> unit of each parameter that the formula determines without a guess at the units of
     its numbers; nothing where it does not add up.
 
+    density : whether the whole has the unit of y over that of x, None where it may have any.
     x_is : what its unit says of it, where the formula does not add up else.
     any_number : whether no number but an exponent is taken to be pure.
     """

@@ -393,7 +393,7 @@ def _share_of_y(text: str, y: FloatArray) -> tuple[float, tuple[str], FloatArray
     """The share of the curve that errors of y are, 0 where it is one of each reading; that in
     words; and standard deviations (n_obs,) as the readings show them.
     """
-    share, of_readings = share_of(text, "u_y")
+    share, of_readings = share_of(text)
     if not np.all(y):
         rule = "must not be 0 where u_y is a share, which leaves it no error: state u_y as numbers"
         raise InputError(rule, field="y", value=0.0, index=int(np.argmin(np.abs(y))))

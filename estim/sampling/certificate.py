@@ -289,7 +289,7 @@ def _share(certificate: Certificate, chain: Chain, p: float) -> tuple[FloatArray
     below = np.mean(flat <= certificate.quantiles[p], axis=0)
     # beyond the chain's own quantile, since there may be nothing beyond the certificate's
     beyond = chain.draws > np.quantile(flat, p, axis=0)
-    size = effective_size(beyond.astype(float), "mean")
+    size = effective_size(beyond.astype(float))
     u = np.hypot(np.sqrt(p * (1.0 - p) / size), certificate.mcse_shares[p])
     around = np.clip([p - u, p + u], 0.0, 1.0).T
     ends = [np.quantile(column, pair) for column, pair in zip(flat.T, around, strict=True)]

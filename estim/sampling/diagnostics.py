@@ -23,7 +23,9 @@ _LEAST_STEPS = 4
 
 @dataclass(frozen=True, eq=False)
 class Mixing:
-    """rhat, ess_bulk, ess_tail : (n_par,) `r_hat` and `effective_size` of some draws."""
+    """rhat : (n_par,) rank-normalised split R-hat between ensembles.  ess_bulk, ess_tail : (n_par,)
+    effective sample sizes, with every walker of every ensemble as a chain.
+    """
 
     rhat: FloatArray
     ess_bulk: FloatArray
@@ -36,33 +38,23 @@ def mixing_of(draws: FloatArray) -> Mixing:
     return Mixing(*np.ascontiguousarray(each.T))
 
 
-def r_hat(draws: FloatArray) -> FloatArray:
-    """(n_par,) rank-normalised split R-hat between ensembles; draws (n_ensemble, n_step, n_walker,
-    n_par).
+def effective_size(draws: FloatArray) -> FloatArray:
+    """(n_par,) effective sample size of the mean, with every walker of every ensemble as a
+    chain.
     """
-    return mixing_of(draws).rhat
-
-
-def effective_size(draws: FloatArray, method: str) -> FloatArray:
-    """(n_par,) effective sample size, `method` "bulk", "tail" or "mean", with every walker of every
-    ensemble as a chain.
-    """
-    if method == "mean":
-        few = draws.shape[1] < _LEAST_STEPS
-        return np.array(
-            [
-                math.nan if few else _size(_halves(_chains(draws[..., i])))
-                for i in range(draws.shape[-1])
-            ]
-        )
-    mixing = mixing_of(draws)
-    return {"bulk": mixing.ess_bulk, "tail": mixing.ess_tail}[method]
+    few = draws.shape[1] < _LEAST_STEPS
+    return np.array(
+        [
+            math.nan if few else _size(_halves(_chains(draws[..., i])))
+            for i in range(draws.shape[-1])
+        ]
+    )
 
 
 def mcse_mean(draws: FloatArray) -> FloatArray:
     """(n_par,) Monte-Carlo standard error of the mean."""
     return np.std(draws.reshape(-1, draws.shape[-1]), axis=0, ddof=1) / np.sqrt(
-        effective_size(draws, "mean")
+        effective_size(draws)
     )
 
 

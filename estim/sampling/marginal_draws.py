@@ -12,7 +12,7 @@ from estim.common import Finding, Kind
 from estim.fitting import Fit
 from estim.sampling.certificate import Agreement, no_comparison
 from estim.sampling.chain import Chain, Convergence, Progress, Target
-from estim.sampling.diagnostics import r_hat
+from estim.sampling.diagnostics import mixing_of
 from estim.sampling.importance import K_HAT_LIMIT
 from estim.sampling.marginal import MarginalOptions, MarginalPosterior, sample_marginal
 
@@ -53,7 +53,7 @@ def marginal_chain(
         )
     convergence = Convergence(
         n_step=draws.shape[1],
-        rhat=float(np.max(r_hat(draws))),
+        rhat=float(np.max(mixing_of(draws).rhat)),
         ess_bulk=marginal.ess,
         ess_tail=marginal.ess,
         tau=1.0,
