@@ -390,7 +390,8 @@ OF_OTHERS = {  # words that are not estim's, or that stand in a file
     "estim.reading.tracker.importing",
     "estim.reading.tracker.plausibility",
 }
-FILLING = {"estim.words.telling"}  # names of choices put into advice
+# names of choices put into advice, and of fields of the page for those of options
+FILLING = {"estim.words.telling", "estim.web.labels"}
 
 
 def is_prose(node):

@@ -213,7 +213,7 @@ def test_capped_chains_of_several_runs_get_a_folder_each_and_an_index_and_exit_w
         report = (out / run / "report.md").read_text()
         assert "## No main result" in report
         assert "## Result" not in report
-        assert "increase --max-steps" in report
+        assert "increase the number of steps (--max-steps)" in report
 
 
 @pytest.mark.usefixtures("undrawn", "few_draws")

@@ -415,7 +415,7 @@ def test_one_column_of_decimal_commas_is_read_where_its_name_shows_it_and_else_a
     path.write_text("t\n0,5\n1,25\n2,0\n")
     with pytest.raises(
         InputError,
-        match=r"must have 1 cells \(decimal commas\? --decimal comma, or decimal = \"comma\"\)",
+        match=r"must have 1 cells \(decimal commas\? --decimal comma; decimal = \"comma\" in a ",
     ):
         read_columns(path, needed=["t"], min_rows=3)
     assert (

@@ -31,6 +31,7 @@ from estim.common import EstimError, InputError
 from estim.curves.models import read_model
 from estim.plugins import plugins
 from estim.web import At
+from estim.web.labels import LABELS, on_page
 from estim.web.listening import listening
 from estim.web.question import MODELS, arguments_of, fields_of
 from estim.web.store import MOST_BYTES, MOST_FILES, Store
@@ -95,6 +96,62 @@ def test_from_a_file_to_a_report_and_the_command_that_repeats_it(
     assert after == before
 
 
+@pytest.mark.parametrize(
+    ("said", "shown"),
+    [
+        (
+            "'--window' must be written MIN:MAX: 0-1",
+            "“Range of x that is fit (window)” must be wri",
+        ),
+        ("command line: 'window' must leave", "“Range of x that is fit (window)” must leave"),
+        ("'--rolling radius_m' must be > 0", "“Radius R (m)” must be > 0"),
+        (
+            "t.csv: has no scatter; give --uy",
+            "t.csv: has no scatter; give “Uncertainty of y (u_y)”",
+        ),
+        ("one (--sheet NAME; sheet = ... in a campaign)", "one (“Sheet of a workbook” NAME)"),
+        ('--decimal point (decimal = "point" in a campaign)', "“Decimal mark” point"),
+        ("1 (--start a=1, or {start = 1.0} in a campaign)", "1 (“Starting values” a=1)"),
+        ("by --release T (in a campaign: release)", "by “Release” T"),
+        # what is no field of the page, and names of others that only look like it
+        ("command line: 'gamma' is not determined", "'gamma' is not determined"),
+        ("say --frame-ms or x--y", "say --frame-ms or x--y"),
+    ],
+)
+def test_a_message_of_the_command_line_names_the_fields_of_the_page(said: str, shown: str) -> None:
+    assert on_page(said).startswith(shown)
+
+
+def test_every_field_of_a_question_has_a_label() -> None:
+    root = Path(__file__).parents[1] / "estim" / "web" / "templates"
+    form = (root / "question.html.j2").read_text()
+    used = re.findall(r'\b(?:text|lines|choice|column)\("([\w-]+)"|labels\.(\w+)', form)
+    assert {one or other for one, other in used} == set(LABELS)
+
+
+def test_no_option_is_left_in_what_a_newcomer_meets(browser: Browser) -> None:
+    """Errors of the import and of the question: said in the words of the page."""
+    header = browser.hand_in({"bare.csv": LINE.partition(b"\n")[2]})
+    shown = browser.get(header.place).text
+    assert "“Names of the columns”" in shown
+    named = browser.fill_in(header.place, asked="line", x="t", y="U", columns="t, U, u_U")
+    assert "line: ok" in browser.ended(named.place).text
+    asked = browser.hand_in({"line.csv": LINE})
+    for fields in (
+        {"formula": "a*b*x"},
+        {"formula": "a*x + b", "window": "0-1"},
+        {"formula": "a*x + b", "window": "0:1"},
+        {"formula": "a*x + b", "value": "q = 1"},
+        {"formula": "a*x +"},
+        {"formula": "a*x + b", "u-y": "v"},
+    ):
+        answer = browser.fill_in(asked.place, asked="formula", x="t", y="U", **fields)
+        refused = browser.ended(answer.place)
+        assert refused.status == 303
+        (message,) = re.findall('class="error"[^>]*>(.*?)<', browser.get(refused.place).text)
+        assert not re.search("--[a-z]|campaign|command line|\\[curve", unescape(message)), message
+
+
 def test_what_is_not_reliable_says_so_and_has_its_report(browser: Browser) -> None:
     bent = "x,y\n" + "".join(f"{x},{x * x + 0.01 * (x % 3)}\n" for x in range(12))
     asked = browser.hand_in({"bent.csv": bent.encode()})
@@ -118,7 +175,7 @@ def test_a_refused_question_comes_back_with_its_fields_and_the_message_beside_on
     assert ">a = 2</textarea>" in form
     assert 'value="0:3"' in form
     (message,) = re.findall(r'<span class="error" id="wrong-formula"[^>]*>(.*?)</span>', form)
-    assert "--formula" in unescape(message)
+    assert unescape(message).startswith("“Formula” is not a formula")
     nothing = browser.fill_in(asked.place, asked="formula")
     assert nothing.status == 422
     assert "Write a formula, or choose a model." in nothing.text

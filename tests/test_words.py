@@ -157,7 +157,7 @@ def test_options_of_a_command_are_named_to_nobody_else() -> None:
     assert "another seed=, and" in advice(example(Kind.WALKERS_STUCK))
     with spoken("en", commands=True):
         assert sum("--" in words for words in advice_for(found)) == 3
-        assert advice(short).startswith("increase --max-steps; if that does not help")
+        assert advice(short).startswith("increase the number of steps (--max-steps); if that")
 
 
 def test_own_curves_are_sampled_and_reported_without_options() -> None:

@@ -130,7 +130,7 @@ TROUBLES = {
         Disk(),
         "not-converged",
         r"sampling stopped after 60 steps although",
-        "increase --max-steps",
+        "increase the number of steps (--max-steps)",
         ("--max-steps", "60"),
     ),
     # the "measurements" were computed from the curve: the density rises without limit as the

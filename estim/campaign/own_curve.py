@@ -243,7 +243,7 @@ class CurveCampaign(Campaign):
         room = phrase(
             "another curve may explain them; if this one is known to be right, the errors "
             "of successive readings may be "
-            "correlated: correlated = true under [curve]"
+            "correlated: allow for it (correlated)"
         )
         return Suspects(self._posed(names), room)
 

@@ -249,7 +249,7 @@ def _no_names(first: Row, delimiter: str) -> InputError:
     if delimiter == "," and width == 2:
         rule += (
             "; the comma is taken to part the cells: if it is the decimal mark, say --decimal "
-            'comma (decimal = "comma")'
+            'comma (decimal = "comma" in a campaign)'
         )
     return InputError(rule, field="header", value=first.line.strip(), line=first.number)
 
@@ -349,7 +349,7 @@ def _start(rows: Sequence[Row]) -> int:
         if len(cells) > 1 and all(map(looks_like_a_number, cells)):
             rule = (
                 "is a row with another number of cells than the last one: say how many lines "
-                "stand above the table (--skip-rows, skip_rows)"
+                "stand above the table (--skip-rows; skip_rows = ... in a campaign)"
             )
             raise InputError(rule, field="row", value=row.line, line=row.number)
     return first
@@ -476,7 +476,7 @@ def _refuse_half_a_row(above: Sequence[Row], fits: Callable[[Sequence[str]], boo
     ):
         raise InputError(
             "must be a row of numbers, like those below it, or of names, which begin with a "
-            "letter (if it is neither: --skip-rows, skip_rows)",
+            "letter (if it is neither: --skip-rows; skip_rows = ... in a campaign)",
             field="row",
             value=line,
             line=number,
@@ -514,7 +514,7 @@ def cells_differ(cells: int, width: int, delimiter: str, line: int) -> InputErro
     # a blank last cell has no comma
     commas = delimiter == "," and 2 * width - (width > 2) <= cells <= 2 * width
     cure = (
-        '--decimal comma, or decimal = "comma"'
+        '--decimal comma; decimal = "comma" in a campaign'
         if width == 1
         else "write decimal points, or separate the cells by semicolons"
     )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from starlette.responses import HTMLResponse
 
 from estim.common import LANGUAGES, format_quantity, format_rounded, language, phrase
+from estim.web.labels import LABELS, on_page
 
 if TYPE_CHECKING:
     import jinja2
@@ -56,5 +57,7 @@ def _environment() -> jinja2.Environment:
         "languages": LANGUAGES,
         "quantity": format_quantity,
         "rounded": format_rounded,
+        "labels": LABELS,
+        "on_page": on_page,
     }
     return environment

@@ -160,8 +160,8 @@ def _start(file: Path, fields: Mapping[str, str]) -> tuple[dict[str, float], byt
     from estim.problem import Flat
     from estim.reading import Dialect
 
-    plain = ("x", "y", "u-x", "u-y", "track", "robust")
-    dialect: Any = {name: fields[name] for name in ("sheet", "decimal") if name in fields}
+    plain = ("x", "y", "u-x", "u-y", "track", "robust", "noise")
+    dialect: Any = {name: fields[name] for name in ("sheet", "decimal", "dates") if name in fields}
     said: dict[str, Any] = {n.replace("-", "_"): fields[n] for n in plain if n in fields} | {
         name: pairs(lines_of(fields.get(name, "")), f"--{name}") for name in NAMED.split()
     }

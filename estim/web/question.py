@@ -14,12 +14,12 @@ from collections.abc import Iterable, Mapping
 from estim.common import InputError, language, phrase
 
 _ASKED = {  # of the kinds, the command and its options; those of a table beside them
-    "formula": ("fit", "formula x y u-x u-y window robust kind title track"),
-    "rolling": ("fit", "x y kind title track release"),
+    "formula": ("fit", "formula x y u-x u-y window robust noise kind title track figures"),
+    "rolling": ("fit", "x y kind title track release figures"),
     "line": ("line", "x y u-x u-y"),
     "mean": ("mean", "y u-y group"),
 }
-_OF_TABLES = " sheet decimal"
+_OF_TABLES = " sheet decimal columns skip-rows dates"
 _ROLLING = (  # keys of a campaign
     "radius_m phi_deg theta0_deg gamma mass_disk_kg mass_particle_kg kappa sigma_x_m sigma_v_m_s "
     "rolling_resistance g offset_m ramp_length_m x_max_m unmodelled_force unit"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
+from estim.web.labels import on_page
 from estim.web.store import Answer, Store
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def _row(store: Store, answer: Answer) -> Row:
     made = answer.standing in ("ok", "doubtful")
     result = store.answers.read(answer.id, "report/result.json") if made else None
     row = (
-        failed(unit, answer.error)
+        failed(unit, on_page(answer.error))
         if result is None
         else row_of(unit, result, {}, key="", seconds=0.0, interval=None)
     )

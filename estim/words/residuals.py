@@ -105,9 +105,8 @@ def _counts_as_readings(f: Finding) -> str:
         "estimated from the counts themselves bias the curve "
         "downwards, and where the counts are few the intervals contain the true value far "
         "less often than stated (leaving out an empty "
-        "bin makes it worse). Fit them as counts, including empty bins: noise = {model = "
-        '"poisson"} in [curve], noise="poisson" in '
-        "Python, in place of u_y"
+        "bin makes it worse). Fit them as counts, including empty bins: noise poisson, in "
+        "place of u_y"
     )
 
 

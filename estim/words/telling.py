@@ -1,7 +1,7 @@
 """A finding as a sentence, and what to do about it.
 
-Advice that names a choice of the reader speaks of options at the command line and of arguments in
-Python (`estim.common.spoken`).
+Advice that names a choice of the reader speaks of arguments in Python, and else in words that hold
+for an option, a key of a campaign and a field of the page (`estim.common.spoken`).
 """
 
 from __future__ import annotations
@@ -62,11 +62,11 @@ _OF_TEST: Mapping[str, str] = {
 
 
 _CHOICES = {
-    _SEED: ("seed=", "--seed"),
-    _STEPS: ("target=Target(max_step=...)", "--max-steps"),
-    _CORRELATED: ("correlated=True", later("correlated = true in [curve]")),
-    _ROBUST: ('robust="mixture"', later('robust = "mixture" in [curve]')),
-}  # what is chosen -> how in Python, and at the command line
+    _SEED: ("seed=", later("seed (--seed)")),
+    _STEPS: ("target=Target(max_step=...)", later("the number of steps (--max-steps)")),
+    _CORRELATED: ("correlated=True", later("correlated errors (correlated)")),
+    _ROBUST: ('robust="mixture"', "robust: mixture"),
+}  # what is chosen -> how in Python, and at the command line, in a campaign and on the page
 
 
 WORDS: Table = {
@@ -102,7 +102,7 @@ ADVICE: Mapping[Kind, str] = {
     ),
     Kind.WALKERS_STUCK: "repeat with another {seed}, and look at the trace plots",
     Kind.METHODS_DIFFER: (
-        "try another {seed} and a higher {steps}; if they still differ, report it as a "
+        "try another {seed} and increase {steps}; if they still differ, report it as a "
         "bug: one of two computations of the same "
         "quantity is wrong"
     ),
@@ -138,7 +138,7 @@ ADVICE: Mapping[Kind, str] = {
         "explains this, let the data determine the size of "
         "the errors, by a prior in place of the number, for example sigma_x_m = {prior "
         '= "log-normal", median = 0.001, log_sd = '
-        "1.0} (in a [curve] table leave u_y out)"
+        "1.0} (of a curve of your own, leave u_y out)"
     ),
     Kind.RESIDUALS_NOT_RANDOM: _NOT_RANDOM,
     Kind.CURVE_LACKS: (

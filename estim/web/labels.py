@@ -1,0 +1,83 @@
+"""What the fields of a question are called, and what a command says in these words: of an error or
+a warning that names an option or a key, the page names its own field.  `estim` is told nothing of
+the page, so that its report is the same at each door.
+"""
+
+from __future__ import annotations
+
+import re
+
+from estim.common import PhraseTable
+
+LABELS = PhraseTable(
+    {
+        "window": "Range of x that is fit (window)",
+        "formula": "Formula",
+        "x": "x",
+        "y": "y, or the values",
+        "u-x": "Uncertainty of x (u_x)",
+        "u-y": "Uncertainty of y (u_y)",
+        "group": "Groups",
+        "track": "Track of the file",
+        "radius_m": "Radius R (m)",
+        "phi_deg": "Tilt φ (degrees)",
+        "theta0_deg": "Angle at release θ₀ (degrees)",
+        "sigma_x_m": "Scatter of one position (m)",
+        "gamma": "Eccentricity γ",
+        "kappa": "Inertia κ",
+        "mass_disk_kg": "Mass of the disk (kg)",
+        "mass_particle_kg": "Mass at its rim (kg)",
+        "unit": "Unit of the lengths",
+        "release": "Release",
+        "offset_m": "Position at release (m)",
+        "sigma_v_m_s": "Scatter of one speed (m/s)",
+        "x_max_m": "Fit only up to this position (m)",
+        "rolling_resistance": "Coefficient of rolling resistance",
+        "g": "Gravity g (m/s²)",
+        "ramp_length_m": "Distance between the supports of the incline (m)",
+        "unmodelled_force": (
+            "A force that would not surprise you (unmodelled_force, a fraction of the weight)"
+        ),
+        "own": "One value for each file",
+        "value": "What you know already",
+        "start": "Starting values",
+        "low": "Lower limits",
+        "high": "Upper limits",
+        "robust": "Points that are far off (robust)",
+        "kind": "What the numbers are",
+        "title": "Title of the report",
+        "decimal": "Decimal mark",
+        "sheet": "Sheet of a workbook",
+        "correlated": "errors of neighbouring points are correlated",
+        "jitter": "y has further errors beside those stated",
+        "noise": "y are numbers of events (counts)",
+        "columns": "Names of the columns",
+        "skip-rows": "Lines above the table that are not read",
+        "dates": "Order of day and month",
+        "figures": "Figures of the report",
+    }
+)
+"""Name of a field, which is that of the option or of the key of a rolling disk -> its label."""
+_AS_OPTIONS = {"ux": "u-x", "uy": "u-y"}  # of `estim line`
+_OPTION = re.compile(
+    r"(?<!\w)'?--(?:rolling )?([a-z]\w*(?:-[a-z]+)*)'?(?!\w)"
+    r"|^'(window|start|low|high|robust|correlated|jitter|u_x|u_y)'(?= )"
+)
+_IN_A_CAMPAIGN = re.compile(
+    r"(; [^();]*|, or \{[^{}]*\}) in a campaign(?=\))"
+    r"| \([^-();]* in a campaign\)| \((in a campaign|en una campaña): [^()]*\)"
+)
+
+
+def on_page(words: str) -> str:
+    """`words` of a command, with fields of the page for its options, and without what is said to
+    whoever writes a campaign.
+    """
+    words = _IN_A_CAMPAIGN.sub("", words.removeprefix("command line: "))
+    return _OPTION.sub(_called, words)
+
+
+def _called(option: re.Match[str]) -> str:
+    name = option[1] or option[2].replace("_", "-")
+    label = LABELS.get(_AS_OPTIONS.get(name, name))
+    return f"“{label}”" if label else option[0]
