@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, Named
 from estim.common import Notation, later, phrase
 from estim.curves.differences import with_gradient
 from estim.model import (
@@ -83,7 +83,7 @@ _PHASES = {
 }
 
 
-def body_of(arguments: Mapping[str, ArrayLike]) -> tuple[Body, dict[str, Any]]:
+def body_of(arguments: Named) -> tuple[Body, dict[str, Any]]:
     """The body, and the keywords that say how it moves; zero errors of the angles are added to
     them.
     """
@@ -93,7 +93,7 @@ def body_of(arguments: Mapping[str, ArrayLike]) -> tuple[Body, dict[str, Any]]:
     return Body(**{name: arguments[name] for name in _BODY}), motion
 
 
-def from_release(x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+def from_release(x: FloatArray, arguments: Named) -> FloatArray:
     """Positions counted from the release: (n_obs,), or (n_draw, n_obs) where the zero of the
     positions is unknown.
     """
@@ -182,7 +182,7 @@ class _Known:
         return {**self.motion, "release_energy": self.energy, "forces": self.forces}
 
 
-def _known(arguments: Mapping[str, ArrayLike], setting: Setting) -> _Known:
+def _known(arguments: Named, setting: Setting) -> _Known:
     body, motion = body_of(arguments)
     acting = {field: arguments[name] for name, field in _FORCES.items() if name in arguments}
     if "sag" in arguments:
@@ -225,16 +225,16 @@ class PhaseCurve:
     angular: bool
     setting: Setting = Setting()
 
-    def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    def value(self, x: FloatArray, arguments: Named) -> FloatArray:
         return np.sqrt(np.maximum(self.square(x, arguments), 0.0))
 
-    def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+    def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
         square = self.local_square(x, arguments)
         return LocalCurve(
             *phase.root_derivatives(square.value, square.slope, dict(square.gradient))
         )
 
-    def local_square(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+    def local_square(self, x: FloatArray, arguments: Named) -> LocalCurve:
         """The gradient is closed where at most scales are added, else by central differences."""
         if not _BEYOND_SCALES & arguments.keys():
             return self._scaled(x, arguments)
@@ -243,9 +243,7 @@ class PhaseCurve:
         )
         return LocalCurve(square, slope, gradient)
 
-    def _square_and_slope(
-        self, x: FloatArray, arguments: Mapping[str, ArrayLike]
-    ) -> tuple[FloatArray, FloatArray]:
+    def _square_and_slope(self, x: FloatArray, arguments: Named) -> tuple[FloatArray, FloatArray]:
         """`square` and its slope along x."""
         known = _known(arguments, self.setting)
         read, true = known.readings, known.readings.true_position(from_release(x, arguments))
@@ -257,7 +255,7 @@ class PhaseCurve:
             np.atleast_2d(slope / np.square(1.0 + np.asarray(read.scale_t))),
         )
 
-    def _scaled(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+    def _scaled(self, x: FloatArray, arguments: Named) -> LocalCurve:
         """F^2 with errors of scale a and clock b: k f^2(x/(1 + a)), k = ((1 + a)/(1 + b))^2, x
         counted from the release.
         """
@@ -279,22 +277,20 @@ class PhaseCurve:
         }
         return LocalCurve(value, slope, {name: k * d for name, d in gradient.items()} | partials)
 
-    def position(self, since: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    def position(self, since: FloatArray, arguments: Named) -> FloatArray:
         """(n_draw, n_obs) position that is read at times `since` release (s on the clock of the
         data), back and forth.
         """
         return _position(since, _known(arguments, self.setting), self.angular)
 
-    def time_derivative(
-        self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int
-    ) -> FloatArray:
+    def time_derivative(self, x: FloatArray, arguments: Named, order: int) -> FloatArray:
         known = _known(arguments, self.setting)
         true = known.readings.true_position(from_release(x, arguments))
         squares = self._squares(true, known, order)
         derivative = phase.time_derivative(squares, order)
         return np.atleast_2d(_as_read(derivative, squares, order, known.readings, true))
 
-    def square(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    def square(self, x: FloatArray, arguments: Named) -> FloatArray:
         known = _known(arguments, self.setting)
         true = known.readings.true_position(from_release(x, arguments))
         radius, g = np.asarray(known.body.radius), np.asarray(known.motion["g"])
@@ -369,21 +365,19 @@ class MotionCurve:
     angular: bool
     setting: Setting = Setting()
 
-    def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    def value(self, x: FloatArray, arguments: Named) -> FloatArray:
         since = x - np.asarray(arguments["release_time"])
         position = _position(since, _known(arguments, self.setting), self.angular)
         return position + np.asarray(arguments["offset"])
 
-    def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+    def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
         """The gradient is by central differences."""
         (position, velocity), gradient = with_gradient(
             lambda columns: self.state(x, columns), arguments, step=_STEP
         )
         return LocalCurve(position, velocity, gradient)
 
-    def state(
-        self, t: FloatArray, arguments: Mapping[str, ArrayLike]
-    ) -> tuple[FloatArray, FloatArray]:
+    def state(self, t: FloatArray, arguments: Named) -> tuple[FloatArray, FloatArray]:
         """Position and velocity that are read at times t (n_obs,) s of the data's clock, in the
         run's unit.
         """
@@ -421,19 +415,19 @@ class RollingMotion:
     end_notation = Notation("x_t")
     instrument_readings = ("phi", "theta0")
 
-    def metres(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+    def metres(self, arguments: Named) -> ArrayLike:
         return arguments["radius"] if self.angular else 1.0
 
-    def gravity(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+    def gravity(self, arguments: Named) -> ArrayLike:
         return arguments["g"]
 
-    def upright(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+    def upright(self, arguments: Named) -> ArrayLike:
         return np.cos(body_of(arguments)[1]["phi"])
 
-    def radian(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+    def radian(self, arguments: Named) -> ArrayLike:
         return 1.0 if self.angular else arguments["radius"]
 
-    def footing(self, farthest: float, arguments: Mapping[str, ArrayLike]) -> Footing:
+    def footing(self, farthest: float, arguments: Named) -> Footing:
         known = _known(arguments, self.setting)
         along, way = self._way(farthest, arguments)
         true = known.readings.true_position(way)
@@ -444,9 +438,7 @@ class RollingMotion:
         )
         return footing_of(along, contact)
 
-    def _way(
-        self, farthest: float, arguments: Mapping[str, ArrayLike]
-    ) -> tuple[FloatArray, FloatArray]:
+    def _way(self, farthest: float, arguments: Named) -> tuple[FloatArray, FloatArray]:
         """Readings from the release to `farthest`, and how far they are from the release, (n_draw,
         n) each.
         """
@@ -455,7 +447,7 @@ class RollingMotion:
         return zero + way, way
 
     def energies(
-        self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]
+        self, x: FloatArray, v: FloatArray, arguments: Named
     ) -> tuple[FloatArray, FloatArray]:
         known = _known(arguments, self.setting)
         length = known.body.radius if self.angular else 1.0
@@ -472,7 +464,7 @@ class RollingMotion:
             length * true, known.body, **place, g=known.motion["g"]
         )
 
-    def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
+    def derived(self, arguments: Named) -> Mapping[str, Derived]:
         known = _known(arguments, self.setting)
         quantities = derived_of(known.body, known.motion, self.mass)
         if known.forces is not None:
@@ -518,12 +510,12 @@ class RollingMotion:
                 errors.append(CommonError(name, size, unit, curve, {name: value - change}))
         return tuple(errors)
 
-    def end(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    def end(self, arguments: Named) -> FloatArray:
         if self.in_time:
             return np.full((1, 1), np.inf)
         return np.atleast_2d(self._stop(arguments) + np.asarray(arguments.get("offset", 0.0)))
 
-    def _stop(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    def _stop(self, arguments: Named) -> FloatArray:
         """As it is read."""
         known = _known(arguments, self.setting)
         acting, radius = known.acting, np.asarray(known.body.radius)
@@ -556,9 +548,7 @@ def _derived(unit: str, values: ArrayLike | None, meaning: str, notation: Notati
     return Derived(unit, np.atleast_2d(np.asarray(values, dtype=float)), meaning, notation)
 
 
-def _of_forces(
-    known: _Known, arguments: Mapping[str, ArrayLike], rolling: Derived | None
-) -> dict[str, Derived]:
+def _of_forces(known: _Known, arguments: Named, rolling: Derived | None) -> dict[str, Derived]:
     quantities: dict[str, Derived] = {}
     forces = known.forces or Forces()
     if "moment" in arguments:
@@ -586,7 +576,7 @@ def _of_forces(
     return quantities
 
 
-def energy_of_speed(arguments: Mapping[str, ArrayLike]) -> float:
+def energy_of_speed(arguments: Named) -> float:
     """Energy at release (weights x R) of the argument `release_speed`."""
     known = _known(arguments, Setting())
     return float(np.squeeze(np.asarray(known.energy)))
