@@ -21,6 +21,7 @@ from estim.deviation.noise import Stated, WithForce
 from estim.deviation.residuals import Residuals
 from estim.problem.count_distributions import BINOMIAL, POISSON
 from estim.problem.counts import Counts
+from estim.problem.differences import covariance_in_bands
 from estim.problem.finite_differences import STENCILS, differentiate
 from estim.problem.likelihood import Noise, Points
 from estim.problem.noise import Differentiated, Independent, Scale
@@ -449,7 +450,7 @@ class Banded(Stated):
     def likelihood(self, points: Points, named: Named) -> GaussianErrors:
         shift = points.y - self.base.likelihood(points, named).y
         return GaussianErrors.in_bands(
-            points, self.size, self.base.of_positions(points, named).covariance(), shift
+            points, self.size, covariance_in_bands(self.base.of_positions(points, named)), shift
         )
 
     def for_search(self) -> Banded:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.sparse import csr_array, eye_array
 from test_noise import DIFFERENTIATED
 from test_unmodelled_force import KEY, body, nearby
 
@@ -19,7 +20,6 @@ from estim.deviation.bad_frame_search import MOST, PRIOR, BadFrames, Frames, fin
 from estim.deviation.components import Shape, diagonalise
 from estim.deviation.grid import prior_grid
 from estim.fitting import fit_problem
-from estim.problem.differences import Differences
 from estim.words import tell
 
 N, SD = 24, 0.5
@@ -31,7 +31,7 @@ FLAT = np.zeros((3, 3))
 
 def frames(matrix: np.ndarray | None = None, *, in_sequence: bool = True) -> Frames:
     matrix = np.eye(N) if matrix is None else matrix
-    sparse = Differences(np.tile(np.arange(N), (len(matrix), 1)), matrix, N)
+    sparse = csr_array(matrix)
     return Frames(sparse, 3.0 + 2.0 * T, SD, in_sequence, T, 3.0 * T + T**2, np.arange(N) + 2)
 
 
@@ -106,7 +106,7 @@ def test_a_step_a_frame_and_a_clock_are_named_with_their_sizes() -> None:
     (frame,) = scanned(errors(2) + np.where(index == 15, 9.0 * SD, 0.0)).jumps
     assert (frame.kind, frame.row) == ("frame", 15)
     lost = np.where(index >= 12, 0.1 * (3.0 + 2.0 * T), 0.0) * 10.0
-    fast = Frames(Differences.of_single(N), 10.0 * (3.0 + 2.0 * T), SD, True, T, T, index)
+    fast = Frames(eye_array(N, format="csr"), 10.0 * (3.0 + 2.0 * T), SD, True, T, T, index)
     (clock,) = scanned(errors(4) + lost, fast).jumps
     assert (clock.kind, clock.row) == ("clock", 12)
     assert clock.size / clock.interval == pytest.approx(1.0, abs=3.0 * clock.sd / clock.interval)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from estim.problem import STENCILS, differentiate
+from estim.problem.differences import covariance_in_bands, in_rows, used_columns
 from estim.problem.roots import Band, Dense, LowRankRoot, Stacked, covariance_of
 
 
@@ -13,18 +14,18 @@ def _stencil(n, name="central", rng=None):
     t = np.delete(np.arange(n + 4) * 0.01, [n // 7, n // 7 + 1, n // 3])  # frames are missing
     matrix = differentiate(t, np.zeros(t.size), STENCILS[name]).matrix
     slope = (
-        np.linspace(30.0, 0.5, len(matrix.places))
+        np.linspace(30.0, 0.5, matrix.shape[0])
         if rng is None
-        else rng.uniform(0.5, 30.0, len(matrix.places))
+        else rng.uniform(0.5, 30.0, matrix.shape[0])
     )
     rows = differentiate(t, np.zeros(t.size), STENCILS[name]).rows
-    return matrix.less(rows, slope)
+    return matrix - in_rows(rows[:, None], slope[:, None], t.size)
 
 
 def _roots(n=300):
     rng = np.random.default_rng(2)
     matrix = _stencil(n)
-    bands, dense = matrix.covariance(), matrix.dense() @ matrix.dense().T
+    bands, dense = covariance_in_bands(matrix), matrix.toarray() @ matrix.toarray().T
     band = Band.of(bands)
     size = np.sqrt(np.diag(dense))
     causes = np.column_stack(
@@ -88,7 +89,7 @@ def test_a_root_is_that_of_the_whole_matrix(root, dense):
 @pytest.mark.parametrize("name", STENCILS)
 def test_the_bands_of_a_stencil_are_its_covariance(name):
     matrix = _stencil(300, name, np.random.default_rng(3))
-    dense, bands = matrix.dense() @ matrix.dense().T, matrix.covariance()
+    dense, bands = matrix.toarray() @ matrix.toarray().T, covariance_in_bands(matrix)
     whole = np.zeros(dense.shape)
     for d, band in enumerate(bands):
         whole += np.diag(band[: len(band) - d], -d) + (
@@ -105,25 +106,27 @@ def test_the_bands_of_a_stencil_are_its_covariance(name):
     assert np.max(np.abs(wrong.whiten(rows) - right)) > 1e-3 * np.max(np.abs(right))
 
 
-def test_differences_are_the_matrix_that_they_stand_for():
-    rng = np.random.default_rng(11)
-    matrix = _stencil(60, "five-point", rng)
-    dense = matrix.dense()
-    few, many = rng.standard_normal(matrix.n_row), rng.standard_normal((matrix.n_row, 3))
-    np.testing.assert_allclose(matrix @ few, dense @ few, rtol=1e-12)
-    np.testing.assert_allclose(matrix @ many, dense @ many, rtol=1e-12)
-    np.testing.assert_allclose(matrix.back(dense @ many), dense.T @ dense @ many, rtol=1e-12)
-    np.testing.assert_allclose(matrix.times(few).dense(), dense * few, rtol=1e-12)
-    np.testing.assert_allclose(matrix.of(np.array([3, 7])).dense(), dense[[3, 7]], rtol=1e-12)
-    np.testing.assert_array_equal(matrix.used, np.any(dense != 0.0, axis=0))
+def test_a_matrix_in_rows_has_its_weights_at_their_places():
+    places, weights = (
+        np.array([[0, 4], [3, 1], [4, 4]]),
+        np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]),
+    )
+    matrix = in_rows(places, weights, 6)
+    dense = [
+        [1.0, 0.0, 0.0, 0.0, 2.0, 0.0],
+        [0.0, 4.0, 0.0, 3.0, 0.0, 0.0],
+        [0.0] * 4 + [11.0, 0.0],
+    ]
+    np.testing.assert_array_equal(matrix.toarray(), dense)
+    np.testing.assert_array_equal(used_columns(matrix), [0, 1, 3, 4])
 
 
 @pytest.mark.parametrize("correlation", [0.3, 0.85])
 def test_errors_that_follow_each_other_are_cut_where_nothing_is_left(correlation):
     matrix = _stencil(400)
-    apart = np.abs(np.subtract.outer(np.arange(matrix.n_row), np.arange(matrix.n_row)))
-    dense = matrix.dense() @ correlation**apart @ matrix.dense().T
-    root = Band.of(matrix.covariance(correlation))
+    apart = np.abs(np.subtract.outer(np.arange(matrix.shape[1]), np.arange(matrix.shape[1])))
+    dense = matrix.toarray() @ correlation**apart @ matrix.toarray().T
+    root = Band.of(covariance_in_bands(matrix, correlation))
     assert len(root.lower) < 230
     np.testing.assert_allclose(covariance_of(root), dense, rtol=0.0, atol=1e-12 * np.max(dense))
     rows = np.random.default_rng(1).standard_normal((2, root.n_obs))

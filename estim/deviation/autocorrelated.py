@@ -6,8 +6,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from scipy.sparse import diags_array
+
 from estim.deviation.noise import Stated
-from estim.problem import Differences, GaussianErrors, Named, Points
+from estim.problem import GaussianErrors, Named, Points
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,11 +25,7 @@ class AutoCorrelated(Stated):
     def likelihood(self, points: Points, named: Named) -> GaussianErrors:
         stated = self.base.likelihood(points, named)
         matrix = self.base.of_positions(points, named)
-        matrix = (
-            Differences.of_single(points.x.size).rows_times(self.base.reading_gain())
-            if matrix is None
-            else matrix
-        )
+        matrix = diags_array(self.base.reading_gain(), format="csr") if matrix is None else matrix
         return GaussianErrors.of_readings(
             points, self.base.size, matrix, points.y - stated.y, correlation=self.correlation
         )

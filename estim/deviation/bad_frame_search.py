@@ -34,12 +34,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from estim.arrays import FloatArray
 from estim.deviation.components import Deviation
 from estim.deviation.linearised import Linearised, linearise_beside
 from estim.deviation.mixture import compact
-from estim.problem import Differences, Points, Root
+from estim.problem import Points, Root, used_columns
 
 PRIOR = 0.25  # probability that a recording has a bad frame
 MOST = 6  # in one recording; beyond, it is not a matter of single frames
@@ -72,7 +73,7 @@ class Shifts:
     in_sequence : whether readings follow each other, so that a shift can stay.
     """
 
-    matrix: Differences
+    matrix: csr_array
     velocity: FloatArray
     sd: float
     in_sequence: bool
@@ -86,7 +87,7 @@ class Shifts:
         """Those that do something to the points, each once: a step at the first or last frame is
         that frame alone.
         """
-        used = np.flatnonzero(self.matrix.used)
+        used = used_columns(self.matrix)
         inside = used[2:-1] if self.in_sequence else used[:0]
         moving = np.flatnonzero(self.velocity)
         patterns = [Pattern(int(row), "frame", self.sd) for row in used]
@@ -104,13 +105,13 @@ class Shifts:
 
     def shift(self, pattern: Pattern | Jump) -> FloatArray:
         """(n_row,) what a pattern of size 1 does to the readings."""
-        rows = np.arange(self.matrix.n_row)
+        rows = np.arange(self.matrix.shape[1])
         there = rows == pattern.row if pattern.kind == "frame" else rows >= pattern.row
         return np.where(there, self.velocity if pattern.kind == "clock" else 1.0, 0.0)
 
     def felt(self, patterns: Sequence[Pattern], columns: FloatArray) -> FloatArray:
         """(n_pattern, n) h^T C for every pattern h of size 1 and the columns C (n_obs, n)."""
-        each = self.matrix.back(columns)  # of a shift of one reading
+        each = self.matrix.T @ columns  # of a shift of one reading
         later, moved = (
             np.cumsum(rows[::-1], axis=0)[::-1] for rows in (each, self.velocity[:, None] * each)
         )

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from estim.arrays import FloatArray
 from estim.common import phrase
@@ -18,7 +19,6 @@ from estim.deviation.mixture import Mixture
 from estim.deviation.residuals import LEAST_SPEED, Inertia, Residuals, points_about
 from estim.deviation.trajectory import Trajectory
 from estim.problem import (
-    Differences,
     GaussianErrors,
     Likelihood,
     Named,
@@ -48,7 +48,7 @@ class Stated(Noise):
     def made_of_positions(self) -> bool:
         return self.base.made_of_positions
 
-    def of_positions(self, points: Points, named: Named) -> Differences | None:
+    def of_positions(self, points: Points, named: Named) -> csr_array | None:
         return self.base.of_positions(points, named)
 
     def read(

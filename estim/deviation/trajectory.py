@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse import eye_array
 
 from estim.arrays import FloatArray
 from estim.deviation.bad_frame_search import Frames
@@ -14,16 +15,7 @@ from estim.deviation.force import Response, Track, speed_response, track
 from estim.deviation.grid import START_SD
 from estim.deviation.in_time import Moving, response_in_time
 from estim.deviation.smoothing import settled
-from estim.problem import (
-    Differences,
-    Motion,
-    Named,
-    Noise,
-    Observations,
-    Points,
-    PositionCurve,
-    Rows,
-)
+from estim.problem import Motion, Named, Noise, Observations, Points, PositionCurve, Rows
 
 _STEP = 2e-3  # rad, over which inertia and height of a body are smooth
 
@@ -132,7 +124,7 @@ class Trajectory:
                 reading * np.median(noise.reading_gain()), np.ravel(noise.size.scatter.at(named))[0]
             )
         )
-        alone = Differences.of_single(points.x.size)
+        alone = eye_array(points.x.size, format="csr")
         if isinstance(points.curve, PositionCurve):
             velocity = here.row(points.curve.state(points.x, here.arguments)[1], points.x.size)
             return Frames(alone, velocity, sd, True, t, points.y, lines)

@@ -20,13 +20,14 @@ from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
+from scipy.sparse import eye_array
 
 from estim.arrays import FloatArray, Named
 from estim.common import Notation, phrase
 from estim.deviation import Pattern, Shifts
 from estim.explanation.candidates import Cause
 from estim.fitting import Fit
-from estim.problem import Curve, Differences, Flat, LocalCurve, Parameter, Problem, Root, SpeedCurve
+from estim.problem import Curve, Flat, LocalCurve, Parameter, Problem, Root, SpeedCurve
 
 _ARGUMENT = "error_of_reading"
 
@@ -86,9 +87,9 @@ def frame_causes(base: Fit) -> tuple[Cause, ...]:
     inverse = np.linalg.pinv(whole, hermitian=True)
     for i, (run, root, jacobian, z) in enumerate(parts):
         moved = run.noise.of_positions(run.points, named)
-        matrix = Differences.of_single(run.n_obs) if moved is None else moved
+        matrix = eye_array(run.n_obs, format="csr") if moved is None else moved
         in_sequence = run.positions or run.noise.made_of_positions
-        shifts = Shifts(matrix, np.zeros(matrix.n_row), 1.0, in_sequence)
+        shifts = Shifts(matrix, np.zeros(matrix.shape[1]), 1.0, in_sequence)
         kinds = ("frame", "step") if in_sequence else ("frame",)
         for kind in kinds:
             patterns = [pattern for pattern in shifts.patterns() if pattern.kind == kind]

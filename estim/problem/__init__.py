@@ -19,7 +19,7 @@ from estim.problem.curve import (
     plain_words,
 )
 from estim.problem.events import BINOMIAL, POISSON, Counted, Counts, Events, Law, counted_words
-from estim.problem.differences import Differences
+from estim.problem.differences import used_columns
 from estim.problem.likelihood import (
     Likelihood,
     Noise,

@@ -20,10 +20,11 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from estim.arrays import FloatArray, IntArray
 from estim.common import InputError, later
-from estim.problem.differences import Differences
+from estim.problem.differences import in_rows
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ class Derivative:
     stencil: Stencil
     rows: IntArray
     value: FloatArray
-    matrix: Differences
+    matrix: csr_array
     interval: float
     n_gap: int
 
@@ -105,13 +106,11 @@ def differentiate(
             field="t_s",
             file=file,
         )
-    places = np.array(entries)
-    matrix = Differences(
-        places, np.tile(np.array(stencil.weights) / interval, (len(rows), 1)), t.size
-    )
+    weights = np.tile(np.array(stencil.weights) / interval, (len(rows), 1))
+    matrix = in_rows(np.array(entries), weights, t.size)
     chosen = np.array(rows)
     value = matrix @ position
-    for array in (chosen, value, places, matrix.weights):
+    for array in (chosen, value, matrix.indices, matrix.data):
         array.setflags(write=False)
     return Derivative(stencil, chosen, value, matrix, interval, int(frame[-1] + 1 - frame.size))
 

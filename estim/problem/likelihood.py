@@ -21,11 +21,11 @@ from typing import TYPE_CHECKING, ClassVar, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse import csr_array
 
 from estim.arrays import FloatArray, Named
 from estim.problem.count_distributions import Counted
 from estim.problem.curve import Curve, LocalCurve, SquaredCurve, Wording
-from estim.problem.differences import Differences
 from estim.problem.roots import Root
 from estim.problem.size import Size
 from estim.problem.whitened import Linear
@@ -354,7 +354,7 @@ class Noise(ABC):
         """The inferred share of outliers; nan where it is not inferred."""
         return float("nan")
 
-    def of_positions(self, points: Points, named: Named) -> Differences | None:
+    def of_positions(self, points: Points, named: Named) -> csr_array | None:
         """(n_obs, n_row) what shifts of all the positions that were read do to y - f(x); None where
         y is not made of positions.
         """

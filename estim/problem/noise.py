@@ -28,14 +28,16 @@ chi-square) it rewards ever steeper curves.  Here it serves as the size of a res
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from scipy.sparse import csr_array, diags_array
 
 from estim.arrays import FloatArray, IntArray, Named
 from estim.common import InputError, phrase
 from estim.problem.abscissas import true_abscissas
 from estim.problem.curve import SpeedCurve, Wording
-from estim.problem.differences import Differences
+from estim.problem.differences import in_rows
 from estim.problem.finite_differences import STENCILS as STENCILS
 from estim.problem.finite_differences import Derivative as Derivative
 from estim.problem.finite_differences import differentiate as differentiate
@@ -263,15 +265,25 @@ class Differentiated(Noise):
         arguments = points.bind(named)
         matrix = self.of_positions(points, named)
         if self.relative is not None:
-            matrix = matrix.times(self.relative)
+            matrix = matrix @ diags_array(self.relative)
         bent = curve.time_derivative(points.x, arguments, stencil.order)[0]
         shift = stencil.truncation * interval**stencil.order * bent
         return GaussianErrors.of_readings(points, self.size, matrix, shift)
 
-    def of_positions(self, points: Points, named: Named) -> Differences:
+    def of_positions(self, points: Points, named: Named) -> csr_array:
         """A = S - diag(f'(x))."""
         slope = points.curve.local(points.x, points.bind(named)).slope[0]
-        return self.derivative.matrix.of(self.kept).less(self.derivative.rows[self.kept], slope)
+        return self._to_speed - self._at_points(slope)
+
+    @cached_property
+    def _to_speed(self) -> csr_array:
+        """S (n_obs, n_row)."""
+        return self.derivative.matrix[self.kept]
+
+    def _at_points(self, factor: FloatArray) -> csr_array:
+        """diag(factor (n_obs,)) in the columns of the readings where the points are."""
+        rows = self.derivative.rows[self.kept]
+        return in_rows(rows[:, None], factor[:, None], self._to_speed.shape[1])
 
     def reading_gain(self) -> FloatArray:
         gain = np.full(
@@ -294,13 +306,13 @@ class Differentiated(Noise):
     ) -> tuple[FloatArray, FloatArray]:
         """An error of a position moves x there, and the speeds on either side."""
         reading, scatter = self.size.reading_variance(named), np.square(self.scatter.at(named))
-        rows, to_speed = self.derivative.rows[self.kept], self.derivative.matrix.of(self.kept)
-        matrix = to_speed.rows_times(by_y).less(rows, -by_x)
+        to_speed = self._to_speed
+        whole = diags_array(by_y) @ to_speed + self._at_points(by_x)
         if self.relative is not None:
-            matrix, to_speed = matrix.times(self.relative), to_speed.times(self.relative)
-        whole = matrix.among(matrix.used).dense()
-        cov = reading * whole @ whole.T + np.diag(by_y**2 * scatter)
-        return cov, np.asarray(reading * np.sum(to_speed.weights**2, axis=1) + scatter)
+            scale = diags_array(self.relative)
+            whole, to_speed = whole @ scale, to_speed @ scale
+        cov = reading * (whole @ whole.T).toarray() + np.diag(by_y**2 * scatter)
+        return cov, np.asarray(reading * to_speed.power(2).sum(axis=1) + scatter)
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         """The noise in words."""

@@ -17,9 +17,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from estim.arrays import FloatArray, Named
-from estim.problem.differences import Differences
+from estim.problem.differences import covariance_in_bands, used_columns
 from estim.problem.likelihood import Ends, Likelihood, Points, n_draws
 from estim.problem.roots import DENSE, Band, Dense, Root
 from estim.problem.size import Scale, Size
@@ -163,7 +164,7 @@ class GaussianErrors(Likelihood):
         cls,
         points: Points,
         size: Size,
-        matrix: Differences,
+        matrix: csr_array,
         shift: FloatArray,
         *,
         correlation: float = 0.0,
@@ -172,9 +173,9 @@ class GaussianErrors(Likelihood):
         of many points in bands, never as a whole.
         """
         if points.x.size > DENSE and in_bands(size):
-            return cls.in_bands(points, size, matrix.covariance(correlation), shift)
-        used = np.flatnonzero(matrix.used)
-        lever = matrix.among(matrix.used).dense()
+            return cls.in_bands(points, size, covariance_in_bands(matrix, correlation), shift)
+        used = used_columns(matrix)
+        lever = matrix[:, used].toarray()
         middle = (
             correlation ** np.abs(np.subtract.outer(used, used)) @ lever.T
             if correlation
