@@ -268,8 +268,8 @@ class Squares:
         return descents.points, 2.0 * descents.heights, descents.settled
 
     def _parts(self, n: int, columns: int) -> list[slice]:
-        # residuals at a time: they stay near the cache
-        rows = max(1, 400_000 // max(1, self.n_res * (1 + columns)))
+        # residuals at a time: they stay in the cache
+        rows = max(1, 100_000 // max(1, self.n_res * (1 + columns)))
         return [slice(k, k + rows) for k in range(0, max(1, n), rows)]
 
 
@@ -418,14 +418,16 @@ class _Descents:
             return
         points, doubted = self.points[which], self.doubted[which]
         slopes, curvatures = self.hill.shape(points, which, doubted)
-        # of a reach: two slopes closer than that teach nothing of a curvature
-        learned = _learned(
-            self.curvatures[which],
-            points - self.known[which],
-            slopes - self.slopes[which],
-            2e-4 * self.hill.reach(points),
-        )
-        self.curvatures[which] = np.where(doubted[:, None, None], curvatures, learned)
+        if not np.all(doubted):
+            # of a reach: two slopes closer than that teach nothing of a curvature
+            learned = _learned(
+                self.curvatures[which],
+                points - self.known[which],
+                slopes - self.slopes[which],
+                2e-4 * self.hill.reach(points),
+            )
+            curvatures = np.where(doubted[:, None, None], curvatures, learned)
+        self.curvatures[which] = curvatures
         self.slopes[which], self.known[which], self.learned[which], self.stale[which] = (
             slopes,
             points,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.checks import P_FLOOR, Goodness
+from estim.checks import P_FLOOR, Goodness, unasked
 from estim.common import (
     Finding,
     InputError,
@@ -79,8 +79,9 @@ class CurveFit:
     sigma : standard deviation of one y estimated from the residuals, None where u_y was given.
     findings : everything wrong, gravest first.  status : what follows from the findings, "ok"
         where there are none.
-    remarks : what to know before using it, nothing wrong.
-    reasons, notes : the same in words.
+    seen : what to know before using it, nothing wrong.  complete : whether the curve is taken as it
+        is: `remarks` then say how probable it is that it lacks something, too.
+    reasons, notes : findings and remarks in words.
     message : how the search went.
     goodness : tests of the residuals, in order of x; empty where the points are too few.
     text : the formula, or how the function is called.
@@ -102,7 +103,8 @@ class CurveFit:
     sigma: float | None
     status: Status
     findings: tuple[Finding, ...]
-    remarks: tuple[Finding, ...]
+    seen: tuple[Finding, ...]
+    complete: bool
     message: str
     goodness: tuple[Goodness, ...]
     fit: Fit
@@ -127,6 +129,12 @@ class CurveFit:
     def deviation(self) -> FoundDeviation | None:
         """What the curve lacks, where `deviation` or `correlated` asked for it."""
         return next(iter(self.fit.deviations), None)
+
+    @cached_property
+    def remarks(self) -> tuple[Finding, ...]:
+        """What to know before using it, nothing wrong."""
+        lacking = unasked(self.fit) if self.complete else []
+        return (*self.seen, *(replace(item, run="") for item in lacking))
 
     @property
     def notes(self) -> tuple[str, ...]:

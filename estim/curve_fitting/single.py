@@ -29,7 +29,6 @@ from estim.checks import (
     same_curve,
     several_solutions,
     stated_values,
-    unasked,
     values_outside,
     wrong_curves,
 )
@@ -374,7 +373,8 @@ def fit_errors(
         sigma=None,
         status=decide(found),
         findings=found,
-        remarks=(),
+        seen=(),
+        complete=False,
         message="; ".join([fit.message, *_said(fit.problem)]),
         goodness=goodness,
         fit=fit,
@@ -429,7 +429,7 @@ def _fit_discrepancy(posed: CurveProblem, complete: CurveFit, rng: np.random.Gen
         sigma=None if complete.sigma is None else deviation.noise[1],
         status=decide(findings),
         findings=findings,
-        remarks=(*near, replace(about, run="")),
+        seen=(*near, replace(about, run="")),
         goodness=goodness,
         fit=fit,
     )
@@ -494,11 +494,6 @@ def _concluded(
     findings = wrong([*solutions, *outside, *uncertainty.open, *about, *stated])
     names = tuple(p.name for p in posed.parameters)
     modelled = isinstance(posed, CurveProblem) and posed.lacks is not None
-    lacking = (
-        []
-        if findings or perfect or modelled
-        else [replace(item, run="") for item in unasked(inner)]
-    )
     return CurveFit(
         names=names,
         values=dict(zip(names, best.values.tolist(), strict=True)),
@@ -511,13 +506,13 @@ def _concluded(
         sigma=sigma,
         status=decide(findings),
         findings=findings,
-        remarks=(
+        seen=(
             *uncertainty.notes,
             *curve_remarks(
                 inner, best, p_value, chi2, dof, goodness, stated=sigma is None, perfect=perfect
             ),
-            *lacking,
         ),
+        complete=not (findings or perfect or modelled),
         message=_message(best, sigma, perfect, [*map(tell, same_curve(inner)), *_said(problem)]),
         goodness=goodness,
         fit=inner,

@@ -126,7 +126,7 @@ class ProjectedCurve:
     def squares(self, bent: FloatArray, absent: Sequence[Sequence[int]] = ()) -> FloatArray:
         """(n,) sums of squares, inf where the curve is not finite or turns unseen."""
         # numbers at a time: they stay in the cache
-        size = max(1, 200_000 // self.x.size)
+        size = max(1, 50_000 // self.x.size)
         with np.errstate(all="ignore"):
             sums = np.concatenate(
                 [

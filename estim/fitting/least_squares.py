@@ -227,8 +227,6 @@ def at_mode(problem: Problem, values: FloatArray) -> Fit:
     if problem.noise_names:
         values = fit_noise(posterior, values)
         posterior = problem.linearised(values)
-    if _curved(posterior, values) is None:
-        raise _no_curvature(values, posterior)
     return _describe(problem, posterior, values, 0.0, [values], n_start=1, same=[values])
 
 
@@ -460,7 +458,10 @@ def _describe(
     n_start: int,
     same: list[FloatArray],
 ) -> Fit:
+    """Raises NumericalError where the curve has no finite derivatives."""
     matrix = information(posterior, values)
+    if not np.all(np.isfinite(matrix)):
+        raise _no_curvature(values, posterior)
     spread = _units(matrix)
     scaled = matrix / np.outer(spread, spread)
     inverse = _inverse(scaled, problem)

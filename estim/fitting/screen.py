@@ -28,7 +28,7 @@ _PRIOR_SDS = 5.0
 _WIDE = 1e-4  # of a parameter's size, for mixed second differences
 _SETTLED, _N_STEP = 1e-9, 14
 _FAR = np.geomspace(1.0, 3.0, 5)  # places in a reach
-_BATCH = 400_000  # residuals in one call
+_BATCH = 100_000  # residuals in one call
 
 
 def further_optima(
