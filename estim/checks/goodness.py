@@ -66,9 +66,8 @@ P_HARDLY = 0.01  # of `uneven` and `repeated`, which see little among few points
 SCATTER_LIMIT = 3.0
 _NO_ERRORS = 1e-9  # standard deviations; residuals that are all smaller are rounding errors
 # simulated values at least as extreme: a p-value is then uncertain by 20 % or less; by 32 % where
-# it is as many times the one that would say something
+# it is that many times P_POOR_FIT
 _ENOUGH, _FEWER, _CLEARLY = 25, 10, 3.0
-_OF_NOISE = ("uneven", "repeated")
 _N_SIMULATED = 20_000  # data sets, if a p-value has not come out before
 _LEAST_SIMULATED = 2600  # of many points: a p-value below P_POOR_FIT can come out
 _MOST_NUMBERS = 4e7  # errors that are drawn, beyond the least
@@ -158,7 +157,7 @@ class Goodness:
         """Names of tests of the noise that the run passes, but not well."""
         return tuple(
             n
-            for n in _OF_NOISE
+            for n in ("uneven", "repeated")
             if n in self.checks and self.level <= self.checks[n].p_value < P_HARDLY / self.among
         )
 
@@ -380,11 +379,6 @@ def _checks(
     Data sets are drawn until every statistic has been met or exceeded by `_ENOUGH` of them (Besag
     and Clifford, Biometrika 78 (1991) 301), or by fewer: a p-value that decides nothing needs few.
     """
-
-    def enough(name: str, count: int) -> bool:
-        told = {"speed": P_TOLD, **dict.fromkeys(_OF_NOISE, P_HARDLY)}.get(name, P_POOR_FIT)
-        return count >= (_FEWER if count > _CLEARLY * told * n else _ENOUGH)
-
     least = [dict.fromkeys(run.statistics, 0) for run in tested]
     drift = [run.statistics["trend"] for run in tested]
     for run, counts in zip(tested, least, strict=True):
@@ -394,7 +388,9 @@ def _checks(
     n_error = int(ends[-1])
     n_most = int(among * np.clip(_MOST_NUMBERS / n_error, _LEAST_SIMULATED, _N_SIMULATED))
     at_once, n = max(1, min(_AT_ONCE, int(_MOST_AT_ONCE / n_error))), 0
-    while n < n_most and not all(enough(*one) for counts in least for one in counts.items()):
+    while n < n_most and (fewest := min(min(counts.values()) for counts in least)) < (
+        _FEWER if fewest > _CLEARLY * P_POOR_FIT * n else _ENOUGH
+    ):
         more = min(at_once, n_most - n)
         for i, null in enumerate(np.split(simulate(more), ends[:-1])):
             simulated = _statistics(null.T, tested[i].compared)
