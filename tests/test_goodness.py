@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from estim import fit_curve
+from estim import fit_curve, fit_line
 from estim.campaign import load_campaign
 from estim.checks import goodness
 from estim.checks.goodness import P_POOR_FIT, check_goodness, check_linear
 from estim.fitting.least_squares import fit_least_squares
+from estim.line.findings import line_goodness
 from estim.pipeline import analyse
 from estim.problem.roots import covariance_of
 from estim.sampling.chain import Target
@@ -292,7 +293,7 @@ def test_the_p_values_of_right_curves_are_uniform_though_simulation_ends_early()
     for _ in range(300):
         errors = rng.standard_normal(x.size)
         z = errors - x * (x @ errors) / (x @ x)
-        found = check_linear(z, root, x=x, f=x, sd=np.ones(12), stated=True, rng=rng)
+        found = check_linear(z, root, x=x, y=x + z, f=x, sd=np.ones(12), stated=True, rng=rng)
         p_values.append(found.checks["largest"].p_value)
     assert stats.kstest(p_values, "uniform").pvalue > 0.01
     # against the wrong curve, y = 1, they are not
@@ -300,6 +301,50 @@ def test_the_p_values_of_right_curves_are_uniform_though_simulation_ends_early()
     for _ in range(100):
         errors = 3.0 + rng.standard_normal(x.size)
         z = errors - x * (x @ errors) / (x @ x)
-        found = check_linear(z, root, x=x, f=x, sd=np.ones(12), stated=True, rng=rng)
+        found = check_linear(z, root, x=x, y=x + z, f=x, sd=np.ones(12), stated=True, rng=rng)
         p_values.append(found.checks["autocorrelation"].p_value)
     assert stats.kstest(p_values, "uniform").pvalue < 1e-6
+
+
+@pytest.mark.parametrize("stated", [True, False])
+@pytest.mark.parametrize("step", [1.0, 2.0])  # standard deviations
+def test_few_readings_of_few_digits_are_no_poor_fit(
+    stated: bool, step: float, rng: np.random.Generator
+) -> None:
+    x = np.arange(4.0)
+    readings = [step * np.rint((1.0 + 20.3 * x + rng.normal(size=4)) / step) for _ in range(25)]
+    u_y = np.hypot(1.0, step / np.sqrt(12.0)) if stated else None
+    fits = [
+        fit_curve(
+            "a + b*x", x, 0.001 * y, u_y=u_y and 0.001 * u_y, n_start=1, start={"a": 1.0, "b": 2.0}
+        )
+        for y in readings
+        if np.ptp(np.diff(y, n=2)) + abs(y[2] - 2.0 * y[1] + y[0]) > 0.0  # not all on one line
+    ]
+    assert len(fits) > 20
+    # a level of 0.001 for each of six tests: two of 25 are as rare as 0.01
+    assert sum(fit.status == "poor-fit" for fit in fits) <= 1
+
+
+def test_readings_of_few_digits_are_judged_as_such_by_either_front_door() -> None:
+    x, y = np.arange(5.0), np.array([1.0, 3.0, 5.1, 7.0, 9.0])
+    assert fit_curve("a + b*x", x, y, u_y=0.1).status == "ok"
+    assert line_goodness(fit_line(x, y, u_y=0.1)).failed == ()
+    # of readings with many digits four would not lie on a line so exactly
+    many = y + 1e-6 * np.array([0.31, -0.97, 0.23, 0.71, -0.5])
+    assert "largest" in line_goodness(fit_line(x, many, u_y=0.1)).failed
+    # whatever the unit
+    assert line_goodness(fit_line(x, 1e-9 * y, u_y=1e-10)).failed == ()
+
+
+@pytest.mark.parametrize("n", [5, 8, 12])
+def test_a_blunder_among_few_readings_of_few_digits_is_found(
+    n: int, rng: np.random.Generator
+) -> None:
+    x = np.arange(float(n))
+    for _ in range(5):
+        y = np.round(1.0 + 2.03 * x + rng.normal(0.0, 0.1, n), 1)
+        y[n // 2] += 15.0
+        assert (
+            fit_curve("a + b*x", x, y, start={"a": 1.0, "b": 2.0}, n_start=1).status == "poor-fit"
+        )

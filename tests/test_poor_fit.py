@@ -102,6 +102,7 @@ def checked(y: np.ndarray, x: np.ndarray, u: float | None, rng: np.random.Genera
         (y - values) / sd,
         design / sd,
         x=x,
+        y=y,
         f=values,
         sd=np.full(x.size, sd),
         stated=u is not None,

@@ -208,7 +208,11 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
             _Tested(z, _compared(run, named, raw_and_sd[run.name][1]), run.stated, dof)
             for run, z in zip(group.runs, whitened, strict=True)
         ]
-        checked = _checks(tested, _simulated(response, spread, rng), max(1.0, n_run / MANY))
+        readings = _Recorded.of(
+            [(run.y, z, *raw_and_sd[run.name]) for run, z in zip(group.runs, whitened, strict=True)]
+        )
+        simulate = _simulated(response, spread, readings, rng)
+        checked = _checks(tested, simulate, max(1.0, n_run / MANY))
         for run, z, checks in zip(group.runs, whitened, checked, strict=True):
             judged[run.name] = _judged(fit, run, z, *raw_and_sd[run.name], checks, named)
     return tuple(judged[run.name] for run in problem.runs)
@@ -219,6 +223,7 @@ def check_linear(
     root: FloatArray,
     *,
     x: FloatArray,
+    y: FloatArray,
     f: FloatArray,
     sd: FloatArray,
     stated: bool,
@@ -227,20 +232,78 @@ def check_linear(
     """The same of least squares that are not posed as a problem, linear near their minimum.
 
     z : (n_obs,) whitened residuals in the order of x.
-    root : (n_obs, n_par) minus their derivatives.  x, f, sd : (n_obs,) abscissas, curve and
-        standard deviations about it.
+    root : (n_obs, n_par) minus their derivatives.  x, y, f, sd : (n_obs,) abscissas, readings,
+        curve and standard deviations about it.
     stated : whether the size of the errors was.
     """
     n_par = root.shape[1]
     (spread,) = spreads_by_runs([root], [np.arange(n_par)], np.zeros(n_par))
     compared = _Compared(None, _growing(f, x), _Repeated.of(x, sd))
     tested = _Tested(z, compared, stated, _dof(root))
-    (checks,) = _checks([tested], _simulated(Linear(z, root), spread, rng))
+    readings = _Recorded.of([(y, z, y - f, sd)])
+    (checks,) = _checks([tested], _simulated(Linear(z, root), spread, readings, rng))
     return Goodness("", z, z * sd, sd, checks, float("nan"), pattern=_pattern(z), curve=True)
 
 
+@dataclass(frozen=True, eq=False)
+class _Recorded:
+    """Readings y (n_obs,) of a group of runs as they were recorded: the y of a run are multiples of
+    its step away from each other.
+
+    With few readings of few digits residuals often are as far from each other as they can be (three
+    readings on a line and one beside it), which continuous errors never are.
+
+    f, sd, step : (n_obs,) of the curve, the errors and the records; step 0 where it does not count.
+    """
+
+    y: FloatArray
+    f: FloatArray
+    sd: FloatArray
+    step: FloatArray
+
+    @classmethod
+    def of(cls, runs: Sequence[tuple[FloatArray, FloatArray, FloatArray, FloatArray]]) -> _Recorded:
+        """Of y, whitened residuals z, y - f and sd, all (n_obs,), of each run."""
+        # the residuals of more readings coincide more rarely than the tests reject
+        counts = [
+            n_obs <= 12 and bool(np.allclose(z * sd, raw, rtol=1e-6, atol=0.0))
+            for y, z, raw, sd in runs
+            for n_obs in [y.size]
+        ]
+        steps = [
+            np.full(y.size, _step(y) if counted else 0.0)
+            for (y, *_), counted in zip(runs, counts, strict=True)
+        ]
+        y, _, raw, sd = (np.concatenate(parts) for parts in zip(*runs, strict=True))
+        return cls(y, y - raw, sd, np.concatenate(steps))
+
+    def errors(self, errors: FloatArray) -> FloatArray:
+        """What is recorded of errors (n_obs, n) of n data sets, in units of sd."""
+        coarse = self.step > 0.0
+        if not np.any(coarse):
+            return errors
+        y, f, sd, step = (v[coarse, None] for v in (self.y, self.f, self.sd, self.step))
+        steps = np.rint((f + sd * errors[coarse] - y) / step)
+        recorded = errors.copy()
+        recorded[coarse] = (y + step * steps - f) / sd
+        return recorded
+
+
+def _step(y: FloatArray) -> float:
+    """The largest number of which all differences of y (n_obs,) are multiples; 0 where there is
+    none within six digits.
+    """
+    size = float(np.max(np.abs(y), initial=0.0))
+    for digits in range(7) if 0.0 < size < np.inf else ():
+        unit = 10.0 ** (np.floor(np.log10(size)) - digits)
+        whole = np.rint((y - y[0]) / unit)
+        if np.allclose((y - y[0]) / unit, whole, rtol=0.0, atol=1e-6):
+            return float(unit * np.gcd.reduce(whole.astype(np.int64)))
+    return 0.0
+
+
 def _simulated(
-    response: Whitened, spread: FloatArray, rng: np.random.Generator
+    response: Whitened, spread: FloatArray, readings: _Recorded, rng: np.random.Generator
 ) -> Callable[[int], FloatArray]:
     """What draws residuals (n_obs, n) of a group of runs in n data sets, given a root F of the
     covariance of the parameters that it uses.
@@ -253,7 +316,7 @@ def _simulated(
     by_others = spread @ (basis * np.sqrt(np.maximum(spectrum, 0.0)))
 
     def simulate(n: int) -> FloatArray:
-        errors = response.drawn(n, rng)
+        errors = readings.errors(response.drawn(n, rng))
         shifts = spread @ (moves.T @ response.felt(errors))
         shifts += by_others @ rng.standard_normal((by_others.shape[1], n))
         return response.moved(errors, shifts)
@@ -396,7 +459,9 @@ def _checks(
             simulated = _statistics(null.T, tested[i].compared)
             drift[i] = max(drift[i], float(np.max(simulated["trend"])))
             for name in least[i]:
-                reached = simulated[name] >= tested[i].statistics[name] - 1e-12
+                # records of few digits give the same residuals, but for rounding errors
+                observed = tested[i].statistics[name]
+                reached = simulated[name] >= observed - 1e-5 * abs(observed) - 1e-12
                 least[i][name] += int(np.count_nonzero(reached))
         n += more
     checked = []

@@ -78,6 +78,7 @@ def line_goodness(fit: LineFit) -> Goodness:
         white[:, 0],
         white[:, 1:],
         x=data.x[order],
+        y=data.y[order],
         f=line[order],
         sd=scale_y * np.sqrt(variance)[order],
         stated=stated,
