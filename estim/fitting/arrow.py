@@ -4,7 +4,7 @@ own.
 No run is widened to the parameters of all others: what it says is added where it belongs, to the
 information of all, or goes as a triangle (QR) of its own into a root of it.
 
-Use it for more than `MANY` independent groups of runs; fewer are fit by SciPy.
+Use it for more than `MANY` independent groups of runs; fewer are fit by lmfit.
 """
 
 from __future__ import annotations

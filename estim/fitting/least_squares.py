@@ -1,10 +1,10 @@
-"""The posterior mode by least squares.
+"""The posterior mode by least squares.  The only file that knows lmfit.
 
 Priors enter as residuals, sigmas are absolute (`scale_covar=False`), the Jacobian is analytic, and
 the search starts from several points.  The covariance of the noise depends weakly on the curve, so
 the fit is repeated with it taken at the last result until nothing moves (iteratively reweighted
 least squares); inferred noise parameters are updated in turn by maximising the same posterior.
-More than 16 independent runs are fit run by run (`estim.fitting.arrow`), not by SciPy.
+More than 16 independent runs are fit run by run (`estim.fitting.arrow`), not by lmfit.
 """
 
 from __future__ import annotations
@@ -377,40 +377,56 @@ def _fit_curve(
             if hasty
             else descend_by_runs(posterior, values, free)
         )
-    from scipy.optimize import least_squares
+    from lmfit.minimizer import minimize
+    from lmfit.parameter import Parameters
 
-    low, high = (
-        np.array([getattr(problem.parameters[i].prior, end) for i in free])
-        for end in ("low", "high")
-    )
+    table = Parameters()
+    for i in free:
+        prior = problem.parameters[i].prior
+        table.add(
+            f"p{i}",
+            value=_inside(float(values[i]), prior.low, prior.high),
+            min=prior.low,
+            max=prior.high,
+        )
 
-    def filled(moved: FloatArray) -> FloatArray:
+    def filled(parameters: Parameters) -> FloatArray:
         full = values.copy()
-        full[free] = moved
+        full[free] = [parameters[f"p{i}"].value for i in free]
         return full
 
-    def jacobian(moved: FloatArray) -> FloatArray:
-        columns = posterior.jacobian(filled(moved))[:, free]
+    def residual(parameters: Parameters) -> FloatArray:
+        return posterior.residuals(filled(parameters))
+
+    def jacobian(parameters: Parameters) -> FloatArray:
+        columns = posterior.jacobian(filled(parameters))[:, free]
         # a point beside the edge of where the curve is defined has no say in the step
         return np.where(np.isfinite(columns), columns, 0.0)
 
     creeps = any(run.creeps for run in posterior.likelihoods)
     tolerance = 1e-5 if creeps else tolerance  # steps by the information finish
+    # lmfit inverts the Hessian too, singular where the data are silent; not used
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        result = least_squares(
-            # it steps back from where the curve is not defined
-            lambda moved: posterior.residuals(filled(moved)),
-            [_inside(float(values[i]), *ends) for i, *ends in zip(free, low, high, strict=True)],
+        result = minimize(
+            residual,
+            table,
+            method="least_squares",
+            scale_covar=False,
+            calc_covar=False,
             jac=jacobian,
-            bounds=(low, high),
             x_scale="jac",
+            # scipy steps back from where the curve is not defined
             ftol=tolerance,
             xtol=tolerance,
             gtol=1e-12,
             max_nfev=400,
+            nan_policy="propagate",
         )
-    found = filled(result.x)
-    return finished(posterior, found, free, tolerance=_FINE * _SETTLED) if creeps else found
+    return (
+        finished(posterior, filled(result.params), free, tolerance=_FINE * _SETTLED)
+        if creeps
+        else filled(result.params)
+    )
 
 
 def _inside(value: float, low: float, high: float) -> float:
