@@ -45,6 +45,7 @@ from estim.checks import (
     print_lines,
     result_table,
     screen_lines,
+    unidentified,
     untested,
 )
 from estim.common import (
@@ -149,7 +150,11 @@ class Analysis:
         """Of every parameter, as far as the status allows them."""
         named = zip(self.fit.names, self.chain.flat.T, strict=True)
         return tuple(
-            trusted(summarise_parameter(self.fit, name, draws), self.diagnosis.status)
+            trusted(
+                summarise_parameter(self.fit, name, draws),
+                self.diagnosis.status,
+                met=self.chain.convergence.met,
+            )
             for name, draws in named
         )
 
@@ -269,8 +274,22 @@ def analyse_fit(
     """
     target, problem, conflict = target or Target(), fit.problem, check_stated_values(fit)
     progress = _logged(progress)
+    identifiability = identify(fit)
+    unheld = unidentified(fit, identifiability)
+    improper = any(finding.kind is Kind.OPEN_SIDE for finding in unheld)
+    most = target.max_step
+    if unheld or conflict.flagrant:
+        # where draws would mean nothing, a few steps for figures alone; where a direction is flat,
+        # enough for a chain that mixes, and no wait for one that does not
+        most = min(most, 60 if conflict.flagrant or improper else 1000)
     draw = partial(
-        _drawn, fit, conflict, seed=seed, target=target, progress=progress, marginal=marginal
+        _drawn,
+        fit,
+        conflict.flagrant or improper,
+        seed=seed,
+        target=replace(target, max_step=most),
+        progress=progress,
+        marginal=marginal,
     )
     drawn = (
         draw()
@@ -282,7 +301,6 @@ def analyse_fit(
     chain, comparison = drawn.chain, drawn.comparison
     progress(100, phrase("checks"))
     goodness = check_goodness(fit, rng=stream(seed, Stream.GOODNESS)) if tested else untested(fit)
-    identifiability = identify(fit)
     modes = find_modes(fit, chain.thinned(20_000))
     outliers = find_outliers(fit.posterior, chain.thinned(1000))
     consistency = check_consistency(fit) if comparable(fit) else None
@@ -293,7 +311,7 @@ def analyse_fit(
         chain,
         goodness,
         comparison=comparison,
-        identifiability=identifiability,
+        unheld=unheld,
         modes=modes,
         consistency=consistency,
         conflict=conflict,
@@ -321,22 +339,23 @@ def analyse_fit(
 
 def _drawn(
     fit: Fit,
-    conflict: Conflict,
+    meaningless: bool,
     *,
     seed: int,
     target: Target,
     progress: Progress | None,
     marginal: bool | None,
 ) -> Certified:
-    """Draws of the posterior of a fit, and a second opinion where there can be one."""
+    """Draws of the posterior of a fit, and a second opinion where there can be one.
+
+    meaningless : whether there is no posterior worth one: the draws are for figures alone.
+    """
     problem, rng = fit.problem, stream(seed, Stream.CHAIN)
     density = folded(fit.sampled, fit.symmetry, fit.values)
     most = MAX_TIED if problem.shared else MAX_PARAMETERS
-    if conflict.flagrant:
-        # where data and stated values contradict each other, a few steps are for figures alone
-        few = replace(target, max_step=min(target.max_step, 60))
+    if meaningless:
         chain = sample_posterior(
-            fit.sampled, fit.values, fit.cov, target=few, rng=rng, progress=progress
+            fit.sampled, fit.values, fit.cov, target=target, rng=rng, progress=progress
         )
         return Certified(chain, None, no_comparison(fit.names, Finding(Kind.NOT_SAMPLED)))
     if marginal if marginal is not None else _through_marginal(fit):

@@ -38,6 +38,7 @@ from estim.checks.diagnosis import (
     same_curve,
     sampling_findings,
     several_solutions,
+    unidentified,
 )
 from estim.checks.fitted_curve import (
     curve_findings,

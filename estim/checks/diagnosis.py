@@ -86,25 +86,29 @@ def diagnose(
     goodness: Sequence[Goodness],
     *,
     comparison: Agreement,
-    identifiability: Identifiability,
+    unheld: Sequence[Finding],
     modes: Modes,
     consistency: Consistency | None,
     conflict: Conflict,
     influences: Sequence[Influence],
     rolling: Sequence[Rolling] = (),
 ) -> Diagnosis:
-    """The status of a sampled fit."""
+    """The status of a sampled fit.
+
+    unheld : what the fit alone does not identify (`unidentified`); a chain that then falls short
+        of its aims is not what is wrong.
+    """
+    sampled = chain.convergence.met or not unheld
     findings = wrong(
         [
-            *([] if conflict.flagrant else _convergence(fit, chain)),
+            *([] if conflict.flagrant or not sampled else _convergence(fit, chain)),
             *several_solutions(fit, modes),
-            *_flat_directions(fit, identifiability),
-            *open_sides(fit, np.sqrt(np.diag(fit.cov))),
+            *unheld,
             *pressed_edges(fit, Kind.PRESSED_EDGE),
             *failed_tests(goodness, dof=fit.dof),
             *beyond_their_priors(fit.forces),
             *wrong_curves(fit.deviations),
-            *_methods(comparison),
+            *(_methods(comparison) if sampled else []),
             *_consistency(consistency),
             stated_values(fit, conflict),
             *too_many_outliers(fit),
@@ -219,6 +223,11 @@ def same_curve(fit: Fit) -> tuple[Finding, ...]:
         *(() if fit.symmetry is None else same_curves(fit.symmetry, fit.names, fit.values)),
         *fit.aliases,
     )
+
+
+def unidentified(fit: Fit, identifiability: Identifiability) -> tuple[Finding, ...]:
+    """What neither the data nor the priors hold, as the fit says before any draw."""
+    return (*_flat_directions(fit, identifiability), *open_sides(fit, np.sqrt(np.diag(fit.cov))))
 
 
 def _flat_directions(fit: Fit, identifiability: Identifiability) -> list[Finding]:

@@ -93,8 +93,9 @@ def identify(fit: Fit) -> Identifiability:
     values, vectors = np.linalg.eigh(0.5 * (whitened + whitened.T))
     values = np.maximum(values, 0.0)
     pulls = np.square(fit.posterior.prior_slopes(fit.values) * sds)
+    seen = np.sqrt(np.diag(whitened))
     directions = tuple(
-        _direction(fit, float(value), vector, float(np.sum(pulls * vector**2)), sds)
+        _direction(fit, float(value), vector, float(np.sum(pulls * vector**2)), sds, seen)
         for value, vector in zip(values, vectors.T, strict=True)
     )
     ratios = np.sqrt(np.sum(vectors**2 / (1.0 + values), axis=1))
@@ -112,18 +113,26 @@ def identify(fit: Fit) -> Identifiability:
 
 
 def _direction(
-    fit: Fit, value: float, vector: FloatArray, pull: float, sds: FloatArray
+    fit: Fit, value: float, vector: FloatArray, pull: float, sds: FloatArray, seen: FloatArray
 ) -> Direction:
+    """One direction; of a silent one those that make up for one another are named, however short
+    their steps.
+
+    seen : (n_par,) by how many times the noise one prior sd of each parameter moves the data.
+    """
     vector = vector * np.sign(vector[np.argmax(np.abs(vector))])
     held_by = "data" if value >= _ONLY_PRIOR else "prior" if value + pull > _NO_PULL else "nothing"
-    return Direction(value, vector, pull, held_by, _moves(fit, vector, sds))
+    shares = np.abs(vector)
+    if held_by != "data" and (alone := float(np.max(shares * seen))) >= 1.0:
+        shares = np.maximum(shares, shares * seen / alone)
+    return Direction(value, vector, pull, held_by, _moves(fit, vector, shares, sds))
 
 
-def _moves(fit: Fit, vector: FloatArray, sds: FloatArray) -> tuple[Amount, ...]:
+def _moves(fit: Fit, vector: FloatArray, shares: FloatArray, sds: FloatArray) -> tuple[Amount, ...]:
     """A step of one prior standard deviation along a unit vector, largest share first."""
     moves = []
-    for i in np.argsort(-np.abs(vector), kind="stable"):
-        if abs(vector[i]) < _SHOWN:
+    for i in np.argsort(-shares, kind="stable"):
+        if shares[i] < _SHOWN:
             break
         parameter = fit.problem.parameters[i]
         label, value = parameter.label, abs(float(fit.values[i]))

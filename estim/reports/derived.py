@@ -58,7 +58,9 @@ def derived_summaries(analysis: Analysis, run: Observations) -> dict[str, Summar
                 if undefined
                 else summarise(values, unit=derived.unit, meaning=derived.meaning)
             )
-            summaries[name] = trusted(summary, analysis.diagnosis.status)
+            summaries[name] = trusted(
+                summary, analysis.diagnosis.status, met=analysis.chain.convergence.met
+            )
     return summaries
 
 

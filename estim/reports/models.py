@@ -18,7 +18,7 @@ from estim.reports.pages import page
 from estim.reports.records import Record
 from estim.reports.rendering import render
 from estim.reports.result import provenance
-from estim.sampling import Summary, number, summarise_parameter, trusted
+from estim.sampling import Summary, number
 from estim.studies.models import (
     FORCE,
     START,
@@ -279,10 +279,7 @@ def _common(rows: Sequence[ComparedModel]) -> list[Parameter]:
 
 def _summary(row: ComparedModel) -> ModelSummary:
     analysis, status = row.analysis, row.analysis.diagnosis.status
-    posterior = {
-        p.name: trusted(summarise_parameter(analysis.fit, p.name, draws), status)
-        for p, draws in zip(analysis.problem.parameters, analysis.chain.flat.T, strict=True)
-    }
+    posterior = dict(zip(analysis.fit.names, analysis.summaries, strict=True))
     none = row.lack is not None
     return ModelSummary(
         name=row.model.name,

@@ -21,11 +21,9 @@ from typing import TypeAlias
 import msgspec
 import numpy as np
 
-from estim.arrays import FloatArray
 from estim.campaign import Campaign
 from estim.checks import (
     SURE,
-    Diagnosis,
     Estimate,
     Goodness,
     best_words,
@@ -320,7 +318,7 @@ def result_of(
         explanation=explanation_summary(analysis.explanation),
         rolling=rolling_summaries(analysis),
         turning_point={
-            run.name: _turning_point(analysis.ends[run.name], run, diagnosis)
+            run.name: _turning_point(analysis, run)
             for run in problem.runs
             if run.motion is not None
         },
@@ -382,12 +380,14 @@ def _certificate(analysis: Analysis) -> CertificateSummary:
     )
 
 
-def _turning_point(end: FloatArray, run: Observations, diagnosis: Diagnosis) -> TurningPoint:
+def _turning_point(analysis: Analysis, run: Observations) -> TurningPoint:
+    end, met = analysis.ends[run.name], analysis.chain.convergence.met
     with np.errstate(invalid="ignore"):
         meaning = phrase(
             "end of the motion, measured from the release, on the scale of the positions"
         )
-        summary = trusted(summarise(end, unit=run.x_unit, meaning=meaning), diagnosis.status)
+        summary = summarise(end, unit=run.x_unit, meaning=meaning)
+        summary = trusted(summary, analysis.diagnosis.status, met=met)
     return TurningPoint(
         **msgspec.structs.asdict(summary), never_stops=float(np.mean(~np.isfinite(end)))
     )

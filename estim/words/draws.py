@@ -78,9 +78,7 @@ WORDS: Table = {
         "({errors:.1f} Monte-Carlo errors)"
     ),
     Kind.CHAIN_AGREES: _agrees,
-    Kind.NOT_SAMPLED: (
-        "the data contradict the stated values, so sampling of the posterior was not completed"
-    ),
+    Kind.NOT_SAMPLED: ("draws would mean nothing, so sampling of the posterior was not completed"),
     Kind.TOO_MANY_PARAMETERS: (
         "importance sampling is not used for more than {limit:.0f} parameters "
         "(there are {size:.0f})"
