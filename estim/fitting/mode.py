@@ -86,7 +86,8 @@ def _require_determined(fit: Fit) -> None:
             "is hardly constrained by the data: far from here minus twice the log of "
             "the posterior density is only "
             f"{fit.unheld.size:.1f} above its least, so that no posterior exists to "
-            "draw from; give it limits (low and high), or a prior"
+            "draw from; give it limits (low and high), or a prior, or leave out the term that "
+            "the data do not show"
         )
         raise InputError(rule, field=fit.unheld.parameters[0].name)
     flat = [p.name for p in fit.problem.parameters if not math.isfinite(p.prior.sd)]
@@ -105,7 +106,11 @@ def _require_determined(fit: Fit) -> None:
             "write it in x - x0, with x0 in the middle of the data"
         )
         raise InputError(rule, field="expression")
-    first, *others = [name for name in silent_parameters(fit) if name in flat] or unheld
+    silent = silent_parameters(fit)
+    loose = [name for name in silent if name in flat]
+    if silent and not loose:  # held by their limits, which is found of them by name
+        return
+    first, *others = loose or unheld
     if not others:
         raise InputError(
             "is not determined by the data: give it limits (low and high), or a prior", field=first

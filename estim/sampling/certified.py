@@ -105,7 +105,7 @@ def certified_chain(
         if _too_coarse(pairs[-1].comparison):
             # times as many effective draws, where Monte-Carlo errors hide a difference
             target = replace(target, ess=2.0 * target.ess)
-        elif pairs[-1].comparison.verdict != "disagree":
+        elif pairs[-1].comparison.verdict != "disagree" or not chain.convergence.met:
             break
     first, last = pairs[0], pairs[-1]
     if _too_coarse(first.comparison):

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -181,7 +181,11 @@ def sample_posterior(
                     else phrase("sampling: {message}", message=convergence.message)
                 )
                 progress(_percent(convergence, target), message)
+            slow = _hopeless(mixing, target, posterior.names, n_step=n_step)
             if convergence.met or n_step >= target.max_step:
+                break
+            if slow:
+                convergence = replace(convergence, told=(*convergence.told, *slow))
                 break
             wanted = _next_check(convergence, target, n_burn, long_enough)
         # the moves of a block are evaluated together: it costs little to make all of them
@@ -200,6 +204,21 @@ def sample_posterior(
         convergence,
         mixing,
     )
+
+
+def _hopeless(
+    mixing: Mixing, target: Target, names: Sequence[str], *, n_step: int
+) -> list[Finding]:
+    """That the cap will not be enough, with the parameters that keep it from being so: had their
+    effective sizes grown with the length up to there, they would come to less than 0.7 of what is
+    wanted.
+    """
+    sizes = np.minimum(mixing.ess_bulk, mixing.ess_tail) * target.max_step / n_step
+    wandering = np.flatnonzero(~(sizes >= 0.7 * target.ess)).tolist()
+    if n_step < 2000 or not wandering:
+        return []
+    slowest = tuple(names[i] for i in wandering)
+    return [Finding(Kind.CHAIN_HOPELESS, names=slowest, numbers={"limit": target.max_step})]
 
 
 def _n_walker(n_par: int, target: Target) -> int:

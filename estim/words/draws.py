@@ -67,6 +67,7 @@ WORDS: Table = {
         "{size:.0f} steps are fewer than the required {limit:.0f} "
         "autocorrelation times of {tau:.1f} steps"
     ),
+    Kind.CHAIN_HOPELESS: "at this pace {limit:.0f} steps would not be enough for {names}",
     Kind.TAU_UNSETTLED: "the autocorrelation time has not converged",
     Kind.CRITERIA_MET: "all convergence criteria are met",
     Kind.INDEPENDENT_DRAWS: "the draws are independent, from importance sampling",

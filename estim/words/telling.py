@@ -97,8 +97,9 @@ ADVICE: Mapping[Kind, str] = {
     ),
     Kind.VALUE_OUTSIDE: "try other starting values",
     Kind.CHAIN_SHORT: (
-        "increase {steps}; if that does not help, look at the trace plots: a parameter "
-        "that drifts needs a tighter prior or more data"
+        "look at the trace plots: parameters that drift cannot be told apart by these data "
+        "(drop one from the formula, state one with an uncertainty, or take data over a longer "
+        "range); if none drifts, increase {steps}"
     ),
     Kind.WALKERS_STUCK: "repeat with another {seed}, and look at the trace plots",
     Kind.METHODS_DIFFER: (
@@ -122,8 +123,8 @@ ADVICE: Mapping[Kind, str] = {
     Kind.UNDETERMINED: "state one of the parameters with an uncertainty, or fix it",
     Kind.HARDLY_HELD: "give it limits, or a prior",
     Kind.OPEN_SIDE: (
-        "state its value with an uncertainty, or a limit; or fit a simpler curve "
-        "without the term that the data do not show"
+        "state its value, or that of a parameter that compensates, with an uncertainty; or fit a "
+        "simpler curve without the term that the data do not show; or take data over a longer range"
     ),
     Kind.LINE_NOT_RISING: (
         "gamma = 1/slope requires a slope that is definitely positive: measure at more "
