@@ -153,7 +153,7 @@ class Analysis:
             trusted(
                 summarise_parameter(self.fit, name, draws),
                 self.diagnosis.status,
-                met=self.chain.convergence.met,
+                sampled=self.diagnosis.sampled,
             )
             for name, draws in named
         )

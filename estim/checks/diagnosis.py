@@ -57,6 +57,7 @@ class Diagnosis:
     findings : everything wrong, gravest first.
     remarks : worth knowing, not wrong.  reasons, notes : the same in words.
     rhat, ess_bulk, ess_tail, mcse : (n_par,) of each parameter.
+    sampled : False where the chain was given up, because the fit is not identified anyway.
     """
 
     status: Status
@@ -66,6 +67,7 @@ class Diagnosis:
     ess_bulk: FloatArray
     ess_tail: FloatArray
     mcse: FloatArray
+    sampled: bool = True
 
     @property
     def ok(self) -> bool:
@@ -134,6 +136,7 @@ def diagnose(
         ess_bulk=mixing.ess_bulk,
         ess_tail=mixing.ess_tail,
         mcse=mcse_mean(chain.draws),
+        sampled=sampled,
     )
 
 

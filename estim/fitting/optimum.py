@@ -50,8 +50,10 @@ from estim.fitting.solutions import (
     choose,
     distance,
     distinct_ends,
+    equal_to,
     is_at,
     is_close,
+    repeats,
     spread_at,
 )
 from estim.fitting.symmetry_search import find_symmetry
@@ -166,7 +168,11 @@ def _found(
     best, every = _scanned(search, best, tried, symmetry)
     symmetry = symmetry.scaled(spread_at(search, best), search.bent.tolist())
     optimum = _chosen(search, start, best, tried, every, symmetry, n_start=len(starts))
-    return replace(optimum, unheld=_unheld(search, optimum, symmetry.period))
+    spread = spread_at(search, (optimum.values, optimum.chi2))
+    repeat = repeats(search, optimum.values, spread, symmetry.period)
+    if np.any(np.isfinite(repeat)):
+        optimum = _repeated(search, optimum, repeat, start)
+    return replace(optimum, unheld=_unheld(search, optimum, np.fmin(symmetry.period, repeat)))
 
 
 def _chosen(
@@ -187,6 +193,47 @@ def _chosen(
     n_same = sum(is_at(search, best, end, values, symmetry) for end, _ in tried)
     optimum = _polished(search, values, n_start=n_start, n_same=n_same)
     return replace(optimum, others=others, symmetry=symmetry, aliases=aliases)
+
+
+def _repeated(
+    search: SeparableSearch, found: Optimum, repeat: FloatArray, start: FloatArray
+) -> Optimum:
+    """The same optimum, each parameter that repeats whole and half steps closer to where it was
+    stated to start, or to 0; half a step may change the sign of a factor, and positive ones come
+    first.
+    """
+    stated = np.array([p.prior.start_stated for p in search.posterior.problem.parameters])
+    near, places = np.where(stated, start, 0.0), [found.values]
+    for i in np.flatnonzero(np.isfinite(repeat)):
+        half = 0.5 * repeat[i]
+        first = found.values[i] - half * np.round((found.values[i] - near[i]) / half)
+        places += [
+            np.where(np.arange(near.size) == i, first + step, place)
+            for place in places
+            for step in (-half, 0.0, half)
+        ]
+    limit = equal_to(search, found.chi2)
+    images = [
+        image
+        for end, chi2 in descended(search, np.array(places))
+        if chi2 <= limit
+        for image in found.symmetry.within(end, near)
+    ]
+    signed = found.symmetry.flips | np.isin(np.arange(near.size), search.linear)
+
+    def order(image: FloatArray) -> tuple[float, ...]:
+        negative = image * np.where(stated, start, 1.0) < 0.0
+        far = distance(search, np.where(stated, image, start), start)
+        away = np.abs(image - near)[np.isfinite(repeat)]
+        return round(far, 9), float(np.sum(negative & signed)), float(np.sum(away))
+
+    values = min(images, key=order, default=found.values)
+    return replace(
+        _polished(search, values, n_start=found.n_start, n_same=found.n_same),
+        others=found.others,
+        symmetry=replace(found.symmetry, repeat=repeat),
+        aliases=tuple(f for f in found.aliases if f.kind is not Kind.OTHER_NUMBERS),
+    )
 
 
 def _unheld(search: SeparableSearch, found: Optimum, period: FloatArray) -> Finding | None:

@@ -13,6 +13,7 @@ from estim.common import Amount, Finding, Kind
 from estim.fitting.gauss_newton import End, inverse_information
 from estim.fitting.least_squares import WITHIN_REACH
 from estim.fitting.separable import SeparableSearch
+from estim.fitting.symmetry_search import TURNS
 from estim.problem import Observations, Symmetry
 
 SAME = 1e-6  # relative difference of sums of squares between equal optima
@@ -246,6 +247,34 @@ def _same_curve(
         if not np.max(np.abs(a - b)) <= 1e-5 * max(float(np.max(np.abs(a))), 1e-300):
             return False
     return True
+
+
+def repeats(
+    search: SeparableSearch, values: FloatArray, spread: FloatArray, period: FloatArray
+) -> FloatArray:
+    """(n_par,) the step after which a nonlinear parameter without limits draws the same curve
+    again, a whole turn times or over another argument; inf where there is none, or none that is
+    long beside `spread` (n_par,).
+    """
+    problem, steps = search.posterior.problem, np.full(values.size, np.inf)
+    named = problem.named(values)
+    sizes = {
+        abs(float(np.ravel(size)[0])) for run in problem.runs for size in run.bind(named).values()
+    } - {0.0}
+    tried = sorted(turn * s for turn in TURNS for size in sizes for s in (size, 1.0 / size))
+    for i in search.bent:
+        if math.isfinite(period[i]) or math.isfinite(problem.parameters[i].prior.sd):
+            continue
+        unit = np.eye(values.size)[i]
+        for step in tried:
+            # a quarter of such a step is as good as no limit
+            if step > 16.0 * spread[i] and all(
+                _same_curve(search, values, values + share * step * unit, between=True) is same
+                for share, same in ((1.0, True), (0.37, False))
+            ):
+                steps[i] = step
+                break
+    return steps
 
 
 def _is_alias(search: SeparableSearch, values: FloatArray, other: FloatArray) -> bool:

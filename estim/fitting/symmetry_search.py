@@ -70,6 +70,7 @@ def find_symmetry(
         low,
         high,
         np.ones(n_par),
+        np.full(n_par, np.inf),
     )
     return bare.scaled(np.ones(n_par), bent)
 

@@ -38,6 +38,8 @@ class Symmetry:
     shift : (n_map, n_par).  period : (n_par,) one full turn, inf where there is none.
     low, high : (n_par,) limits of the parameters.
     weight : (n_par,) of squared distances that choose the label.
+    repeat : (n_par,) step after which the curve is the same at the mode, where it depends on other
+        parameters (t0 of sin(w*(x - t0))) and is far beyond what the data leave open; else inf.
     """
 
     matrix: FloatArray
@@ -46,10 +48,13 @@ class Symmetry:
     low: FloatArray
     high: FloatArray
     weight: FloatArray
+    repeat: FloatArray
 
     @property
     def trivial(self) -> bool:
-        return self.shift.shape[0] == 1 and not np.any(np.isfinite(self.period))
+        return self.shift.shape[0] == 1 and not np.any(
+            np.isfinite(self.period) | np.isfinite(self.repeat)
+        )
 
     @property
     def flips(self) -> NDArray[np.bool_]:
@@ -115,6 +120,7 @@ class Symmetry:
             np.append(self.low, low),
             np.append(self.high, high),
             np.append(self.weight, np.zeros(n)),
+            np.append(self.repeat, full),
         )
 
     def scaled(self, sds: FloatArray, bent: Sequence[int]) -> Symmetry:
@@ -135,7 +141,7 @@ class Symmetry:
 @dataclass(frozen=True, eq=False)
 class Labelled:
     """A posterior folded onto the labels of its mode: the density of all labels together, where
-    `mode` (n_par,) is the closest one.
+    `mode` (n_par,) is the closest one, and within a quarter of a step after which it repeats.
     """
 
     posterior: Posterior
@@ -155,6 +161,7 @@ class Labelled:
         is closer to the mode.
         """
         log_p = np.array(self.posterior.log_density(draws))
+        log_p[np.any(np.abs(draws - self.mode) > 0.25 * self.symmetry.repeat, axis=1)] = -np.inf
         inside = np.flatnonzero(np.isfinite(log_p))
         images, number = self.symmetry.images(draws[inside], self.mode)
         away = np.where(
@@ -190,6 +197,7 @@ def no_symmetry(problem: Problem) -> Symmetry:
         np.full(n_par, np.inf),
         *problem.support(),
         np.ones(n_par),
+        np.full(n_par, np.inf),
     )
 
 
@@ -232,6 +240,9 @@ def same_curves(
         (Amount(names[i], float(symmetry.period[i]), whole=1.0),)
         for i in np.flatnonzero(np.isfinite(symmetry.period)).tolist()
         if symmetry.period[i] <= symmetry.high[i] - symmetry.low[i] < math.inf
+    ] + [
+        (Amount(names[i], float(symmetry.repeat[i]), whole=1.0),)
+        for i in np.flatnonzero(np.isfinite(symmetry.repeat)).tolist()
     ]
     images = [Finding(Kind.IMAGE, parameters=change) for change in (*_simplest(changes), *turned)]
     if images:

@@ -59,7 +59,7 @@ def derived_summaries(analysis: Analysis, run: Observations) -> dict[str, Summar
                 else summarise(values, unit=derived.unit, meaning=derived.meaning)
             )
             summaries[name] = trusted(
-                summary, analysis.diagnosis.status, met=analysis.chain.convergence.met
+                summary, analysis.diagnosis.status, sampled=analysis.diagnosis.sampled
             )
     return summaries
 

@@ -381,13 +381,13 @@ def _certificate(analysis: Analysis) -> CertificateSummary:
 
 
 def _turning_point(analysis: Analysis, run: Observations) -> TurningPoint:
-    end, met = analysis.ends[run.name], analysis.chain.convergence.met
+    end, diagnosis = analysis.ends[run.name], analysis.diagnosis
     with np.errstate(invalid="ignore"):
         meaning = phrase(
             "end of the motion, measured from the release, on the scale of the positions"
         )
         summary = summarise(end, unit=run.x_unit, meaning=meaning)
-        summary = trusted(summary, analysis.diagnosis.status, met=met)
+        summary = trusted(summary, diagnosis.status, sampled=diagnosis.sampled)
     return TurningPoint(
         **msgspec.structs.asdict(summary), never_stops=float(np.mean(~np.isfinite(end)))
     )

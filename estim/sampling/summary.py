@@ -68,12 +68,12 @@ def _quantiles(draws: FloatArray) -> list[float | None]:
     return [number(ordered[round(q * (ordered.size - 1))]) for q in tails]
 
 
-def trusted(summary: Summary, status: Status, *, met: bool = True) -> Summary:
+def trusted(summary: Summary, status: Status, *, sampled: bool = True) -> Summary:
     """`summary` without what its status does not allow: no mean and sd unless ok, nothing at all
-    where the draws mean nothing, or are too few (not `met`).
+    where the draws mean nothing, or are none of a posterior (not `sampled`).
     """
     if status.ok:
         return summary
-    if not (status.draws_count and met):
+    if not (status.draws_count and sampled):
         return Summary(summary.unit, summary.meaning, None, None, None, None, None, None, None)
     return msgspec.structs.replace(summary, mean=None, sd=None)

@@ -121,7 +121,10 @@ ADVICE: Mapping[Kind, str] = {
         "correlations shows which are correlated"
     ),
     Kind.UNDETERMINED: "state one of the parameters with an uncertainty, or fix it",
-    Kind.HARDLY_HELD: "give it limits, or a prior",
+    Kind.HARDLY_HELD: (
+        "give it limits, or a prior, or leave out the term that the data do not show; a swing is "
+        "better written with a phase, sin(w*x + p), than with a shift in time"
+    ),
     Kind.OPEN_SIDE: (
         "state its value, or that of a parameter that compensates, with an uncertainty; or fit a "
         "simpler curve without the term that the data do not show; or take data over a longer range"
