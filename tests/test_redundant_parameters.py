@@ -34,7 +34,7 @@ def assert_not_identified(done: Result, out: Path) -> None:
     assert all(p["q025"] is None for p in result["parameters"].values())
     report = (out / "report.md").read_text(encoding="utf-8")
     assert "of the profile" in report
-    assert "of the posterior |" not in report
+    assert "of the posterior | 95" not in report
     assert "n/a" not in report
 
 

@@ -97,9 +97,8 @@ ADVICE: Mapping[Kind, str] = {
     ),
     Kind.VALUE_OUTSIDE: "try other starting values",
     Kind.CHAIN_SHORT: (
-        "look at the trace plots: parameters that drift cannot be told apart by these data "
-        "(drop one from the formula, state one with an uncertainty, or take data over a longer "
-        "range); if none drifts, increase {steps}"
+        "look at the trace plots: where parameters drift, drop or state one of them, or take "
+        "data over a longer range; otherwise increase {steps}"
     ),
     Kind.WALKERS_STUCK: "repeat with another {seed}, and look at the trace plots",
     Kind.METHODS_DIFFER: (
@@ -122,12 +121,12 @@ ADVICE: Mapping[Kind, str] = {
     ),
     Kind.UNDETERMINED: "state one of the parameters with an uncertainty, or fix it",
     Kind.HARDLY_HELD: (
-        "give it limits, or a prior, or leave out the term that the data do not show; a swing is "
-        "better written with a phase, sin(w*x + p), than with a shift in time"
+        "give it limits, or a prior, or leave out the term that the data do not show; a "
+        "swing is better written with a phase, sin(w*x + p)"
     ),
     Kind.OPEN_SIDE: (
-        "state its value, or that of a parameter that compensates, with an uncertainty; or fit a "
-        "simpler curve without the term that the data do not show; or take data over a longer range"
+        "state its value, or that of one that compensates, or fit a curve without the term "
+        "that the data do not show, or take data over a longer range"
     ),
     Kind.LINE_NOT_RISING: (
         "gamma = 1/slope requires a slope that is definitely positive: measure at more "
