@@ -156,3 +156,17 @@ def test_axes_are_logarithmic_where_the_points_span_decades() -> None:
     assert (noisy.axes[0].get_xscale(), noisy.axes[0].get_yscale()) == ("log", "linear")
     short = fit_curve("a*x+b", f[:8], 2.0 * f[:8] + 1.0, u_y=0.3, n_start=1).plot()
     assert short.axes[0].get_xscale() == "linear"
+
+
+def test_what_is_drawn_in_axes_of_the_user_leaves_their_scale_and_bins_from_0_are_drawn() -> None:
+    t = np.linspace(0.0, 8.0, 30)
+    decay = fit_curve("A*exp(-x/tau)", t, 1e5 * np.exp(-t), u_y=1e3 * np.exp(-t), n_start=1)
+    assert decay.plot().axes[0].get_yscale() == "log"
+    axes = Figure().subplots()
+    decay.plot(ax=axes)
+    assert axes.get_yscale() == "linear"
+    edges = np.array([0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 200.0])
+    counts = np.array([95, 90, 160, 240, 270, 200, 80, 10])
+    centres = 0.5 * (edges[1:] + edges[:-1])
+    fit = fit_curve("A*exp(-x/tau)", centres, counts, noise=Poisson(bins=edges))
+    assert fit.plot().axes[0].get_xscale() == "linear"

@@ -395,6 +395,7 @@ def test_the_simulated_null_of_the_residuals_holds_for_a_line(
     distribution must agree.
     """
     monkeypatch.setattr("estim.checks.goodness._ENOUGH", 20_000)
+    monkeypatch.setattr("estim.checks.goodness._FEWER", 20_000)
     run = line.runs[0]
     small = posed("a + b*x", run.x, run.y, {"a": 1.0, "b": 2.0}, 0.1, 1e-6)
     fit = fit_least_squares(small, rng=rng, n_start=1)

@@ -261,9 +261,10 @@ def test_data_sets_are_simulated_until_every_p_value_is_known_well_enough(
     for limit in ("_MOST_NUMBERS", "_MOST_AT_ONCE"):
         monkeypatch.setattr(goodness, limit, getattr(goodness, limit) * 20 / n_error)
 
-    def simulate(n: int) -> np.ndarray:
+    def simulate(n: int) -> tuple[np.ndarray, np.ndarray]:
         sizes.append(n)
-        return rng.standard_normal((20, n))
+        errors = rng.standard_normal((20, n))
+        return errors, errors
 
     compared = goodness._Compared(None, None, None)
     usual = goodness._Tested(np.random.default_rng(2).standard_normal(20), compared, True)
@@ -348,3 +349,17 @@ def test_a_blunder_among_few_readings_of_few_digits_is_found(
         assert (
             fit_curve("a + b*x", x, y, start={"a": 1.0, "b": 2.0}, n_start=1).status == "poor-fit"
         )
+
+
+@pytest.mark.parametrize("u_y", [0.01, 0.05])
+def test_a_step_beyond_the_stated_errors_explains_nothing(u_y: float) -> None:
+    x, y = np.arange(1.0, 6.0), np.array([0.0, 1.0, 2.0, 4.0, 5.0])
+    for priors in ({}, {"b": "0(100)"}):
+        fit = fit_curve("a*x + b", x, y, u_y=u_y, priors=priors)
+        assert fit.status == "poor-fit"
+        assert fit.goodness[0].checks["chi2"].p_value < 1e-3
+
+
+def test_readings_repeated_to_the_digit_do_not_hide_a_bend() -> None:
+    x, y = np.repeat([1.0, 2.0, 3.0, 4.0], 2), np.repeat([10.0, 20.0, 40.0, 70.0], 2)
+    assert fit_curve("a*x + b", x, y).status == "poor-fit"

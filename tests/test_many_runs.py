@@ -350,7 +350,9 @@ def test_simulated_residuals_of_each_run_are_those_of_all_runs_together(rng):
         fit.posterior.prior_slopes(fit.values),
     )[0]
     n = 40_000
-    draws = goodness._simulated(Linear(np.zeros(X.size), root), spread, rng)(n).T
+    none = np.zeros(X.size)
+    readings = goodness._Recorded.of([(none, none, none, none + 1.0)])
+    draws = goodness._simulated(Linear(none, root), spread, readings, rng)(n)[0].T
     within = 5.0 * np.sqrt(2.0 / n)
     assert np.all(np.abs(np.cov(draws.T) - (np.eye(X.size) - taken)) < within)
     assert np.max(np.abs(taken)) > 2.0 * within  # what the fit takes is seen

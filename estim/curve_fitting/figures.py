@@ -160,7 +160,8 @@ def curve_figure(
         )
         upper.errorbar(run.x, run.y, **errors, **style, label=label, zorder=5 if bars else 1.9)
         upper.set(ylabel=run.y_label)
-        logarithmic(upper, run.spread_in_decades, run.y, sd)
+        if ax is None:
+            logarithmic(upper, run.spread_in_decades, run.y, sd)
         (lower or upper).set(xlabel=run.x_label)
         upper.set_title(title, fontsize=10, pad=20 if ax is None else 6)
         above: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 4}

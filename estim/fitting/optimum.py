@@ -171,7 +171,7 @@ def _found(
     spread = spread_at(search, (optimum.values, optimum.chi2))
     repeat = repeats(search, optimum.values, spread, symmetry.period)
     if np.any(np.isfinite(repeat)):
-        optimum = _repeated(search, optimum, repeat, start)
+        optimum = _repeated(search, optimum, tried, repeat, start)
     return replace(optimum, unheld=_unheld(search, optimum, np.fmin(symmetry.period, repeat)))
 
 
@@ -196,7 +196,11 @@ def _chosen(
 
 
 def _repeated(
-    search: SeparableSearch, found: Optimum, repeat: FloatArray, start: FloatArray
+    search: SeparableSearch,
+    found: Optimum,
+    tried: Sequence[End],
+    repeat: FloatArray,
+    start: FloatArray,
 ) -> Optimum:
     """The same optimum, each parameter that repeats whole and half steps closer to where it was
     stated to start, or to 0; half a step may change the sign of a factor, and positive ones come
@@ -229,7 +233,9 @@ def _repeated(
 
     values = min(images, key=order, default=found.values)
     return replace(
-        _polished(search, values, n_start=found.n_start, n_same=found.n_same),
+        _polished(
+            search, values, n_start=found.n_start, n_same=sum(chi2 <= limit for _, chi2 in tried)
+        ),
         others=found.others,
         symmetry=replace(found.symmetry, repeat=repeat),
         aliases=tuple(f for f in found.aliases if f.kind is not Kind.OTHER_NUMBERS),

@@ -164,10 +164,12 @@ class Observations:
     @property
     def spread_in_decades(self) -> bool:
         """Whether x is positive and covers two decades or more with most points in the lower ones,
-        so that figures have a logarithmic axis.
+        so that figures have a logarithmic axis; never of a motion or of counts, whose bins may
+        begin at 0.
         """
         low, middle, high = (float(np.quantile(self.x, p)) for p in (0.0, 0.5, 1.0))
-        return not self.words.from_release and 0.0 < 100.0 * low <= high and middle < 0.25 * high
+        linear = self.words.from_release or self.noise.counted is not None
+        return not linear and 0.0 < 100.0 * low <= high and middle < 0.25 * high
 
     def along(self, low: float, high: float, n: int) -> FloatArray:
         """(n,) places from low to high at which figures draw the curve."""

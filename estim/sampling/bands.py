@@ -146,9 +146,9 @@ def _new_errors(
         order = np.argsort(run.x)
         at = np.interp(x, run.x[order], np.arange(run.n_obs))
         left = np.minimum(at.astype(int), max(run.n_obs - 2, 0))
-        right = np.minimum(left + 1, run.n_obs - 1)
-        reading = np.broadcast_to(reading_sd(run.noise, named), (n_draw, run.n_obs))[:, order]
-        reading = reading[:, left] + (at - left) * (reading[:, right] - reading[:, left])
+        sds = np.broadcast_to(reading_sd(run.noise, named), (n_draw, run.n_obs))
+        low, high = sds[:, order[left]], sds[:, order[np.minimum(left + 1, run.n_obs - 1)]]
+        reading = low + (at - left) * (high - low)
     sd = np.hypot(reading, run.noise.size.scatter.at(named)) * scale[:, None]
     return np.asarray(sd * rng.standard_normal((n_draw, 1)))
 
