@@ -203,7 +203,7 @@ REFUSED = {
     "begins with a date": ("2019-02-17;0.1\n", f"{NO_NAMES}: 2019-02-17;0.1"),
     "maybe decimal commas": (
         "t,x,n,m\n" + "".join(f"{n},5,1,2\n" for n in range(6)),
-        "a.txt:2: 'row' may hold decimal commas: every cell",
+        "or write one number with a decimal point, as 0.0: 0,5,1,2",
     ),
     "no names": ("1;2;3\n", f"{NO_NAMES}: 1;2;3"),
     "estim's own": (
@@ -217,8 +217,14 @@ REFUSED = {
     "two x": (text(names="t x x v"), "a.txt:2: 'x' occurs twice in the header"),
     "mixed decimals": (
         MIXED,
-        "a.txt:6: 'row' has numbers with decimal points and others with commas",
+        "a.txt:6: 'row' has a decimal point after numbers with a decimal comma: a spreadsheet "
+        "has changed this file, so export the table from Tracker again: 0.12",
     ),
+    "mixed decimals in the speeds alone": (
+        text().replace("7.500E-01", "7,500E-01"),
+        "a.txt:5: 'row' has a decimal comma after numbers with a decimal point: a spreadsheet",
+    ),
+    "nothing below the names": ("t,x,a\n", "a.txt: 'rows' must hold at least 1 rows of numbers: 0"),
     "decimal commas between commas": (
         text(",", comma=True),
         "(decimal commas? write decimal points, or separate the cells by semicolons): 7",
@@ -233,6 +239,15 @@ REFUSED = {
     "thousands": (
         text().replace("1.300E-01", "1,300.5"),
         "a.txt:5: 'x' must be a number without marks between thousands: 1,300.5",
+    ),
+    "far": (
+        text().replace("1.300E-01", "-1.1e6"),
+        "a.txt:5: 'x' must lie within ±1e+06 m: -1100000.0",
+    ),
+    "far in y": (text(names="y t x v").replace("4.000E-02", "1e7"), "'y' must lie within ±1e+06 m"),
+    "late": (
+        text().replace("1.600E-01", "1.6e6"),
+        "a.txt:7: 't' must lie within ±1e+06 s: 1600000.0",
     ),
     "infinite": (text().replace("1.300E-01", "1e999"), "a.txt:5: 'x' must be finite: 1e999"),
     "too many cells": (
@@ -277,6 +292,50 @@ def test_copies_of_a_row_are_dropped_only_when_asked_and_only_if_they_are_copies
         read_export(
             write(text(rows=[*ROWS[:3], other, *ROWS[3:]], form="{:.4f}")), drop_duplicates=True
         )
+
+
+@pytest.mark.parametrize(
+    ("row", "copy", "dropped"),
+    [
+        ("0\t0\t2", "0.0\t0\t2.", True),
+        ("0\t0\t2", "0\t-0.0\t2e0\t", True),
+        ("0\t0\t2\t1", "0\t0\t2\t1.0", True),
+        ("0\t0\t2\t1", "0\t0\t2\t1.5", False),
+        ("0\t0\t2\t1", "0\t0\t2", False),
+        ("0\t0\t2\t\t7", "0\t0\t2\t\t7.0\tpushed", True),
+        ("0\t0\t2\t\t7", "0\t0\t2\t\t8", False),
+    ],
+)
+def test_a_copy_has_the_numbers_of_the_row_before_however_written(
+    write, row: str, copy: str, dropped: bool
+) -> None:
+    rows = [row, copy, *(f"{n}\t{n}\t2" for n in range(1, 5))]
+    path = write("\n".join(["t\tx\ty\tv\tframe\tnote", *rows]))
+    if dropped:
+        track = read_export(path, drop_duplicates=True)
+        assert track.t.tolist() == [0, 1, 2, 3, 4]
+        assert track.lines.tolist() == [2, 4, 5, 6, 7]
+        assert track.warnings == ("1 row that copies the previous one was dropped",)
+    else:
+        with pytest.raises(InputError, match=r"a\.txt:3: 't' must increase"):
+            read_export(path, drop_duplicates=True)
+
+
+def test_another_track_has_no_part_in_copies_and_decimal_marks(write) -> None:
+    """A comma before three digits is a decimal comma too: Tracker parts no thousands."""
+    rows = [f"{n};{n},125;{n / 10};far" for n in range(6)]
+    path = write("\n".join([";A;B;", "t;x;x;y", *rows[:3], "2,0;2,125;9.9;", *rows[3:]]))
+    track = read_export(path, track="A", drop_duplicates=True)
+    assert track.x.tolist() == [n + 0.125 for n in range(6)]
+    assert track.lines.tolist() == [3, 4, 5, 7, 8, 9]
+
+
+def test_speeds_of_some_rows_are_read_as_the_whole_table_is(write) -> None:
+    """Of the rows with a speed all cells are whole, as if commas were decimal ones."""
+    rows = ["0.5,1,,8", "1,2,1,8", "2,3,1,8", "3,4,1,8", "4,5,,8"]
+    track = read_export(write("\n".join(["t,x,v,a", *rows])))
+    assert track.t.tolist() == [0.5, 1, 2, 3, 4]
+    np.testing.assert_array_equal(track.speed, [np.nan, 1, 1, 1, np.nan])
 
 
 # recordings: stand-ins, and real files where they are present

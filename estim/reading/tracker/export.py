@@ -11,20 +11,27 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray
 from estim.common import InputError, in_its_file, listed, phrase
-from estim.reading.cells import Row, is_comment, is_missing
+from estim.reading.cells import Row, is_comment, is_missing, looks_like_a_number
 from estim.reading.columns import table_of
 from estim.reading.dialect import Decimal, Dialect
 from estim.reading.input_file import lines_of, read_text
-from estim.reading.table import Layout, Table, numbered_lines, row_of, split_cells
+from estim.reading.table import (
+    DECIMAL_COMMAS,
+    Layout,
+    Table,
+    may_be_decimal_commas,
+    numbered_lines,
+    row_of,
+    split_cells,
+)
 from estim.reading.tracker.track import METRES, Track
 
 Lines = list[tuple[int, str]]
@@ -32,6 +39,7 @@ Lines = list[tuple[int, str]]
 _NAME = re.compile(r"(.{1,30}?)\s*[(\[]\s*(\w{1,5})\s*[)\]]")
 _COLUMNS = ("t", "x", "y", "v", "frame")
 _SECONDS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3}
+_LIMIT = 1e6  # s and m
 
 
 def head_of_export(text: str) -> tuple[int, str, bool] | None:
@@ -62,43 +70,60 @@ def read_export(
     """The track in the text export at `path`; `track` chooses where there are several.
 
     unit : of x and y; metres if neither it nor the column's name says otherwise.
-    drop_duplicates : leave out rows that are exact copies of the row before.  Raises InputError
-        with file, line, field, rule and value.
+    drop_duplicates : leave out rows of which every number read is that of the row before.  Raises
+        InputError with file, line, field, rule and value.
     """
     text, digest = read_text(path)
     lines = [(n, line) for n, line in numbered_lines(text) if not is_comment(line)]
     name, layout = _laid_out(str(path), digest, lines, track)
     units = dict(zip(layout.names, layout.units, strict=True))
     factor, unit_fact = _length_unit(units, unit, layout.header_line)
-    copies = {row.number for before, row in pairwise(layout.rows) if row.cells == before.cells}
-    if drop_duplicates:
-        rows = [row for row in layout.rows if row.number not in copies]
-        layout = replace(layout, rows=rows)
     table = table_of(layout, [key for key in ("t", "x", "y") if key in units], 1)
+    second = _SECONDS[units["t"] or "s"]
+    table = table.with_columns(
+        {key: (second if key == "t" else factor) * c for key, c in table.columns.items()}
+    )
+    for key, column in table.columns.items():
+        rule = f"must lie within ±{_LIMIT:g} {'s' if key == 't' else 'm'}"
+        table.require(key, np.abs(column) <= _LIMIT, rule)
     frames = _where_given("frame", layout, table)
     whole = frames is not None and bool(
         np.all((np.abs(frames) < 1e9) & (frames == np.rint(frames)))
     )
     speed = _where_given("v", layout, table)
+    kept = np.full(table.lines.size, True)
+    if drop_duplicates:
+        kept[1:] = ~_copies([*table.columns.values(), frames, speed])
+    copies = int(np.sum(~kept))
     dropped = (
         phrase("1 row that copies the previous one was dropped")
-        if len(copies) == 1
-        else phrase("{n} rows that copy the previous one were dropped", n=len(copies))
+        if copies == 1
+        else phrase("{n} rows that copy the previous one were dropped", n=copies)
     )
-    x, y = (factor * table.columns[key] if key in units else None for key in ("x", "y"))
+    x, y = (table.columns[key][kept] if key in units else None for key in ("x", "y"))
     return Track(
         file=str(path),
         sha256=digest,
         name=name,
-        t=_SECONDS[units["t"] or "s"] * table.columns["t"],
+        t=table.columns["t"][kept],
         x=x,
         y=y,
-        frames=frames.astype(np.int64) if frames is not None and whole else None,
-        lines=table.lines,
-        speed=None if speed is None else factor * speed,
+        frames=frames[kept].astype(np.int64) if frames is not None and whole else None,
+        lines=table.lines[kept],
+        speed=None if speed is None else factor * speed[kept],
         calibration=(unit_fact, *table.facts),
-        warnings=(dropped,) if drop_duplicates and copies else (),
+        warnings=(dropped,) if copies else (),
     )
+
+
+def _copies(columns: Iterable[FloatArray | None]) -> BoolArray:
+    """Whether each row but the first has the numbers of the row before; a blank copies a blank."""
+    same = [
+        (column[1:] == column[:-1]) | (np.isnan(column[1:]) & np.isnan(column[:-1]))
+        for column in columns
+        if column is not None
+    ]
+    return np.logical_and.reduce(same)
 
 
 def _where_given(name: str, layout: Layout, table: Table) -> FloatArray | None:
@@ -176,24 +201,49 @@ def _laid_out(file: str, digest: str, lines: Lines, wanted: str | None) -> tuple
                 f"must be in one of {', '.join(known)}", field=name, value=unit, line=number
             )
     rows = [Row(n, line, row_of(line, delimiter, n)) for n, line in lines[at + 1 :]]
-    if delimiter == ",":  # where all columns are read, the count of the cells tells decimal commas
-        decimal: Decimal | None = "point" if len(places) == len(cells) else None
-    else:
-        decimal = None if any("." in row.line for row in rows) else "comma"
+    rows = [row._replace(cells=row.cells + [""] * (len(cells) - len(row.cells))) for row in rows]
+    if (
+        delimiter == ","
+        and len(cells) > len(places)
+        and rows
+        and may_be_decimal_commas(row.line for row in rows)
+    ):
+        raise InputError(DECIMAL_COMMAS, field="row", value=rows[0].line, line=rows[0].number)
     used = set(places.values())
     return track, Layout(
         file,
         digest,
-        Dialect(decimal=decimal),
+        Dialect(decimal=_decimal_mark(rows, list(places.values()))),
         delimiter,
         tuple(name if i in used else "" for i, (name, _) in enumerate(columns)),
         number,
         tuple(unit for _, unit in columns),
-        [row._replace(cells=row.cells + [""] * (len(cells) - len(row.cells))) for row in rows],
+        rows,
         (),
         (),
         False,
     )
+
+
+def _decimal_mark(rows: Sequence[Row], places: Sequence[int]) -> Decimal:
+    """The decimal mark of the numbers in the columns at `places`; a comma parts no thousands.
+    Raises InputError where a number has the other one.
+    """
+    names: Mapping[str, Decimal] = {".": "point", ",": "comma"}
+    found = ""
+    for row in rows:
+        for cell in (row.cells[place] for place in places):
+            mark = next((mark for mark in names if mark in cell), found)
+            if mark != found and looks_like_a_number(cell):
+                if found:
+                    rule = (
+                        f"has a decimal {names[mark]} after numbers with a decimal "
+                        f"{names[found]}: a spreadsheet has changed this file, so export the "
+                        "table from Tracker again"
+                    )
+                    raise InputError(rule, field="row", value=cell, line=row.number)
+                found = mark
+    return names.get(found, "point")
 
 
 def _track_names(lines: Lines, delimiter: str, width: int) -> list[tuple[str, int]]:
