@@ -224,7 +224,7 @@ REFUSED = {
         text().replace("7.500E-01", "7,500E-01"),
         "a.txt:5: 'row' has a decimal comma after numbers with a decimal point: a spreadsheet",
     ),
-    "nothing below the names": ("t,x,a\n", "a.txt: 'rows' must hold at least 1 rows of numbers: 0"),
+    "nothing below the names": ("t,x,a\n", "a.txt: 'track unnamed' must hold at least 5 points: 0"),
     "decimal commas between commas": (
         text(",", comma=True),
         "(decimal commas? write decimal points, or separate the cells by semicolons): 7",
@@ -239,6 +239,10 @@ REFUSED = {
     "thousands": (
         text().replace("1.300E-01", "1,300.5"),
         "a.txt:5: 'x' must be a number without marks between thousands: 1,300.5",
+    ),
+    "no positions": (
+        text(rows=[(t, None, None, v) for t, _, _, v in ROWS]),
+        "a.txt: 'track mass A' must hold at least 5 points: 0",
     ),
     "far": (
         text().replace("1.300E-01", "-1.1e6"),

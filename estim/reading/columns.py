@@ -99,7 +99,7 @@ def _columns(layout: Layout, needed: Sequence[str], min_rows: int, complete: boo
         raise InputError(
             f"must hold at least {min_rows} rows of numbers", field="rows", value=len(values)
         )
-    table = np.array(values)
+    table = np.array(values).reshape(-1, len(needed))
     columns = {name: table[:, i].copy() for i, name in enumerate(needed)}
     at = np.array(numbers)
     at.setflags(write=False)

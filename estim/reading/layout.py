@@ -263,7 +263,7 @@ def numeric_columns(layout: Layout) -> tuple[str, ...]:
 
 
 def _is_numeric(rows: Sequence[Row], column: int) -> bool:
-    ends = [row.cells[column : column + 1] for row in (rows[0], rows[-1])]
+    ends = [row.cells[column : column + 1] for row in (*rows[:1], *rows[-1:])]
     if any(looks_like_a_number(cell) for cells in ends for cell in cells):
         return True
     numbers = [

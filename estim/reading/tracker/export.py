@@ -78,7 +78,7 @@ def read_export(
     name, layout = _laid_out(str(path), digest, lines, track)
     units = dict(zip(layout.names, layout.units, strict=True))
     factor, unit_fact = _length_unit(units, unit, layout.header_line)
-    table = table_of(layout, [key for key in ("t", "x", "y") if key in units], 1)
+    table = table_of(layout, [key for key in ("t", "x", "y") if key in units], 0)
     second = _SECONDS[units["t"] or "s"]
     table = table.with_columns(
         {key: (second if key == "t" else factor) * c for key, c in table.columns.items()}
