@@ -21,7 +21,13 @@ from estim.checks.cells import (
     upper_limit,
     value_cell,
 )
-from estim.checks.conflict import P_CONFLICT, Conflict, check_stated_values, stated_values
+from estim.checks.conflict import (
+    NOTE_BELOW,
+    P_CONFLICT,
+    Conflict,
+    check_stated_values,
+    stated_values,
+)
 from estim.checks.consistency import (
     P_INCONSISTENT,
     PRIORS,

@@ -214,9 +214,13 @@ def estimates_of(problem: Problem, fit: Fit, draws: FloatArray) -> tuple[Estimat
     return tuple(estimates)
 
 
-def result_table(estimates: Iterable[Estimate]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+def result_table(
+    estimates: Iterable[Estimate], *, found: str = ""
+) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Head and rows of the quantities that the data measure; columns that would be empty are left
     out.
+
+    found : head of the values, where not all of them come from these data alone.
     """
     measured = [estimate for estimate in estimates if estimate.measured]
     columns = [
@@ -229,7 +233,7 @@ def result_table(estimates: Iterable[Estimate]) -> tuple[tuple[str, ...], list[t
                 for estimate in measured
             ],
         ),
-        (phrase("from these data"), [estimate.value for estimate in measured]),
+        (found or phrase("from these data"), [estimate.value for estimate in measured]),
         (phrase("stated value"), [estimate.stated for estimate in measured]),
         (phrase("true"), [estimate.truth for estimate in measured]),
     ]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from estim.checks import P_POOR_FIT
+from estim.checks import NOTE_BELOW, P_POOR_FIT
 from estim.common import PhraseTable, format_p, phrase
 from estim.distributions import student_tail
 from estim.line.angle import LineData
@@ -64,16 +64,26 @@ def recommendation(data: LineData, chi2: float, dof: int, p_value: float) -> tup
             ratio=chi2 / dof,
             p=format_p(p_value),
         )
+    low = phrase(
+        "{p} is low, but not below the threshold of {least:g} used here, so the stated "
+        "uncertainties are kept; if you doubt them, use the scaled ones",
+        p=format_p(p_value),
+        least=P_POOR_FIT,
+    )
     if data.method == "weighted":
+        if p_value < NOTE_BELOW:
+            return "propagated", low
         return "propagated", phrase(
             "x is exact and S agrees with the stated uncertainties, so they are propagated "
             "as they are"
         )
-    return "propagated", phrase(
-        "the scatter does not contradict the stated uncertainties ({p}), so they need no "
-        "rescaling; the york convention gives too small "
-        "errors where the errors along the line are not small compared with the range",
+    fine = phrase(
+        "the scatter does not contradict the stated uncertainties ({p}), so they need no rescaling",
         p=format_p(p_value),
+    )
+    return "propagated", (low if p_value < NOTE_BELOW else fine) + phrase(
+        "; the york convention gives too small errors where the errors along the line are not "
+        "small compared with the range"
     )
 
 

@@ -190,7 +190,7 @@ def _text(
         opened=opened_by(result),
         screen=screen,
         screen_table=table(screen.head, screen.rows),
-        copies=copies_of(screen.estimates) if screen.estimates else None,
+        copies=copies_of(screen.estimates, kind=result.kind) if screen.estimates else None,
         caption=caption_of(result),
         budget=shares,
         result=result,

@@ -102,22 +102,28 @@ class Copies:
     table: Markdown
 
 
-def copies_of(estimates: Sequence[Estimate]) -> Copies:
-    """Every estimate with a value or a limit, measured or not; the table says which."""
+def copies_of(estimates: Sequence[Estimate], *, kind: str = "") -> Copies:
+    """Every estimate with a value or a limit, measured or not; the table says which.
+
+    kind : of the data; where they are "synthetic" each block says so.
+    """
+    made = [phrase("SYNTHETIC data")] if kind == "synthetic" else []
+    remark = [f"% {words}" for words in made]
     available = [estimate for estimate in estimates if estimate.value != "n/a"]
     quoted = [estimate for estimate in available if estimate.told]
     return Copies(
         _block(
-            [
+            made
+            + [
                 estimate.relation
                 if estimate.measured
                 else phrase("{relation} (not measured here)", relation=estimate.relation)
                 for estimate in quoted
             ]
         ),
-        _block([_noted(estimate, False) for estimate in quoted], "latex"),
-        _block([_noted(estimate, True) for estimate in quoted], "latex"),
-        _block(_rows(available), "csv"),
+        _block([*remark, *(_noted(estimate, False) for estimate in quoted)], "latex"),
+        _block([*remark, *(_noted(estimate, True) for estimate in quoted)], "latex"),
+        _block([*(f"# {words}" for words in made), *_rows(available)], "csv"),
     )
 
 

@@ -410,7 +410,7 @@ def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness]) 
         left.set(xlabel=run.x_label, ylabel=phrase("whitened residual"))
         left.set_title(run.name)
         right.set(xlabel=phrase(run.words.rows))
-        right.set_title(phrase("line: expected"))
+    axes[0, 1].set_title(phrase("line: expected"))
     return figure
 
 

@@ -131,9 +131,9 @@ def drift_words(drift: DriftSummary) -> str:
     return phrase(
         "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none). After the fit "
         "the rolling resistance is about as uncertain "
-        "as its prior ({share} of the prior's width): a loss would reflect the assumption, "
-        "not a measurement, and none is given. A joint "
-        "fit of more runs, or a wider prior, lets the data determine it.",
+        "as its prior ({share} of the prior's width): a loss computed from it would reflect this "
+        "prior and not a measurement, so these data cannot test any statement about a loss. A "
+        "joint fit of more runs, or a wider prior, lets the data determine it.",
         **fields,
     )
 

@@ -286,7 +286,7 @@ def line_text(
         result=result,
         trials=trials,
         found=table(head, rows),
-        copies=copies_of(estimates) if estimates else None,
+        copies=copies_of(estimates, kind=result.kind) if estimates else None,
         **LINE_WORDS,
         labels=UNKNOWN_LABELS,
     )

@@ -11,12 +11,13 @@ import msgspec
 import numpy as np
 
 from estim.campaign import gamma_origin
-from estim.checks import Estimate, result_table, screen_lines
+from estim.checks import Estimate, not_measured, result_table, screen_lines
 from estim.common import (
     FigureChoice,
     Quantity,
     as_json,
     format_rounded,
+    later,
     listed,
     percentage,
     phrase,
@@ -54,7 +55,15 @@ from estim.reports.line import (
 from estim.reports.pages import page
 from estim.reports.records import Record, Report
 from estim.reports.rendering import render, shown
-from estim.reports.result import MOST_MINDS, Provenance, Result, first_screen, provenance, result_of
+from estim.reports.result import (
+    MOST_MINDS,
+    Provenance,
+    Result,
+    Screen,
+    first_screen,
+    provenance,
+    result_of,
+)
 from estim.studies.limits import Narrowing
 from estim.studies.published import Claim
 from estim.studies.reanalysis import BodyAnalysis, Reanalysis
@@ -276,7 +285,7 @@ def reanalysis_text(
         for name, screen in screens.items()
         for estimate in screen.estimates
     ] + _of_line(result)
-    head, rows = result_table(estimates)
+    head, rows = result_table(estimates, found=phrase("runs + stated values"))
     return render(
         "reanalysis.md.j2",
         pictures=pictures,
@@ -303,7 +312,9 @@ def reanalysis_text(
         screens=screens,
         found=table(head, rows),
         found_rows=rows,
-        copies=copies_of([estimate for estimate in estimates if estimate.measured])
+        copies=copies_of(
+            [estimate for estimate in estimates if estimate.measured], kind=result.kind
+        )
         if rows
         else None,
         minds=[
@@ -316,8 +327,12 @@ def reanalysis_text(
         band_words=partial(_band_words, result),
         energy_words=energy_words,
         called=partial(_called, runs=result.runs, bodies=result.bodies),
-        lefts=_gathered({name: screen.left for name, screen in screens.items() if screen.left}),
-        energies=_gathered(_energies(result)),
+        lefts=_lefts(screens),
+        made_ok=_all_ok(result),
+        told_truth=any(estimate.truth for estimate in estimates),
+        symbols_of=_symbols,
+        correlated=_correlated,
+        energies=_gathered(_energies(result).items()),
     )
 
 
@@ -375,11 +390,25 @@ def _story(result: ReanalysisResult) -> list[str]:
     told = []
     known = {n: v for body in bodies.values() for n, v in body.band_published.items()}
     if computed := {v for n, v in known.items() if split_level(n)[0] == "kappa"}:
+        true = {
+            p.true
+            for body in bodies.values()
+            for n, p in body.joint.parameters.items()
+            if split_level(n)[0] == "kappa"
+        }
         told.append(
             phrase(
                 "the inertia κ is inferred from the motion; the paper computes {values} from the "
-                "shape of the disk, without an uncertainty, and this is a test of that value",
+                "shape of the disk, without an uncertainty",
                 values=listed([f"{value:g}" for value in sorted(computed)]),
+            )
+            + (
+                phrase(
+                    "; these data were generated with that value, so the comparison shows whether "
+                    "the method recovers it"
+                )
+                if true == computed
+                else phrase(", and this is a test of that value")
             )
         )
     beside = {"energy": _energy_beside(bodies.values()), "theta_min": _line_beside(result.line)}
@@ -433,7 +462,7 @@ def _energy_beside(bodies: Collection[BodySummary]) -> str:
         return words
     return words + phrase(
         "; these values depend on the rolling resistance that was assumed, because the data do not "
-        "determine how much energy is lost"
+        "determine how much energy is lost: they cannot test what the paper says"
     )
 
 
@@ -457,22 +486,65 @@ def _line_beside(line: LineResult | None) -> str:
 
 def _pull_of_gamma(name: str, body: BodySummary) -> str:
     """How far the stated gamma is from the true one, where that is known and kappa follows it."""
-    gamma, kappa = f"gamma[{name}]", f"kappa[{name}]"
-    parameters, correlation = body.joint.parameters, body.joint.correlation
-    if body.gamma_masses is None or not {gamma, kappa} <= {*correlation.names}:
+    gamma = f"gamma[{name}]"
+    together = _correlated(name, body)
+    if body.gamma_masses is None or together is None:
         return ""
-    true = parameters[gamma].true
-    at = [correlation.names.index(one) for one in (gamma, kappa)]
+    true = body.joint.parameters[gamma].true
     # two parameters that are one unknown in effect
-    if true is None or abs(correlation.matrix[at[0]][at[1]]) < 0.9:
+    if true is None or abs(together) < 0.9:
         return ""
     return signed(f"{(body.gamma_masses.value - true) / body.gamma_masses.u:+.1f}")
 
 
-def _gathered(words: Mapping[str, str]) -> dict[str, list[str]]:
+def _all_ok(result: ReanalysisResult) -> str:
+    """'ok (8 runs, 2 joint fits, line)': what all the results are."""
+    counted = (
+        (len(result.runs), later("{n} run"), later("{n} runs")),
+        (len(result.bodies), later("{n} joint fit"), later("{n} joint fits")),
+    )
+    parts = [phrase(one if n == 1 else several, n=n) for n, one, several in counted]
+    return f"ok ({', '.join(parts + [phrase('line')] * (result.line is not None))})"
+
+
+def _lefts(screens: Mapping[str, Screen]) -> str:
+    """What the joint fits do not measure: first what is the same for all bodies, then the rest,
+    each after the names of its bodies.
+    """
+    names = _gathered(
+        (name, entry)
+        for name, screen in screens.items()
+        for estimate in screen.estimates
+        if (entry := not_measured([estimate]))
+    )
+    return "; ".join(
+        entry if len(of) == len(screens) else f"{', '.join(of)}: {entry}"
+        for entry, of in sorted(names.items(), key=lambda pair: -len(pair[1]))
+    )
+
+
+def _symbols(body: BodySummary) -> str:
+    """'c_rr: coefficient of rolling resistance; R: radius of the disk': each symbol once."""
+    labels = body.joint.labels.bare
+    meanings = {
+        labels[name].symbol: p.meaning for name, p in body.joint.parameters.items() if p.meaning
+    }
+    return "; ".join(f"{symbol}: {meaning}" for symbol, meaning in meanings.items())
+
+
+def _correlated(name: str, body: BodySummary) -> float | None:
+    """Correlation of gamma and kappa of a body; None where one of them is not free."""
+    correlation, pair = body.joint.correlation, (f"gamma[{name}]", f"kappa[{name}]")
+    if not {*pair} <= {*correlation.names}:
+        return None
+    i, j = map(correlation.names.index, pair)
+    return correlation.matrix[i][j]
+
+
+def _gathered(words: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
     """What is said -> of which bodies."""
     names: dict[str, list[str]] = {}
-    for name, sentence in words.items():
+    for name, sentence in words:
         names.setdefault(sentence, []).append(name)
     return names
 
@@ -579,7 +651,11 @@ def narrowing_figure(tables: Sequence[Narrowing]) -> Figure:
         )
         if np.isfinite(narrowing.u_prior[i]):
             ax.axhline(
-                narrowing.u_prior[i], ls=":", color=ORANGE, lw=1.8, label=phrase("stated value")
+                narrowing.u_prior[i],
+                ls=":",
+                color=ORANGE,
+                lw=1.8,
+                label=phrase("uncertainty of the stated value"),
             )
         uncertainties = np.array(
             [*narrowing.u[:, i], *narrowing.u_single[:, i], narrowing.u_prior[i]]

@@ -735,8 +735,8 @@ def _warnings(result: Result) -> str:
 
 
 def sensitivity_words(results: Sequence[Result]) -> str:
-    """'1 % of the clock κ +0.3; 1 mm of sag θ₀ +0.9': the parameter of `results` that each error
-    moves most, in posterior standard deviations.
+    """'1 mm of sag would shift θ₀ by +0.9 standard uncertainties': the parameter of `results` that
+    each error moves most.
     """
     largest: dict[str, tuple[float, str]] = {}
     for result in results:
@@ -750,6 +750,11 @@ def sensitivity_words(results: Sequence[Result]) -> str:
             )
     noticeable = {error: moved for error, moved in largest.items() if abs(moved[0]) >= FELT}
     return "; ".join(
-        f"{error}: {symbol} {signed(f'{shift:+.1f}')}"
+        phrase(
+            "{error} would shift {symbol} by {shift} standard uncertainties",
+            error=error,
+            symbol=symbol,
+            shift=signed(f"{shift:+.1f}"),
+        )
         for error, (shift, symbol) in noticeable.items()
     )
