@@ -269,6 +269,10 @@ def test_results_are_copied_as_siunitx_reads_them(rng: np.random.Generator) -> N
     )
     assert copies.table.splitlines()[2].startswith("tau,2.07,0.05,2.02")
     assert copies.table.splitlines()[3].endswith(",,no")
+    made = copies_of([one], kind="synthetic")
+    firsts = [block.splitlines()[1] for block in (made.plain, made.brackets, made.plus_minus)]
+    assert firsts == ["SYNTHETIC data", "% SYNTHETIC data", "% SYNTHETIC data"]
+    assert made.table.splitlines()[1] == "# SYNTHETIC data"
     tilt = Estimate(
         Notation("φ", "°", 180.0 / np.pi).label("rad"),
         summary(np.radians(4.0 + 0.25 * standard(rng))),

@@ -551,6 +551,18 @@ def test_nobody_can_change_a_fit():
         fit.standard_errors["york"] = None
 
 
+@pytest.mark.parametrize("u_x", [None, 1e-3])
+def test_scatter_that_is_almost_too_large_is_not_passed_over(u_x: float | None) -> None:
+    x, turns = np.arange(10.0), (-1.0) ** np.arange(10)
+    for size, low in ((1.0, False), (1.35, True)):
+        fit = fit_line(x, x + 0.1 * size * turns, u_x=u_x, u_y=0.1)
+        assert (fit.p_value < 0.05) is low
+        assert fit.p_value > 0.001
+        assert fit.recommended == "propagated"
+        assert ("not below the threshold of 0.001" in fit.reason) is low
+        assert ("does not contradict" in fit.reason or "S agrees" in fit.reason) is not low
+
+
 def test_with_few_points_and_no_uncertainties_the_standard_error_holds_less_than_it_seems() -> None:
     few = fit_line([0.0, 1.0, 2.0], [0.0, 1.1, 1.9])
     assert "contains the true value in 50 % of such experiments" in few.reason

@@ -19,7 +19,9 @@ from test_noise import CAMPAIGN, POSITIONS, TIMES
 from troubles import Disk
 
 from estim.campaign import Campaign, gamma_of_body, load_campaign
+from estim.checks import Estimate
 from estim.common.errors import InputError
+from estim.common.labels import Notation
 from estim.common.quantity import Quantity, e_n
 from estim.fitting.least_squares import fit_least_squares
 from estim.line.analysis import analyse_line
@@ -28,9 +30,11 @@ from estim.pipeline import Analysis, analyse
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal
 from estim.reports.line import line_result
-from estim.reports.reanalysis import reanalysis_report
+from estim.reports.reanalysis import _lefts, reanalysis_report
+from estim.reports.result import Screen
 from estim.sampling import Progress
 from estim.sampling.chain import Target
+from estim.sampling.summary import summarise
 from estim.studies.limits import limits, narrowing
 from estim.studies.paper_band import propagated_bands
 from estim.studies.published import compare_published, read_published
@@ -240,7 +244,7 @@ def test_a_report_says_whose_the_band_is(
         progress_of=lambda _: nullcontext(lambda percent, message: None),
     )
     report = reanalysis_report(found, figures="all")["report.md"].decode().replace("\xa0", " ")
-    assert f"*Pale: {said}. Line: the most probable curve" in report
+    assert f". Pale: {said}. Line: the most probable curve" in report
 
 
 def test_line_of_the_replica_recovers_gamma(campaign: Campaign) -> None:
@@ -483,7 +487,11 @@ def test_tables_of_the_committed_report_say_what_its_results_hold(reports: Path)
     tables = text.split("| parameter | stated before | posterior |")
     copied = {
         row["quantity"]: row
-        for row in csv.DictReader(text.partition("```csv\n")[2].partition("```")[0].splitlines())
+        for row in csv.DictReader(
+            line
+            for line in text.partition("```csv\n")[2].partition("```")[0].splitlines()
+            if not line.startswith("#")
+        )
     }
     assert list(result["bodies"]) == ["heavy", "light"]
     for (body, found), table in zip(result["bodies"].items(), tables[1:], strict=True):
@@ -565,3 +573,32 @@ def test_story_without_truths_says_nothing_of_them(reanalysed: Reanalysis) -> No
     untold = reanalysis_report(measured, figures="none")["report.md"].decode()
     assert ("true values are known" in told, "true values are known" in untold) == (True, False)
     assert "the paper computes 0.45" in untold
+    test, recovery = "this is a test of that value", "generated with that value"
+    assert (test in told, recovery in told) == (False, True)
+    assert (test in untold, recovery in untold) == (True, False)
+    bodies = {body.body: body for body in reanalysed.bodies}
+    n = len(reanalysed.single_runs)
+    assert f"**Status: ok ({n} runs, {len(bodies)} joint fit" in told
+    assert told.count("% SYNTHETIC data") == 2
+    assert "\n# SYNTHETIC data\nquantity,value" in told
+    for name, body in bodies.items():
+        names = body.joint.problem.names
+        pair = body.joint.chain.flat[:, [names.index(f"{k}[{name}]") for k in ("gamma", "kappa")]]
+        correlation = float(np.corrcoef(pair.T)[0, 1])
+        assert f"The correlation of γ[{name}] and κ[{name}] is {correlation:+.2f};" in told
+
+
+def test_what_no_body_measures_is_said_once_and_the_rest_after_the_names_of_its_bodies() -> None:
+    draws = np.linspace(0.149, 0.151, 9)
+    radius = Estimate(Notation("R").label("m"), summarise(draws, unit="m", meaning=""), "", False)
+    resistance = [
+        Estimate(Notation("c_rr").label("1"), radius.summary, "", False, upper=upper)
+        for upper in (0.01, 0.02)
+    ]
+    screens = {
+        name: Screen(name, "", estimates=(one, radius))
+        for name, one in zip(("heavy", "light"), resistance, strict=True)
+    }
+    common, *own = _lefts(screens).split("; ")
+    assert common.startswith("R = (0.15")
+    assert own == ["heavy: c_rr < 0.0100 (95 %)", "light: c_rr < 0.0200 (95 %)"]
