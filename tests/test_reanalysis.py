@@ -240,7 +240,11 @@ def test_a_report_says_whose_the_band_is(
         progress_of=lambda _: nullcontext(lambda percent, message: None),
     )
     report = reanalysis_report(found, figures="all")["report.md"].decode().replace("\xa0", " ")
-    assert f"*Pale: {said}. Line: the most probable curve" in report
+    assert re.search(
+        rf"^\*Figure \d+\. Pale: {re.escape(said)}\. Line: the most probable curve",
+        report,
+        re.MULTILINE,
+    )
 
 
 def test_line_of_the_replica_recovers_gamma(campaign: Campaign) -> None:
