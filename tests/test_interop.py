@@ -61,10 +61,9 @@ def xarray() -> object:
 WRONG = Finding(Kind.SINGULAR)
 
 
-def rejected(analysis: Analysis, status: str) -> Analysis:
-    return replace(
-        analysis, diagnosis=replace(analysis.diagnosis, status=Status(status), findings=(WRONG,))
-    )
+def rejected(analysis: Analysis, status: str, *findings: Finding) -> Analysis:
+    diagnosis = replace(analysis.diagnosis, status=Status(status), findings=findings or (WRONG,))
+    return replace(analysis, diagnosis=diagnosis)
 
 
 # --- order of draws
@@ -344,6 +343,24 @@ def test_notebook_shows_reasons_and_no_number_where_the_status_is_not_ok(
         body = shown.replace("heavy-04", "").replace("1403.7220", "")
         assert not re.search(r"\d", body), body
         assert re.search(r"\d\.\d", analysis._repr_markdown_().replace("1403.7220", ""))
+
+
+def test_notebook_calls_best_values_no_result(campaign: estim.Campaign, analysis: Analysis) -> None:
+    wrong = Finding(Kind.CHI2_TOO_LARGE, p=1e-9, size=9.0, numbers={"dof": 3.0})
+    bad = rejected(analysis, "poor-fit", wrong)
+    result = estim.result_of(campaign, bad)._repr_markdown_()
+    assert re.search(r"^- best values, not a result: .*κ = 0\.\d+", result, re.MULTILINE), result
+    for shown in (bad._repr_markdown_(), result):
+        assert not re.search(r"±|\[\d|95 %|68 %", shown), shown
+
+
+@pytest.mark.parametrize("kind", [Kind.SINGULAR, Kind.DIRECTION_FLAT, Kind.UNDETERMINED])
+def test_no_best_values_where_others_are_as_good(
+    campaign: estim.Campaign, analysis: Analysis, kind: Kind
+) -> None:
+    poor = Finding(Kind.CHI2_TOO_LARGE, p=1e-9, size=9.0, numbers={"dof": 3.0})
+    bad = rejected(analysis, "poor-fit", poor, Finding(kind, names=("a", "b")))
+    assert "best values" not in estim.result_of(campaign, bad)._repr_markdown_()
 
 
 def test_notebook_shows_campaigns_and_own_curves(

@@ -11,7 +11,7 @@ from test_html_page import files_of, page_of, seen
 
 from estim.common import spoken
 from estim.reports.html_page import html_page
-from estim.reports.pages import numbered, shortened
+from estim.reports.pages import numbered, shortened, unbroken
 from estim.reports.rendering import cited, markdown
 
 PROJECT = Path(__file__).parents[1]
@@ -78,6 +78,27 @@ def test_numbers_are_said_in_the_language() -> None:
     assert "*Tabla 2. What it shows.*" in text
 
 
+def test_code_that_shows_code_is_left_as_it_is() -> None:
+    inner = "```\n| x | y |\n|---|---|\n```\n| 5 m | y |\n|---|---|\n"
+    text = f"````markdown\n{inner}````\n\n| z |\n|---|\n| 5 m |\n"
+    after = "\n\n*Table 1.*\n\n| z |\n|---|\n| 5\u00a0m |\n"
+    assert numbered(unbroken(text)) == f"````markdown\n{inner}````{after}"
+    rows = "| 1 |\n" * 200
+    code = f"````\n```\n```\n| n |\n|---|\n{rows}````\n"
+    assert shortened(code) == {"report.md": code.encode()}
+
+
+def test_templates_name_only_figures_that_they_ask_for() -> None:
+    named = re.compile(r'(?P<before>.{0,300})(?P<path>"figures/[^"]*") \| cited', re.DOTALL)
+    found = [
+        (path.name, figure["path"], f"{figure['path']} in pictures" in figure["before"])
+        for path in (PROJECT / "estim" / "reports" / "templates").glob("*.j2")
+        for figure in named.finditer(path.read_text(encoding="utf-8"))
+    ]
+    assert len(found) > 3
+    assert [entry for entry in found if not entry[-1]] == []
+
+
 def test_what_is_named_must_be_there() -> None:
     with pytest.raises(KeyError, match="figures/none"):
         numbered(cited("figures/none.png"))
@@ -119,3 +140,11 @@ def test_every_report_has_its_numbers_in_order_and_the_same_on_paper(reports: Pa
             printed = re.findall(rf"(?:^|\n){kind} (\d+)\.", "\n".join(page.texts))
             # what is folded follows in an appendix, under the numbers that it has everywhere
             assert sorted(map(int, printed)) == list(range(1, count + 1)), (path, kind)
+
+
+def test_code_that_shows_code_begins_no_part_of_a_page() -> None:
+    fold = "<details>\n<summary><b>T</b></summary>\n</details>\n"
+    page = html_page({"report.md": f"# R\n\n````\n```\n```\n{fold}````\n".encode()}).decode()
+    assert "<summary><b>T" not in page
+    assert "&lt;summary&gt;" in page
+    assert "part-1" not in page

@@ -408,3 +408,11 @@ def test_a_line_that_does_not_fit_shows_its_best_values_without_uncertainties(tm
         assert "look at the residuals" in text
     assert "±" not in first
     assert "recommended" not in (folder / "report.md").read_text()
+
+
+def test_a_best_value_below_the_error_of_rounding_is_zero(tmp_path):
+    path = tmp_path / "p.csv"
+    x = [0.1 * i for i in range(-5, 6)]
+    path.write_text("t (s),s [m]\n" + "".join(f"{t},{t * t}\n" for t in x))
+    result, _ = told(tmp_path, path, "--uy", 0.01)
+    assert re.search(r"intercept = 0\.100\d* m, slope = 0 m/s;", result.output), result.output

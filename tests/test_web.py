@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import io
 import json
 import os
@@ -116,10 +117,43 @@ def test_from_a_file_to_a_report_and_the_command_that_repeats_it(
         # what is no field of the page, and names of others that only look like it
         ("command line: 'gamma' is not determined", "'gamma' is not determined"),
         ("say --frame-ms or x--y", "say --frame-ms or x--y"),
+        ("'--start a' must be a number: b", "“Starting values” a must be a number: b"),
+        ("Invalid value for '--uy' / '--u-y': 3", "Invalid value for “Uncertainty of y (u_y)”: 3"),
+        ("'--u-y' (or --uy) must", "“Uncertainty of y (u_y)” must"),
+        *(
+            (words, words)  # what users wrote
+            for words in (
+                "formula 'a*x --g*b': unknown",
+                "formula 'a*x --g': unknown",
+                "'formula' is no formula: a*x --g*b",
+                "file '--title.csv'",
+                "--title.csv: no such file",
+                "data from a class (2024 in a campaign): values",
+                "data (in a campaign: of 2024): values",
+            )
+        ),
     ],
 )
 def test_a_message_of_the_command_line_names_the_fields_of_the_page(said: str, shown: str) -> None:
     assert on_page(said).startswith(shown)
+    assert said != shown or on_page(said) == said
+
+
+def test_what_is_said_of_a_campaign_is_not_said_on_the_page() -> None:
+    """Of every message of the package that says in brackets what a campaign has."""
+    said = []
+    for path in (Path(__file__).parents[1] / "estim").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            parts = node.values if isinstance(node, ast.JoinedStr) else [node]
+            words = "".join(
+                str(part.value) if isinstance(part, ast.Constant) else "5"
+                for part in parts
+                if isinstance(part, ast.Constant | ast.FormattedValue)
+            )
+            if re.search(r"\w.* in a campaign\)|\(in a campaign:", words) and "\n" not in words:
+                said.append(words)
+    assert len(said) > 12
+    assert [words for words in said if "in a campaign" in on_page(words)] == []
 
 
 def test_every_field_of_a_question_has_a_label() -> None:

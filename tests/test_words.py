@@ -153,11 +153,11 @@ def test_options_of_a_command_are_named_to_nobody_else() -> None:
         "--" in words or "{" in words.replace("{prior", "") for words in advice_for(found)
     )
     short = example(Kind.CHAIN_SHORT)
-    assert advice(short).startswith("increase target=Target(max_step=...); if that does not help")
+    assert advice(short).endswith("; otherwise increase target=Target(max_step=...)")
     assert "another seed=, and" in advice(example(Kind.WALKERS_STUCK))
     with spoken("en", commands=True):
         assert sum("--" in words for words in advice_for(found)) == 3
-        assert advice(short).startswith("increase the number of steps (--max-steps); if that")
+        assert advice(short).endswith("; otherwise increase the number of steps (--max-steps)")
 
 
 def test_own_curves_are_sampled_and_reported_without_options() -> None:

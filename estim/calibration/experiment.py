@@ -13,7 +13,7 @@ release of differentiated runs.  Not simulated:
 - errors of x are normal whatever the tails of y are, and so is the distribution of the true
   abscissas about the readings.
 
-Named for which a fitted row has no place on the curve (the body does not start, or turns before a
+Values for which a fitted row has no place on the curve (the body does not start, or turns before a
 position at which its speed is fit) give no data: `None`.  The posterior density is zero for just
 these values, so that discarding them is the same as a prior cut to where the data are possible.
 """

@@ -1,7 +1,7 @@
 """What a rolling body does from rest at a tilt and an angle of release, for draws of what is known
 of it: borders and distances.
 
-Named are those of the curves of `estim.curves.rolling`, scalars or (n_draw, 1).  Further
+Arguments are those of the curves of `estim.curves.rolling`, scalars or (n_draw, 1).  Further
 forces, a push at the start and errors of the readings are not in it.
 """
 

@@ -21,6 +21,7 @@ from urllib.parse import unquote
 from markdown_it import MarkdownIt
 
 from estim.common import language, phrase, unescaped
+from estim.reports.rendering import FENCED
 
 _POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; "
@@ -54,7 +55,7 @@ _CONTENTS = """<nav aria-label="{title}">
 _SWITCH = '<p class="all"><label><input type="checkbox" id="all"> {words}</label></p>\n'
 _LEFT_OUT = '<p class="left-out">{words}</p>\n'
 _MARK = re.compile(
-    r"^```.*?^```$|^<details>\n<summary><b>([^\n]*)</b></summary>$|^(</details>)$",
+    rf"{FENCED}|^<details>\n<summary><b>(?P<title>[^\n]*)</b></summary>$|^(?P<end></details>)$",
     re.DOTALL | re.MULTILINE,
 )
 """Code, in which nothing is a mark; how a folded part begins, with its title, and ends: what
@@ -118,9 +119,9 @@ def _parts(text: str) -> Iterator[tuple[str, str]]:
     """Title and Markdown of each part of a report, in order; "" of what is not folded."""
     title, begin = "", 0
     for mark in _MARK.finditer(text):
-        if bool(mark[2]) == bool(title) and not mark[0].startswith("```"):
+        if bool(mark["end"]) == bool(title) and not mark["fence"]:
             yield title, text[begin : mark.start()]
-            title, begin = "" if title else unescaped(mark[1]), mark.end()
+            title, begin = "" if title else unescaped(mark["title"]), mark.end()
     yield title, text[begin:]
 
 

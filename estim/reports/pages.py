@@ -13,15 +13,16 @@ from urllib.parse import unquote
 
 from estim.common import FIGURE_CHOICES, FigureChoice, InputError, Markdown, as_csv, phrase
 from estim.drawing import Figure, png
-from estim.reports.rendering import CITED, render
+from estim.reports.rendering import CITED, FENCED, render
 
-_CODE = re.compile(r"(^```.*?^```$|`[^`\n]*`|^#[^\n]*$)", re.DOTALL | re.MULTILINE)
-_BREAKS = re.compile(
-    r"(?<=[\d)]) (?=(?:±|%|×|°|sd|mm|cm|m|s|kg|N|J|rad|Hz|deg)(?![\w]))|(?<=±) (?=\d)"
+_CODE_OR_BREAK = re.compile(
+    rf"(?P<code>{FENCED}|`[^`\n]*`|^#[^\n]*$)"
+    r"|(?<=[\d)]) (?=(?:±|%|×|°|sd|mm|cm|m|s|kg|N|J|rad|Hz|deg)(?![\w]))|(?<=±) (?=\d)",
+    re.DOTALL | re.MULTILINE,
 )
 
 _NUMBERED = re.compile(
-    r"^```.*?^```$"
+    rf"{FENCED}"
     r"|^!\[(?P<alt>[^\n]*)\]\((?P<path>[^)\n]*)\)$"
     r"(?:\n\n+\*(?P<below>(?!\ue000)(?:\\.|(?!\n\n)[^*\\])+)\*(?=\n\n|\n?\Z))?"
     rf"|(?:^\*{CITED.pattern} *(?P<above>[^\n]*)\*\n\n+)?"
@@ -37,7 +38,8 @@ Drawers = Mapping[str, "Callable[[], Figure]"]
 MOST_ROWS, MOST_COLUMNS, MOST_POINTS = 150, 60, 60
 _CELLS = re.compile(r"(?<!\\)\|")
 _CODE_TABLE_OR_LIST = re.compile(
-    r"^```.*?^```$|(?:^\|[^\n]*\n)+|^- [^\n]*\n(?:(?:- |  )[^\n]*\n|\n+(?=- |  ))*",
+    rf"{FENCED}"
+    r"|(?:^\|[^\n]*\n)+|^- [^\n]*\n(?:(?:- |  )[^\n]*\n|\n+(?=- |  ))*",
     re.DOTALL | re.MULTILINE,
 )
 
@@ -50,9 +52,7 @@ class Text(Protocol):
 
 def unbroken(text: str) -> str:
     """Markdown whose numbers keep their "±", "%" and units on one line; code stays as it is."""
-    return "".join(
-        part if i % 2 else _BREAKS.sub("\u00a0", part) for i, part in enumerate(_CODE.split(text))
-    )
+    return _CODE_OR_BREAK.sub(lambda found: found["code"] or "\u00a0", text)
 
 
 def numbered(text: str) -> str:

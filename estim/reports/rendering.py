@@ -51,6 +51,8 @@ CITED = re.compile("\ue000(?P<cited>[^\ue000]*)\ue000")
 """What stands for the number of a figure or a table until all have theirs; no text of others has
 such a mark, since it does not print.
 """
+FENCED = r"^(?P<fence>`{3,})[^`\n]*\n.*?^(?P=fence)`*$"
+"""A block of code, of lines and with DOTALL; one with a longer fence may hold another."""
 _OWN_LINE = ("|", "#", "-", "*", ">", "<")  # begins a sentence of its own
 
 

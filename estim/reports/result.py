@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from inspect import cleandoc
@@ -37,6 +37,7 @@ from estim.checks import (
     tolerated_pattern,
 )
 from estim.common import (
+    Finding,
     Kind,
     Status,
     as_json,
@@ -426,8 +427,15 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
         derived=derived,
         sought=[entry.name for entry in run.sought if entry.name in derived],
         blank=list(table.blank),
-        farthest=None if analysis.diagnosis.ok else _farthest(run, goodness),
+        farthest=None
+        if analysis.diagnosis.ok or _undetermined(analysis.diagnosis.findings)
+        else _farthest(run, goodness),
     )
+
+
+def _undetermined(findings: Iterable[Finding]) -> bool:
+    """Whether the best values mean nothing, since others are as good."""
+    return any(f.kind in (Kind.SINGULAR, Kind.DIRECTION_FLAT, Kind.UNDETERMINED) for f in findings)
 
 
 def _farthest(run: Observations, goodness: Goodness) -> Farthest | None:

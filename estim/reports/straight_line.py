@@ -40,6 +40,7 @@ _METHODS = {
     "york": later("York: errors in both variables"),
     "correlated": later("generalised distance regression: correlated errors of points"),
 }
+_ROUNDING = 1e-12  # of a standard error: what is smaller is an error of rounding
 
 
 class StraightLineResult(Report):
@@ -162,12 +163,16 @@ def _best(line: StraightLine) -> str:
     far = np.abs(residuals) / line_goodness(fit).sd
     i = int(np.argmax(far))
     place = float(f"{x[order][i]:.4g}")
+    error = fit.standard_errors[fit.recommended]
     values = (
-        ("intercept", phrase("intercept"), fit.intercept),
-        ("slope", phrase("slope"), fit.slope),
+        (phrase("intercept"), units["intercept"], fit.intercept, error.u_intercept),
+        (phrase("slope"), units["slope"], fit.slope, error.u_slope),
     )
     return best_words(
-        [f"{name} = {with_unit(significant(value), units[key])}" for key, name, value in values],
+        [
+            f"{name} = {with_unit(significant(value if abs(value) > _ROUNDING * u else 0.0), unit)}"
+            for name, unit, value, u in values
+        ],
         float(far[i]),
         f"{line.axes.x_name} = {with_unit(format_quantity(place), units['x'])}",
     )

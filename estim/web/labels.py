@@ -59,13 +59,20 @@ LABELS = PhraseTable(
 )
 """Name of a field, which is that of the option or of the key of a rolling disk -> its label."""
 _AS_OPTIONS = {"ux": "u-x", "uy": "u-y"}  # of `estim line`
+_NAME = r"[a-z]\w*(?:-[a-z]+)*"
 _OPTION = re.compile(
-    r"(?<!\w)'?--(?:rolling )?([a-z]\w*(?:-[a-z]+)*)'?(?!\w)"
-    r"|^'(window|start|low|high|robust|correlated|jitter|u_x|u_y)'(?= )"
+    rf"(?<!\w)'--(?:rolling )?(?P<quoted>{_NAME})'(?!\w)"  # the whole of what is quoted
+    rf"|^'--(?P<given>{_NAME})(?P<behind> \w+)'"
+    r"|^'(?P<key>window|start|low|high|robust|correlated|jitter|u_x|u_y)'(?= )"
+    r"|(?<!\w)'[^'\n]*'(?!\w)"  # words of others
+    rf"|(?<![^\s(])--(?P<plain>{_NAME})(?=[\s),;:]|\.?(?:\s|$))"
 )
+_TWICE = re.compile(r"(“[^”]*”) (?:/ \1|\((?:or|o) \1\))")  # an option that has two names
+_STATED = r'[a-z_]+ = (?:\.\.\.|\[\.\.\.\]|"(?:point|comma)"|\d+)'
 _IN_A_CAMPAIGN = re.compile(
-    r"(; [^();]*|, or \{[^{}]*\}) in a campaign(?=\))"
-    r"| \([^-();]* in a campaign\)| \((in a campaign|en una campaña): [^()]*\)"
+    rf"; {_STATED} in a campaign(?=\))| \({_STATED} in a campaign\)"
+    r"|, or \{start = 1\.0\} in a campaign(?=\))"
+    r"| \((?:in a campaign|en una campaña): [a-z_]+(?: = true)?\)"
 )
 
 
@@ -74,10 +81,11 @@ def on_page(words: str) -> str:
     whoever writes a campaign.
     """
     words = _IN_A_CAMPAIGN.sub("", words.removeprefix("command line: "))
-    return _OPTION.sub(_called, words)
+    return _TWICE.sub(r"\1", _OPTION.sub(_called, words))
 
 
-def _called(option: re.Match[str]) -> str:
-    name = option[1] or option[2].replace("_", "-")
+def _called(found: re.Match[str]) -> str:
+    name = found["quoted"] or found["given"] or found["key"] or found["plain"] or ""
+    name = name.replace("_", "-") if found["key"] else name
     label = LABELS.get(_AS_OPTIONS.get(name, name))
-    return f"“{label}”" if label else option[0]
+    return f"“{label}”{found['behind'] or ''}" if label else found[0]

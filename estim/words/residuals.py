@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 
-from estim.common import Finding, Kind, PhraseTable, later, percentage, phrase
+from estim.common import Finding, Kind, PhraseTable, at_commands, later, percentage, phrase
 from estim.words.table import Table, facts, said
 
 TESTS = PhraseTable(
@@ -105,8 +105,9 @@ def _counts_as_readings(f: Finding) -> str:
         "estimated from the counts themselves bias the curve "
         "downwards, and where the counts are few the intervals contain the true value far "
         "less often than stated (leaving out an empty "
-        "bin makes it worse). Fit them as counts, including empty bins: noise poisson, in "
-        "place of u_y"
+        "bin makes it worse). Fit them as counts, including empty bins: {choice}, in "
+        "place of u_y",
+        choice="noise: poisson" if at_commands() else 'noise="poisson"',
     )
 
 
