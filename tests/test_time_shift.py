@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from estim import fit_curve
 from estim.cli.commands import cli
 
-PERIOD, SHIFT, SIGMA, N = 1.4, 0.35, 0.3, 60
+PERIOD, SHIFT, SIGMA, N = 1.4, 0.2, 0.3, 60
 W = 2.0 * math.pi / PERIOD
 WAYS = {
     "A*sin(w*(x - t0)) + c": (SHIFT, "w", W),

@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from scipy import optimize, stats
 
 from estim import InputError, Poisson, fit_curve, load_campaign
+from estim.cli.commands import cli
 from estim.fitting import contour, fit_problem
 
 X = np.linspace(0.0, 10.0, 40)
@@ -67,6 +69,28 @@ def test_intervals_beside_a_large_jitter_are_those_of_student(n: int) -> None:
         )
     levels = contour(beside.held, "a", "b", dof=n - 2.0).levels
     assert levels[0.95] == pytest.approx(-2.0 * n / (n - 2.0) * np.log(0.05))
+
+
+@pytest.mark.parametrize("n", [8, 20])
+def test_one_reading_with_its_decimal_point_in_the_wrong_place(n: int, tmp_path: Path) -> None:
+    """What a report advises there (robust: mixture) leads to the right slope by either door."""
+    rng = np.random.default_rng(n)
+    m = np.linspace(20.0, 160.0, n)
+    length = np.round(11.9 + 0.066 * m + rng.normal(0.0, 0.1, n), 1)
+    length[n // 2] *= 10.0
+    assert fit_curve("a*x + b", m, length).status == "poor-fit"
+    fit = fit_curve("a*x + b", m, length, robust="mixture")
+    assert fit.status == "ok"
+    assert fit.values["a"] == pytest.approx(0.066, abs=4.0 * fit.sds["a"])
+    assert fit.sds["a"] < 0.003
+    table = tmp_path / "spring.csv"
+    rows = [f"{a:.6g},{b:.1f}" for a, b in zip(m, length, strict=True)]
+    table.write_text("\n".join(["m,l", *rows]) + "\n")
+    words = ["fit", str(table), "--formula", "a*m+b", "--robust", "mixture", "--figures", "none"]
+    done = CliRunner().invoke(cli, [*words, "--out", str(tmp_path / "out")])
+    assert done.exit_code == 0, done.output
+    (outlier,) = [line for line in done.output.splitlines() if "outlier:" in line]
+    assert "1 likely outlier" in outlier
 
 
 def test_a_jitter_that_is_not_there_has_a_limit_and_changes_nothing() -> None:

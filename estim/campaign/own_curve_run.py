@@ -43,6 +43,7 @@ from estim.curves import (
     Formula,
     Poisson,
     pose_curve,
+    roughness,
 )
 from estim.fitting import PERFECT
 from estim.problem import Observations, Parameter, Prior, Scale, Unstated, as_prior
@@ -322,11 +323,11 @@ class RowsOfRun:
         sigma, unknown = Scale(1.0), tuple[Parameter, ...]()
         # the residuals say its size, together with what the curve lacks
         if not posed.stated and posed.lacks is not None:
-            sigma = Scale(_roughness(posed.y))
+            sigma = Scale(roughness(posed.y, robust=posed.tails.robust))
         elif not posed.stated:
             inferred = isinstance(self.size, Prior)
             of_all = inferred and self.run.table.u_y is None
-            prior: Prior = Unstated(_roughness(posed.y), SIGMA_SPREAD)
+            prior: Prior = Unstated(roughness(posed.y, robust=posed.tails.robust), SIGMA_SPREAD)
             prior = self.size if isinstance(self.size, Prior) else prior
             meaning = (
                 phrase("standard deviation of one reading")
@@ -509,9 +510,3 @@ def _error_of_x(rows: RowsOfRun) -> float | FloatArray | None:
     if written is not None and not isinstance(written, int | float):
         raise rows.run.error("must be a number > 0 or a column", "u_x")
     return None if written is None else float(written)
-
-
-def _roughness(y: FloatArray) -> float:
-    """A rough standard deviation of one reading, from second differences of y in order of x."""
-    rough = float(np.sqrt(np.mean(np.diff(y, 2) ** 2) / 6.0)) if y.size > 2 else 0.0
-    return rough or float(np.std(y)) or 1.0

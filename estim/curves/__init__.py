@@ -31,6 +31,7 @@ from estim.curves.posing import (
     CurveProblem,
     pose_curve,
     require_points,
+    roughness,
     units_of,
 )
 from estim.curves.quantities import Plain, refuse_quantities, without_units

@@ -120,7 +120,9 @@ class CurveProblem:
     def with_unknown_errors(self) -> Problem:
         """The problem with all that is unknown of the errors as further parameters."""
         if not self.stated:
-            return self.with_unknown_sigma(float(np.std(self.y)) or 1.0)
+            robust = self.tails.robust
+            typical = roughness(self.y, robust=True) if robust else float(np.std(self.y))
+            return self.with_unknown_sigma(typical or 1.0)
         return self._problem(Scale(1.0), ())
 
     def with_unknown_sigma(self, typical: float) -> Problem:
@@ -679,3 +681,15 @@ def _shared(
             )
         taken.append(parameter.name)
     return shared
+
+
+def roughness(y: FloatArray, *, robust: bool) -> float:
+    """A rough standard deviation of one reading, from second differences of y (n_obs,) in order of
+    x.  robust : from the smaller ones, of which a bad reading leaves the quarter alone.
+    """
+    second = np.abs(np.diff(y, 2)) / math.sqrt(6.0)
+    # a quarter of normal deviations are smaller than 0.3186 of their standard deviation
+    rough = float(np.quantile(second, 0.25)) / 0.3186 if robust and second.size else 0.0
+    if not rough and second.size:
+        rough = float(np.sqrt(np.mean(second**2)))
+    return rough or float(np.std(y)) or 1.0

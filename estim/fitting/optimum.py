@@ -168,10 +168,13 @@ def _found(
     best, every = _scanned(search, best, tried, symmetry)
     symmetry = symmetry.scaled(spread_at(search, best), search.bent.tolist())
     optimum = _chosen(search, start, best, tried, every, symmetry, n_start=len(starts))
-    spread = spread_at(search, (optimum.values, optimum.chi2))
-    repeat = repeats(search, optimum.values, spread, symmetry.period)
+    repeat = repeats(search, optimum.values, symmetry.period)
     if np.any(np.isfinite(repeat)):
         optimum = _repeated(search, optimum, tried, repeat, start)
+        # a quarter of a step that the data leave open anyway is as good as no limit
+        spread = spread_at(search, (optimum.values, optimum.chi2))
+        repeat = np.where(repeat > 16.0 * spread, repeat, np.inf)
+        optimum = replace(optimum, symmetry=replace(optimum.symmetry, repeat=repeat))
     return replace(optimum, unheld=_unheld(search, optimum, np.fmin(symmetry.period, repeat)))
 
 

@@ -249,12 +249,9 @@ def _same_curve(
     return True
 
 
-def repeats(
-    search: SeparableSearch, values: FloatArray, spread: FloatArray, period: FloatArray
-) -> FloatArray:
-    """(n_par,) the step after which a nonlinear parameter without limits draws the same curve
-    again, a whole turn times or over another argument; inf where there is none, or none that is
-    long beside `spread` (n_par,).
+def repeats(search: SeparableSearch, values: FloatArray, period: FloatArray) -> FloatArray:
+    """(n_par,) the least step after which a nonlinear parameter without limits draws the same curve
+    again, a whole turn times or over another argument; inf where there is none.
     """
     problem, steps = search.posterior.problem, np.full(values.size, np.inf)
     named = problem.named(values)
@@ -267,8 +264,7 @@ def repeats(
             continue
         unit = np.eye(values.size)[i]
         for step in tried:
-            # a quarter of such a step is as good as no limit
-            if step > 16.0 * spread[i] and all(
+            if all(
                 _same_curve(search, values, values + share * step * unit, between=True) is same
                 for share, same in ((1.0, True), (0.37, False))
             ):
