@@ -564,3 +564,16 @@ def test_parameters_that_only_look_like_those_of_a_curve_are_refused_with_their_
     ):
         with pytest.raises(InputError, match=r"a, \u0430 \(cyrillic small letter a\)"):
             fit_curve(curve, x, 2.0 * x + 0.1 * (-1.0) ** x, u_y=0.1, **given)
+
+
+@pytest.mark.parametrize("text", ["y0 + v0 t - 1/2 a t^2", "2x", "a x", "sin x", "3 sin(x)"])
+def test_a_formula_as_on_paper_is_told_to_write_its_products(text: str) -> None:
+    with pytest.raises(InputError, match=r"write products with \*"):
+        read_formula(text, field="formula")
+
+
+@pytest.mark.parametrize("text", ["(a*x", "a*x+", "a**"])
+def test_another_slip_is_not_told_of_products(text: str) -> None:
+    with pytest.raises(InputError) as refused:
+        read_formula(text, field="formula")
+    assert "products" not in str(refused.value)

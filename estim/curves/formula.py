@@ -319,6 +319,10 @@ def _parse(text: str, field: str) -> ast.expr:
             return ast.parse(text, mode="eval").body
     except SyntaxError as error:
         hint = " (one expression, without '=')" if "=" in text else ""
+        if re.search(r"[\w)]\s+[\w(]|\d[^\W\d]", text):  # 2x, a x, sin x
+            hint += (
+                " (write products with *, as in 2*a*x, and functions with brackets, as in sin(x))"
+            )
         raise InputError(f"is not a formula{hint}: {error.msg}", field=field, value=text) from None
     except (ValueError, RecursionError, MemoryError) as error:
         raise InputError(

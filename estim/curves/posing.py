@@ -120,9 +120,8 @@ class CurveProblem:
     def with_unknown_errors(self) -> Problem:
         """The problem with all that is unknown of the errors as further parameters."""
         if not self.stated:
-            robust = self.tails.robust
-            typical = roughness(self.y, robust=True) if robust else float(np.std(self.y))
-            return self.with_unknown_sigma(typical or 1.0)
+            # only robust errors are inferred where none are stated
+            return self.with_unknown_sigma(roughness(self.y, robust=True))
         return self._problem(Scale(1.0), ())
 
     def with_unknown_sigma(self, typical: float) -> Problem:
