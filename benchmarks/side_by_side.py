@@ -352,13 +352,13 @@ CPU milliseconds of one fit, one after the other on one core; in brackets: times
 """
 STATE = """
 
-The machine had {n} cores and {busy:.0f} processes at work: its caches were shared, and the ratios say more than the milliseconds. Which of the residuals'
-tests comes out near its limit decides how many data sets are simulated, so that times differ between data sets by a factor of up to 5.
+The load of the machine was {busy:.1f} on {n} cores; where more is at work, caches are shared, and the ratios say more than the milliseconds. Which of
+the residuals' tests comes out near its limit decides how many data sets are simulated, so that times differ between data sets by a factor of up to 5.
 """
 TAIL = """## Where the others are better
 
-- **Time.** lmfit's single descent is 4 to 15 times quicker than a fit by estim from a start, which tests the residuals against simulated ones, and 5
-  to 70 times quicker than one without a start, which also searches for other optima (the table above). For thousands of fits use `fit_many`.
+- **Time.** lmfit's single descent is 4 to 12 times quicker than a fit by estim from a start, which tests the residuals against simulated ones, and 5
+  to 60 times quicker than one without a start, which also searches for other optima (the table above). For thousands of fits use `fit_many`.
 - **lmfit** fits anything that has residuals: images, complex numbers, several independent variables, a cost function of your own, with a dozen
   minimisers. estim fits y = f(x).
 - **kafe2** draws several models and data sets in one figure, prints tables ready for a laboratory report, and takes covariance matrices of x as well
