@@ -1,4 +1,4 @@
-"""Disturbances of real laboratories, three everyday curves and a rolling body, programs as they
+"""Disturbances of real laboratories, five everyday curves and a rolling body, programs as they
 come: how often is there an answer, and how often does its interval hold the truth?
 docs/coverage.md.
 
@@ -85,12 +85,13 @@ class Trial:
 class Curve:
     formula: str
     f: Callable[..., Array]
-    end: float  # x from 0 to this
+    end: float  # x from begin to this
     few: float  # the same, of few points
     truth: Mapping[str, float]
     u: float  # standard deviation of an undisturbed y
     slope: float  # root mean square of dy/dx
     counted: Mapping[str, float]  # true values where y are counts, 3 to 300
+    begin: float = 0.0
 
 
 def swing(x: Array, c: float, A: float, tau: float, w: float, p: float) -> Array:  # noqa: N803
@@ -128,6 +129,27 @@ CURVES = {
         5.0,
         {"c": 150.0, "A": 147.0, "tau": 5.0, "w": 3.0, "p": 0.4},
     ),
+    "peak": Curve(
+        "c + A*exp(-0.5*((x - m)/s)**2)",
+        lambda x, c, A, m, s: c + A * np.exp(-0.5 * ((x - m) / s) ** 2),  # noqa: N803
+        10.0,
+        10.0,
+        {"c": 1.0, "A": 10.0, "m": 5.0, "s": 1.5},
+        0.3,
+        2.43,
+        {"c": 3.0, "A": 297.0, "m": 5.0, "s": 1.5},
+    ),
+    "power law": Curve(  # periods of a pendulum, s, against its length, m
+        "a*x**b",
+        lambda x, a, b: a * x**b,
+        2.0,
+        2.0,
+        {"a": 2.0, "b": 0.5},
+        0.03,
+        1.13,
+        {"a": 75.0, "b": 2.0},
+        begin=0.2,
+    ),
 }
 
 DISTURBANCES = {
@@ -161,9 +183,10 @@ class Points:
 
 def points(curve: Curve, disturbance: str, rng: np.random.Generator) -> Points:
     n = len(curve.truth) + 2 if disturbance == "few points" else N_OBS
-    x = true_x = np.linspace(0.0, curve.end, n)
+    x = true_x = np.linspace(curve.begin, curve.end, n)
     if disturbance == "few points":  # uneven, so that no other frequency gives the same
-        x = true_x = curve.few * (np.arange(n) + rng.random(n)) / n
+        width = curve.few - curve.begin
+        x = true_x = curve.begin + width * (np.arange(n) + rng.random(n)) / n
     if disturbance.startswith("counts"):
         y = rng.poisson(curve.f(x, **curve.counted)).astype(float)
         u = np.sqrt(np.maximum(y, 1.0))
