@@ -562,9 +562,10 @@ def draw(cells: Mapping[tuple[str, str], dict], file: Path) -> None:
     """Coverage of the 95 % intervals among the answers, and how many sets have an answer."""
     from estim.drawing import MARKS, RUN_COLOURS, as_png, new_figure
 
-    figure = new_figure(10.0, 11.0)
-    grid = figure.subplots(2, len(SUBJECTS))
-    for column, (title, subject) in zip(grid.T, SUBJECTS.items(), strict=True):
+    figure = new_figure(17.0, 11.0)
+    grid = figure.subplots(4, len(SUBJECTS) // 2)
+    pairs = grid.reshape(2, 2, -1).swapaxes(1, 2).reshape(-1, 2)  # an upper panel and the one below
+    for pair, (title, subject) in zip(pairs, SUBJECTS.items(), strict=True):
         at = np.arange(len(subject.disturbances))
         for i, program in enumerate(PROGRAMS):
             cell = [cells[title, name][program] for name in subject.disturbances]
@@ -572,7 +573,7 @@ def draw(cells: Mapping[tuple[str, str], dict], file: Path) -> None:
                 continue
             held = [mean_and_error(record, "95") for record in cell]
             answered = [share(record["answers"], record["n"]) for record in cell]
-            for ax, of in zip(column, (held, answered), strict=True):
+            for ax, of in zip(pair, (held, answered), strict=True):
                 mean, error = 100.0 * np.array(of).T
                 there = np.isfinite(mean)
                 ends = np.clip([mean - error, mean + error], 0.0, 100.0)
@@ -586,19 +587,17 @@ def draw(cells: Mapping[tuple[str, str], dict], file: Path) -> None:
                     color=RUN_COLOURS[i],
                     label=program,
                 )
-        for ax in column:
+        for ax in pair:
             ax.set_xlim(-3.0, 103.0)
             ax.set_ylim(len(at) - 0.5, -0.5)
             ax.set_yticks(at, list(subject.disturbances))
             ax.hlines(at[1:] - 0.5, -3.0, 103.0, color="0.85", lw=0.6)
-        column[0].axvline(95.0, color="0.5", lw=0.8)
-        column[0].set_title(title)
-    for ax in grid[:, 1:3].flat:
-        ax.set_yticklabels([])  # those of the line
-    for ax in grid[0]:
-        ax.set_xlabel("95 % intervals that hold, %")
-    for ax in grid[1]:
-        ax.set_xlabel("sets with an answer, %")
+        pair[0].axvline(95.0, color="0.5", lw=0.8)
+        pair[0].set_title(title)
+        pair[0].set_xlabel("95 % intervals that hold, %")
+        pair[1].set_xlabel("sets with an answer, %")
+    for ax in pairs[[1, 2, 4]].flat:
+        ax.set_yticklabels([])  # those of the first column
     handles, labels = grid[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=len(PROGRAMS))
     file.write_bytes(as_png(figure))

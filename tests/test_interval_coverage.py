@@ -74,6 +74,41 @@ def test_a_line_with_normal_errors_has_the_same_intervals_everywhere(program):
     np.testing.assert_allclose(np.diff(stated["68"])[:, 0] / 2 / 0.994458, trial.ideal, rtol=1e-6)
 
 
+@pytest.mark.parametrize("name", study.CURVES)
+def test_a_curve_has_the_slope_and_the_counts_that_its_entry_states(name):
+    curve = study.CURVES[name]
+    x = np.linspace(curve.begin, curve.end, 10001)
+    rise = np.gradient(curve.f(x, **curve.truth), x)
+    assert np.sqrt(np.mean(rise**2)) == pytest.approx(curve.slope, rel=0.06)
+    counts = curve.f(x, **curve.counted)
+    assert counts.min() > 2.99
+    assert 280.0 < counts.max() < 300.01
+
+
+@pytest.mark.parametrize("name", study.CURVES)
+def test_undisturbed_curves_have_the_errors_of_linear_theory_and_estim_fits_the_same_formula(name):
+    with study.SUBJECTS[name].make("none", np.random.default_rng(1)) as trial:
+        values, ends = trial.by["estim"]()[1]
+        best, stated = trial.by["curve_fit, absolute"]()[1]
+    np.testing.assert_allclose(values / trial.ideal, best / trial.ideal, atol=0.01)
+    for of in (ends, stated):
+        np.testing.assert_allclose(np.diff(of["95"])[:, 0] / 2 / 1.959964, trial.ideal, rtol=0.2)
+
+
+@pytest.mark.statistics
+@pytest.mark.parametrize("name", study.CURVES)
+def test_undisturbed_intervals_hold_the_truth_as_stated_and_those_of_half_the_error_do_not(
+    name, tmp_path
+):
+    held = {}
+    for disturbance in ("none", "stated / 2"):
+        cell = (tmp_path, name, disturbance)
+        study.advance(*cell, sets=200, seconds=600.0, programs={"curve_fit, absolute"})
+        held[disturbance] = study.mean_and_error(study.kept(*cell)["curve_fit, absolute"], "68")
+    assert abs(held["none"][0] - 0.68) < 4.0 * held["none"][1]
+    assert abs(held["stated / 2"][0] - 0.68) > 4.0 * held["stated / 2"][1]
+
+
 def test_linear_theory_of_the_body_agrees_with_least_squares_of_estim(tmp_path, rng):
     """Which share no code; phi and c_rr are left out, since the half-normal prior of c_rr has no
     one width.
