@@ -96,6 +96,7 @@ def test_a_sum_has_the_parameters_of_its_terms() -> None:
         ("gausian + line", "did you mean 'gaussian'"),
         ("gaussian + gaussian", 'like "a_gaussian \\+ b_gaussian"'),
         ("spam", "there are constant, line"),
+        ("damped_sine", "there are constant, line"),  # not: did you mean 'line'
         (" + ".join(f"p{i}_gaussian" for i in range(9)), "at most 8 terms"),
     ],
 )

@@ -135,7 +135,7 @@ def read_model(text: object) -> ModelSum:
     words = [word.strip() for word in str(text).split("+")]
     unknown = next((word for word in words if _term(word) is None), str(text))
     known = _names()
-    close = difflib.get_close_matches(unknown.rpartition("_")[2], known, n=1)
+    close = difflib.get_close_matches(unknown.rpartition("_")[2], known, n=1, cutoff=0.76)
     hint = (
         f"did you mean '{close[0]}'?"
         if close
