@@ -735,6 +735,25 @@ def test_a_line_through_a_first_count_of_zero_has_the_profile_interval(seed: int
     assert "cannot expect less: use its interval" in fit.notes[0]
 
 
+@pytest.mark.parametrize(
+    "y", [[6, 0, 5, 11, 6, 8, 10, 14, 11, 14], [3, 5, 0, 8, 9, 17, 12, 15, 14, 16]]
+)
+def test_a_line_whose_least_squares_expect_fewer_than_no_count_is_found(y: list[int]) -> None:
+    """A count of 0 near the lower end weighs so much that the line by least squares is negative
+    where something was counted: there the likelihood has no value from which to go on.
+    """
+    x = np.linspace(0.0, 1.0, 10)
+    fit = fit_curve("a*x + b", x, y, noise="poisson")
+
+    def deviance(values: list[float]) -> float:
+        mean = values[0] * x + values[1]
+        return math.inf if np.any(mean <= 0.0) else float(np.sum(mean - special.xlogy(y, mean)))
+
+    best = optimize.minimize(deviance, [10.0, 5.0], method="Nelder-Mead", options={"xatol": 1e-8})
+    assert fit.status == "ok"
+    assert [fit.values["a"], fit.values["b"]] == pytest.approx(best.x, rel=1e-4)
+
+
 @pytest.mark.parametrize("seed", [0, 1, 3])
 @pytest.mark.parametrize("start", [{}, {"A": 50.0, "tau": 2.5, "B": 0.1}])
 def test_a_decay_with_a_tail_of_zeros_has_the_profile_interval(

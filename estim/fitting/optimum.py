@@ -63,6 +63,7 @@ N_START = 8
 _ALIKE = 0.01  # squared distance of starts that are not worth two searches
 _FRAIL = 1e-11  # ratio of singular values
 _MOST_REFITTED = 6  # of them by full fits, where the curve is a model of the study
+_AROUND = 8  # of these, descents from points around an optimum where the curve is not finite
 _MOST_DESCENTS = 24  # from the dips of one round of scans
 # of -2 log density: far from the mode the density per standard deviation is below 1e-4 of that
 # there
@@ -146,7 +147,8 @@ def find_optimum(
         simpler = problem.for_search()
         if simpler is not problem:
             afar = find_optimum(simpler, start, rng=rng, n_start=n_start, unstated=True)
-            return _found_near(set_apart(problem, start, rng, unstated=unstated), start, afar)
+            search = set_apart(problem, start, rng, unstated=unstated)
+            return _found_near(search, start, afar, rng)
         return _found(set_apart(problem, start, rng, unstated=unstated), start, rng, n_start)
 
 
@@ -287,15 +289,22 @@ def _nowhere_finite(problem: Problem, start: FloatArray) -> InputError:
     )
 
 
-def _found_near(search: SeparableSearch, start: FloatArray, afar: Optimum) -> Optimum:
+def _found_near(
+    search: SeparableSearch, start: FloatArray, afar: Optimum, rng: np.random.Generator
+) -> Optimum:
     """The best point of a problem from the optima of the simpler one that a search from afar takes
-    (`Problem.for_search`).
+    (`Problem.for_search`), or, where the likelihood is not finite at these, from points around.
     """
     starts = [start]
     for point in (afar.values, *afar.others):
         if all(distance(search, point, other) > _ALIKE for other in starts):
             starts.append(point)
     tried = descended(search, np.array(starts))
+    if not tried:  # fewer than 0 may be expected of what was counted
+        around = rng.multivariate_normal(afar.values, 4.0 * afar.cov, 200, check_valid="ignore")
+        around = np.clip(around, search.low, search.high)
+        starts = list(around[np.argsort(search.squares.heights(around))[:_AROUND]])
+        tried = descended(search, np.array(starts))
     if not tried:
         raise _nowhere_finite(search.posterior.problem, start)
     best = min(tried, key=lambda end: end[1])
