@@ -107,6 +107,12 @@ class Analysis:
     explanation : candidates for what the curve lacks, where that was asked.
     diagnosis : all findings and the status.  seed : of every random number.
     title, kind : of the campaign, "" where there is none.
+
+    >>> from estim import Target, fit_curve, sample_curve
+    >>> fit = fit_curve("a*x + b", [0, 1, 2, 3, 4], [1.0, 3.1, 4.9, 7.2, 9.0], u_y=0.1)
+    >>> analysis = sample_curve(fit, seed=1, target=Target(ess=400.0))
+    >>> analysis.diagnosis.status, analysis.chain.flat.shape[1]
+    ('ok', 2)
     """
 
     problem: Problem
@@ -217,6 +223,8 @@ def analyse(
     """The joint analysis of `runs` of a campaign; the same seed gives the same numbers.  Raises
     InputError.
 
+    runs : names of runs of the campaign, fit together.
+    target : when the sampling stops (`estim.Target`).  progress : is told how far it has got.
     noise : in place of the noise tables of the campaign.
     store : keeps the draws and the second opinion when both are done, and has them where they were
         kept for the same data, settings and fit.
@@ -227,6 +235,12 @@ def analyse(
         energy"); "" for nothing.
     beside : fits of these runs with other noise; where one has the same points and the same curve,
         the search starts from its optima.
+
+    >>> from estim import Target, analyse, load_campaign
+    >>> campaign = load_campaign("data/gallery/hubble.toml", only="with-intercept")
+    >>> analysis = analyse(campaign, ["with-intercept"], seed=1, target=Target(ess=400.0))
+    >>> analysis.diagnosis.status, analysis.chain.names
+    ('ok', ('H', 'K[with-intercept]', 'sigma_y[with-intercept]'))
     """
     problem = campaign.problem(runs, noise=noise)
     campaign.require_unknowns(problem)
@@ -464,8 +478,17 @@ def sample_curve(
     Without u_y the standard deviation of y is drawn too, so that its uncertainty is in every
     interval.
 
+    seed : of every random number.  target : when to stop (`estim.Target`).
+    progress : is told how far it has got.
+
     Raises InputError where the fit leaves nothing to sample: parameters that the data do not
     determine, or no residuals.
+
+    >>> from estim import Target, fit_curve, sample_curve
+    >>> fit = fit_curve("a*x + b", [0, 1, 2, 3, 4], [1.0, 3.1, 4.9, 7.2, 9.0], u_y=0.1)
+    >>> analysis = sample_curve(fit, seed=1, target=Target(ess=400.0))
+    >>> analysis.chain.flat.mean(axis=0).round(1).tolist()
+    [2.0, 1.0]
     """
     if fit.status in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED):
         raise InputError(f"cannot be sampled: {fit.reasons[0]}", field="fit", value=str(fit.status))

@@ -33,6 +33,14 @@ class Campaign(ABC):
     source : the file as read, with its lines.  tables : run -> its table.
     derived : what is to be computed from the parameters.
     truth : parameter -> true value, of synthetic data where it is known; no fit uses it.
+
+    >>> from estim import load_campaign
+    >>> campaign = load_campaign("data/replica/campaign.toml", only="heavy-04")
+    >>> campaign.run_names, campaign.kind
+    (('heavy-04',), 'synthetic')
+    >>> problem = campaign.problem(["heavy-04"], usual=True)
+    >>> problem.parameters[0].name, problem.parameters[0].unit
+    ('gamma[heavy]', '1')
     """
 
     source: CampaignFile

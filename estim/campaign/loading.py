@@ -31,6 +31,10 @@ def load_campaign(
 
     Raises InputError with file, line, field, rule and value for whatever breaks a rule; every run
     that is wanted is posed as a problem once, so that a mistake in any of them shows at once.
+
+    >>> from estim import load_campaign
+    >>> load_campaign("data/replica/campaign.toml").run_names
+    ('heavy-02', 'heavy-04', 'heavy-06', 'heavy-08', 'light-01', 'light-02', 'light-03', 'light-04')
     """
     source = read_campaign_file(Path(path))
     if only is not None:

@@ -97,8 +97,16 @@ def diagnose(
 ) -> Diagnosis:
     """The status of a sampled fit.
 
+    goodness, comparison, modes, consistency, conflict, influences, rolling : what the checks found,
+        as in `Analysis`, for which `analyse` and `sample_curve` call this.
     unheld : what the fit alone does not identify (`unidentified`); a chain that then falls short
         of its aims is not what is wrong.
+
+    >>> from estim import Target, fit_curve, sample_curve
+    >>> fit = fit_curve("a*x + b", [0, 1, 2, 3, 4], [1.0, 3.1, 4.9, 7.2, 9.0], u_y=0.1)
+    >>> diagnosis = sample_curve(fit, seed=1, target=Target(ess=400.0)).diagnosis
+    >>> diagnosis.status, diagnosis.reasons
+    ('ok', ())
     """
     sampled = chain.convergence.met or not unheld
     findings = wrong(

@@ -182,6 +182,14 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
 
     A p-value that could count among hundreds of runs is simulated to where it can be told from that
     of the worst of them.
+
+    >>> import numpy as np
+    >>> from estim import check_goodness, fit_curve
+    >>> x = np.linspace(0.0, 5.0, 20)
+    >>> fit = fit_curve("a*x", x, 2.0 * x + 0.1 * np.sin(50.0 * x), u_y=0.1).fit
+    >>> (goodness,) = check_goodness(fit, rng=np.random.default_rng(1))
+    >>> goodness.run, sorted(goodness.checks)
+    ('data', ['autocorrelation', 'chi2', 'largest', 'runs', 'trend', 'uneven'])
     """
     problem, posterior = fit.problem, fit.posterior
     named, n_run = problem.named(fit.values), len(problem.runs)

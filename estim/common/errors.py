@@ -22,7 +22,12 @@ _MOST_LISTED = 20
 
 
 class EstimError(Exception):
-    """Base of every error that estim raises on purpose; its text is one line for a person."""
+    """Base of every error that estim raises on purpose; its text is one line for a person.
+
+    >>> from estim import EstimError, InputError
+    >>> issubclass(InputError, EstimError)
+    True
+    """
 
     def __init__(self, text: str) -> None:
         super().__init__(one_line(text))
@@ -36,6 +41,13 @@ class InputError(EstimError, ValueError):
     never in `rule`.
     index : of the value in an array `field`, for a reader that knows on which line it stands; else
         it reads ``(value number 3)``.
+
+    >>> from estim import InputError, fit_curve
+    >>> try:
+    ...     fit_curve("a*x", [1, 2, 3], [1, 2, 3], u_y=-1.0)
+    ... except InputError as error:
+    ...     print(error)
+    'u_y' must be > 0: -1.0
     """
 
     def __init__(

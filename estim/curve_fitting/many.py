@@ -39,6 +39,11 @@ class ManyFits:
     p_value : (n_set,) of chi2, nan where u_y was not stated.
     sigma : (n_set,) standard deviation of y from the residuals, nan where u_y was stated.
     status : (n_set,) of "ok", "poor-fit" (p < 0.001), "not-identified" and "not-converged".
+
+    >>> from estim import fit_many
+    >>> fits = fit_many("a*x", [1, 2, 3], [[2.1, 3.9, 6.0], [3.0, 6.1, 8.9]], u_y=0.1)
+    >>> fits.values.shape, fits.status.tolist()
+    ((2, 1), ['ok', 'ok'])
     """
 
     names: tuple[str, ...]

@@ -90,6 +90,13 @@ class CurveFit:
     fit, problem : what sampling starts from; without u_y `problem` has `sigma_y` as a further
         parameter.
     held : the same optimum with errors of a fixed size, that of the residuals without u_y.
+
+    >>> from estim import fit_curve
+    >>> fit = fit_curve("a*x + b", [0, 1, 2, 3, 4], [1.0, 3.1, 4.9, 7.2, 9.0], u_y=0.1)
+    >>> fit.status, fit.names, round(fit.values["a"], 2)
+    ('ok', ('a', 'b'), 2.01)
+    >>> float(fit.predict([2.5]).value[0].round(2))
+    6.04
     """
 
     names: tuple[str, ...]

@@ -51,6 +51,7 @@ def fit_curves(
 ) -> CurveFit:
     """The curve fit to several data sets at once, or curves that have parameters in common.
 
+    units, axes, rng, n_start, tied : as for `fit_curve`.
     curve : of the data sets that have none of their own (`DataSet(curve=...)`); None where all
         have.
     data : name -> `DataSet`, each with stated errors (u_y, cov_y or noise).

@@ -83,11 +83,19 @@ def read_table(
 ) -> Columns:
     """The columns of numbers in a file (text, .xlsx, .ods, a zip of one table), or in a data frame.
 
+    source : a path, or a data frame.
     columns : those that are read, None for all; a row without a value in one of them is left out.
     sheet, range, decimal : as --sheet, --range and --decimal of the commands.
     dialect : what else is stated of how a file is written.
 
     A data frame has units in its names, "U [V]", or in `attrs["units"]`.  Raises InputError.
+
+    >>> from estim import fit_curve, read_table
+    >>> table = read_table("data/tutorial/tea.csv")
+    >>> sorted(table.columns), table.units
+    (['temperature', 'time'], {'time': 'min', 'temperature': '°C'})
+    >>> fit_curve("room + excess*exp(-x/tau)", **table.points("time", "temperature")).status
+    'ok'
     """
     if hasattr(source, "columns") and hasattr(source, "attrs"):
         return _of_frame(source, columns)

@@ -39,6 +39,8 @@ class AxisNames:
     The units of parameters follow from those of x and y where the curve is a formula.  A fit raises
     InputError for a unit that cannot be read.
 
+    x_name, y_name : what they are called.  x_unit, y_unit : their units, "" where none is shown.
+
     >>> from estim import AxisNames, fit_curve
     >>> axes = AxisNames("time", "s", "distance", "m")
     >>> fit = fit_curve("v*x", [1, 2, 3], [2.1, 3.9, 6.0], u_y=0.1, axes=axes)

@@ -143,6 +143,7 @@ def fit_least_squares(
 ) -> Fit:
     """The posterior mode of `problem`, from the best of `n_start` starts.
 
+    rng : of the starts that are drawn.
     start : (n_par,) where to start first; the centre of the priors if None.  The other starts are
         draws of the priors.
     further : (n_par,) each, starts beside these.
@@ -151,6 +152,14 @@ def fit_least_squares(
 
     Raises InputError where the problem has no unknowns, NumericalError where the curve is defined
     at no start, has no finite derivatives where the search ends, or stays beyond `hopeless`.
+
+    >>> import numpy as np
+    >>> from estim import fit_least_squares, load_campaign
+    >>> campaign = load_campaign("data/replica/campaign.toml", only="heavy-04")
+    >>> problem = campaign.problem(["heavy-04"], usual=True)
+    >>> fit = fit_least_squares(problem, rng=np.random.default_rng(1))
+    >>> fit.values.shape == (len(problem.parameters),)
+    True
     """
     if problem.n_par == 0:
         raise InputError(

@@ -159,7 +159,16 @@ def analyse_line(
 ) -> LineAnalysis:
     """The line of a series by every method; the same seed gives the same numbers.
 
+    gamma_masses : gamma from the masses of the body, to compare with; None where they are unknown.
+    target, progress : of the sampling, as in `analyse`.
+
     Raises InputError where the points cannot hold a line.
+
+    >>> from estim import Target, analyse_line, load_campaign, read_theta_min
+    >>> series = read_theta_min(load_campaign("data/replica/campaign.toml").source)
+    >>> found = analyse_line(series, gamma_masses=None, seed=1, target=Target(ess=400.0))
+    >>> found.york.recommended, found.posterior.names
+    ('propagated', ('intercept', 'slope', 'mu_x', 'log_tau'))
     """
     ols = fit_line(series.x, series.y)
     weighted = fit_line(series.x, series.y, u_y=series.u_y)

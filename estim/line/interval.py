@@ -41,9 +41,16 @@ def slope_interval(
     1/u_slope^2: York's "estimate -+ k u" is the linear approximation of this set.  Only the
     connected part of the set that holds the best slope is returned.
 
+    probability : of the interval.
     convention : a name in ``fit.standard_errors``; None is the recommended one.  Raises InputError.
         Source: score test with an orthogonalised instrument, Kleibergen 2002, Econometrica 70,
         1781; for one exact variable Fieller 1954, J. R. Stat. Soc. B 16, 175.
+
+    >>> from estim import fit_line, slope_interval
+    >>> line = fit_line([1.0, 2.0, 3.0, 4.0], [2.1, 3.9, 6.2, 7.8], u_y=0.2)
+    >>> found = slope_interval(line)
+    >>> round(found.low, 2), round(found.high, 2)
+    (1.76, 2.12)
     """
     k2 = coverage_factor(fit, probability=probability, convention=convention) ** 2
     scaled = (convention or fit.recommended) == "scaled"

@@ -125,13 +125,22 @@ def line_posterior(
     intercept_sd: float | None = None,
     through_origin: bool = False,
 ) -> LinePosterior:
-    """The posterior of the line through the points; the equations are at the head of this file.
+    """The posterior of the line through the points.
 
+    y_i = intercept + slope xi_i + error,    x_i = xi_i + error,    xi_i of N(mu_x, tau^2)
+    (Kelly 2007, Astrophys. J. 665, 1489)
+
+    through_origin : the intercept is exactly 0.
     x, y, u_x, u_y, r_xy : as in ``fit_line``; without both uncertainties ``scatter`` must be given.
     scatter : unit of y, sd of the half-normal prior on the scatter.
     u_zero_x, u_zero_y : unit of x, y.
     intercept_sd : unit of y, sd of a normal prior on the intercept; needed for
         ``intercept_evidence``.  Raises InputError.
+
+    >>> from estim import line_posterior
+    >>> found = line_posterior([1.0, 2.0, 3.0, 4.0], [2.1, 3.9, 6.2, 7.8], u_y=0.2)
+    >>> found.names, found.start.shape
+    (('intercept', 'slope', 'mu_x', 'log_tau'), (4,))
     """
     data = line_data(x, y, u_x=u_x, u_y=u_y, r_xy=r_xy)
     if data.method == "ols" and scatter is None:

@@ -83,6 +83,11 @@ class LineFit(Tabled):
     recommended : the convention to quote.  reason : why that one, a sentence.
     message : what went wrong, a sentence; "" if nothing.
     data : the points.
+
+    >>> from estim import fit_line
+    >>> line = fit_line([1.0, 2.0, 3.0, 4.0], [2.1, 3.9, 6.2, 7.8], u_y=0.2)
+    >>> line.recommended, round(line.slope, 2), line.dof
+    ('propagated', 1.94, 2)
     """
 
     intercept: float
@@ -338,7 +343,17 @@ def confidence_band(
 ) -> Band:
     """Where the line is, pointwise: line -+ k u, k normal, or Student's t for "scaled".
 
-    Arguments as in ``line_values``.  Raises InputError.
+    fit : the line.  x : (n_x,) where, unit of x.
+    probability : that the line is within, at each x by itself.
+    convention : a name in ``fit.standard_errors``; None is the recommended one.
+
+    Raises InputError.  Source: GUM H.3.4.
+
+    >>> from estim import confidence_band, fit_line
+    >>> line = fit_line([1.0, 2.0, 3.0, 4.0], [2.1, 3.9, 6.2, 7.8], u_y=0.2)
+    >>> band = confidence_band(line, [2.5], probability=0.68)
+    >>> band.low.round(2).tolist(), band.high.round(2).tolist()
+    ([4.9], [5.1])
     """
     values, u = line_values(fit, x, convention=convention)
     return _band(
@@ -360,10 +375,19 @@ def prediction_band(
 ) -> Band:
     """Where one more reading of y will fall: line -+ k sqrt(u^2 + u_y^2 + slope^2 u_x^2).
 
+    fit : the line.  x : (n_x,) where, unit of x.  probability : that the reading is within.
     u_y : standard uncertainty of the new reading, (n_x,) or one number; None is the scatter of the
         residuals, for "ols" only.
-    u_x : of the abscissa at which it is taken.  Other arguments as in ``line_values``.  Raises
-        InputError.
+    u_x : of the abscissa at which it is taken.
+    convention : a name in ``fit.standard_errors``; None is the recommended one.
+
+    Raises InputError.
+
+    >>> from estim import fit_line, prediction_band
+    >>> line = fit_line([1.0, 2.0, 3.0, 4.0], [2.1, 3.9, 6.2, 7.8], u_y=0.2)
+    >>> band = prediction_band(line, [2.5], probability=0.68, u_y=0.2)
+    >>> band.low.round(2).tolist(), band.high.round(2).tolist()
+    ([4.78], [5.22])
     """
     values, u = line_values(fit, x, convention=convention)
     reading = np.sqrt(
@@ -383,6 +407,8 @@ def inverse_prediction(
 ) -> InversePrediction:
     """x0 = (y0 - a)/b for a new reading y0, u^2(x0) = (u_y0^2 + u_a^2 + x0^2 u_b^2 + 2 x0 cov)/b^2.
 
+    fit : the line.  probability : of the interval.
+    convention : a name in ``fit.standard_errors``; None is the recommended one.
     u_y0 : standard uncertainty of y0; None is the scatter of the residuals, for "ols" only.  Linear
         in the uncertainties: not for a slope that is uncertain by more than about 10 %.  Raises
         InputError.  Source: ISO/TS 28037:2010, 11.1.

@@ -73,7 +73,15 @@ def _sd_of_sine(angle: FloatArray, u: FloatArray) -> FloatArray:
 
 
 def read_theta_min(source: CampaignFile) -> ThetaMinSeries:
-    """The series that the [line] table of a campaign names.  Raises InputError."""
+    """The series that the [line] table of a campaign names.  Raises InputError.
+
+    source : the file of the campaign, `Campaign.source`.
+
+    >>> from estim import load_campaign, read_theta_min
+    >>> series = read_theta_min(load_campaign("data/replica/campaign.toml").source)
+    >>> series.phi.shape
+    (8,)
+    """
     if source.line is None:
         raise source.error(
             "has no [line] table: it names the theta_min series", (), field="campaign"

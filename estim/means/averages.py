@@ -92,6 +92,11 @@ class Mean(Tabled):
     chi2, dof, p_value : of the weighted mean; nan for readings.  birge : sqrt(chi2/dof).
     tau_interval : of the dark uncertainty, for `probability`; nan for readings.
     groups : None without groups.
+
+    >>> from estim import mean
+    >>> found = mean([9.81, 9.78, 9.80], 0.02)
+    >>> found.recommended, round(found.chi2, 2), found.dof
+    ('weighted', 1.17, 2)
     """
 
     data: FloatArray

@@ -42,6 +42,7 @@ def compare_values(
 ) -> TwoValues:
     """The difference of two values in text, "9.81(2) m/s²", or as quantities with their units.
 
+    first, second : the two, of independent errors unless `r` says otherwise.
     r : correlation of their errors.  Raises InputError where the units differ, and where nothing is
     uncertain.
 

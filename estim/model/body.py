@@ -32,6 +32,16 @@ class Body:
     Every field is a number, an array shaped (n_draw, 1) for vectorised use over draws, or a ufloat;
     nothing is converted, so uncertainties pass through.  `mass` (kg) is None where only the motion
     is wanted: forces and energies in newton and joule need it.
+
+    radius : R, m.  gamma : distance of the centre of mass from the axle / R.
+    kappa : inertia of the disk alone / (M_D R^2).  rho : distance of the particle / R.
+    trailing_fraction : share of the mass that does not rotate.
+    particle_gyration : radius of gyration of the particle about its own centre / R.
+
+    >>> from estim.model import Body
+    >>> body = Body(radius=0.15, gamma=0.19, kappa=0.45)
+    >>> body.rho, body.mass
+    (1.0, None)
     """
 
     radius: Quantity

@@ -45,8 +45,14 @@ _N_HALVING = 50
 
 @dataclass(frozen=True, eq=False)
 class ContactForces:
-    """normal, friction : N and F/(M g), dimensionless; nan where the energy does not reach.
-    (n_draw, n_obs)
+    """normal, friction : N and F/(M g), dimensionless; nan where the energy does not reach;
+    (n_obs,) or (n_draw, n_obs).
+
+    >>> from estim.model import Body, contact_forces
+    >>> body = Body(radius=0.15, gamma=0.19, kappa=0.45)
+    >>> contact = contact_forces([0.0, 0.5], body, phi=0.07, theta0=1.0)
+    >>> contact.normal.shape
+    (2,)
     """
 
     normal: FloatArray
@@ -54,7 +60,12 @@ class ContactForces:
 
 
 class End(IntEnum):
-    """Why rolling without slipping ends."""
+    """Why rolling without slipping ends.
+
+    >>> from estim.model import End
+    >>> [end.name for end in End]
+    ['TURNS', 'RAMP', 'SLIPS', 'HOPS']
+    """
 
     TURNS = 0  # it does not: the body comes to rest first
     RAMP = 1  # nor on this ramp
@@ -77,9 +88,15 @@ def contact_forces(
     """Normal force and friction per unit weight after the body has turned by `angle` (rad) since
     release.
 
-    phi, theta0, rolling_resistance, release_energy, forces : as in `estim.model.phase`.
+    g : m/s^2.
+    phi, theta0, rolling_resistance, release_energy, forces : as in `speed`.
     rate : rad/s, theta' there, either sign, where it is known; else that of the motion from release
         with theta increasing.
+
+    >>> from estim.model import Body, contact_forces
+    >>> body = Body(radius=0.15, gamma=0.19, kappa=0.45)
+    >>> contact_forces([0.0, 0.5], body, phi=0.07, theta0=1.0).normal.round(2).tolist()
+    [0.99, 0.98]
     """
     angle = np.asarray(angle, dtype=float)
     place: dict[str, Any] = {"phi": phi, "theta0": theta0}
@@ -142,6 +159,14 @@ def _turned(forces: Forces, sense: ArrayLike) -> Forces:
 def needed_friction(contact: ContactForces) -> FloatArray:
     """Coefficient of static friction that rolling needs, |F|/N; inf where the body would hop (N <=
     0).
+
+    contact : of `contact_forces`; the result has its shape.
+
+    >>> from estim.model import Body, contact_forces, needed_friction
+    >>> body = Body(radius=0.15, gamma=0.19, kappa=0.45)
+    >>> contact = contact_forces([0.0, 0.5], body, phi=0.07, theta0=1.0)
+    >>> needed_friction(contact).round(2).tolist()
+    [0.13, 0.14]
     """
     pressed = contact.normal > 0.0
     needed = np.abs(contact.friction) / np.where(pressed, contact.normal, 1.0)
@@ -165,8 +190,15 @@ def end_of_rolling(
     The first of: a turning point, the end of the ramp, |F| > mu N, N < 0.  Found at 400 angles and
     then by halving, so an excess over less than 1/400 of the way may be missed.
 
+    phi, theta0, rolling_resistance, g, release_energy, forces : as in `contact_forces`.
     mu : coefficient of static friction, np.inf for none but hopping.
     ramp_end : m, from the release.
+
+    >>> from estim.model import Body, End, end_of_rolling
+    >>> body = Body(radius=0.15, gamma=0.19, kappa=0.45)
+    >>> angle, why = end_of_rolling(body, mu=0.5, phi=0.07, theta0=1.0, ramp_end=0.2)
+    >>> round(angle.item(), 2), End(why.item()).name
+    (1.33, 'RAMP')
     """
     place: dict[str, Any] = {
         "phi": phi,

@@ -46,8 +46,19 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Forces:
-    """What acts beside weight and plain rolling resistance (table above); zero does nothing.
+    """What acts beside weight and plain rolling resistance; zero does nothing.
     Scalars or (n_draw, 1).
+
+    moment : a moment that does not depend on the load / (M g R).
+    load_resistance : rolling resistance / load.  viscous_drag : 1/s.  quadratic_drag : 1/m.
+    once_cos, once_sin, twice_cos, twice_sin : moments that vary once and twice per turn / (M g R).
+    phi_slope : rad/m, change of the tilt along the ramp.
+
+    >>> from estim.model import Body, Forces, speed
+    >>> body = Body(radius=0.15, gamma=0.19, kappa=0.45)
+    >>> air = Forces(quadratic_drag=0.02)
+    >>> speed([0.1, 0.2], body, phi=0.07, theta0=1.0, forces=air).round(3).tolist()
+    [[0.382, 0.569]]
     """
 
     moment: ArrayLike = 0.0
@@ -80,6 +91,12 @@ class Forces:
 def moment_ratio(moment: ArrayLike, mass: ArrayLike, radius: ArrayLike, g: ArrayLike) -> Any:
     """A moment in N m as a share of M g R, dimensionless: the same moment is a smaller share for a
     heavier body.
+
+    moment : N m.  mass : kg.  radius : m.  g : m/s^2.
+
+    >>> from estim.model import moment_ratio
+    >>> round(float(moment_ratio(0.001, 0.37, 0.15, 9.81)), 4)
+    0.0018
     """
     return np.asarray(moment) / (np.asarray(mass) * np.asarray(g) * np.asarray(radius))
 
@@ -88,6 +105,11 @@ def turn_components(amplitude: ArrayLike, phase: ArrayLike) -> tuple[Any, Any]:
     """(a, b) with a cos(k theta) + b sin(k theta) = amplitude cos(k theta - phase); phase in rad.
 
     Fit a and b rather than the two: at amplitude 0 the phase has no meaning.
+
+    >>> from estim.model import turn_components
+    >>> a, b = turn_components(0.005, 0.927)
+    >>> round(float(a), 4), round(float(b), 4)
+    (0.003, 0.004)
     """
     return np.asarray(amplitude) * np.cos(phase), np.asarray(amplitude) * np.sin(phase)
 
@@ -95,6 +117,13 @@ def turn_components(amplitude: ArrayLike, phase: ArrayLike) -> tuple[Any, Any]:
 def turn_amplitude(cosine: ArrayLike, sine: ArrayLike) -> tuple[Any, Any]:
     """(amplitude, phase in rad) of a cos(k theta) + b sin(k theta): the inverse of
     `turn_components`.
+
+    cosine, sine : a and b, in any unit.
+
+    >>> from estim.model import turn_amplitude
+    >>> amplitude, phase = turn_amplitude(0.003, 0.004)
+    >>> round(float(amplitude), 4), round(float(phase), 3)
+    (0.005, 0.927)
     """
     return np.hypot(cosine, sine), np.arctan2(sine, cosine)
 
@@ -112,11 +141,17 @@ def sagging(
 
     height below the straight line = 4 s p (l - p)/l^2,   slope -4 s (l - 2 p)/l^2,   p = start + x
 
+    phi_slope : rad/m, change of the tilt of the line itself.
     phi : rad, tilt of the line through the supports.
     sag : m, depth s in the middle, negative for a hump.
     length : m, l.
     start : m, from the lower-x support to the point of release.  Relative error of the slope: (4
         s/l)^2.
+
+    >>> from estim.model import sagging
+    >>> tilt, change = sagging(0.07, 0.001, length=1.0, start=0.1)
+    >>> round(float(tilt), 4), round(float(change), 4)
+    (0.0668, 0.008)
     """
     share = 4.0 * np.asarray(sag) / np.square(length)
     return np.asarray(phi) - share * (np.asarray(length) - 2.0 * np.asarray(start)), np.asarray(
@@ -129,6 +164,13 @@ def release_energy(
 ) -> Any:
     """E0 = v |v| D/(2 g R) at x = 0, in weights x R, of the axle's speed v (m/s) at release;
     negative for a negative v.
+
+    phi, theta0 : rad.  D : as in `speed`.
+
+    >>> from estim.model import Body, release_energy
+    >>> body = Body(radius=0.15, gamma=0.19, kappa=0.45)
+    >>> round(float(release_energy(0.1, body, phi=0.07, theta0=1.0, g=9.81)), 4)
+    0.0059
     """
     v = np.asarray(v)
     return (
@@ -139,7 +181,15 @@ def release_energy(
 def release_speed(
     energy: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, g: ArrayLike
 ) -> Any:
-    """v0 (m/s) of an energy at release in weights x R: the inverse of `release_energy`."""
+    """v0 (m/s) of an energy at release in weights x R: the inverse of `release_energy`.
+
+    phi, theta0 : rad.  g : m/s^2.
+
+    >>> from estim.model import Body, release_speed
+    >>> body = Body(radius=0.15, gamma=0.19, kappa=0.45)
+    >>> round(float(release_speed(0.01, body, phi=0.07, theta0=1.0, g=9.81)), 3)
+    0.13
+    """
     square = (
         2.0 * np.asarray(g) * body.radius * np.abs(energy) / _inertia_at_release(body, phi, theta0)
     )

@@ -199,9 +199,15 @@ def travel_time(
     """Time from release until the axle is first at `x`, s, shaped (n_draw, n_obs); nan where it
     never gets there.
 
+    body, phi, theta0 (rad), rolling_resistance, g : as in `speed`.
     x : (n_obs,) m.
     Parameters scalars or (n_draw, 1).  n_node : Chebyshev points; None takes as many as are needed
         (16 give 1e-9 s at the turning point of a paper-like run).
+
+    >>> from estim.model import Body, travel_time
+    >>> body = Body(radius=0.15, gamma=0.19, kappa=0.45)
+    >>> travel_time([0.1, 0.2], body, phi=0.07, theta0=1.0).round(3).tolist()
+    [[0.586, 0.795]]
     """
     angle = np.atleast_1d(np.asarray(x, dtype=float)) / np.asarray(body.radius)
     phi, theta0, resistance, g, stop = _columns(body, phi, theta0, rolling_resistance, g)
@@ -236,7 +242,14 @@ def trajectory(
     At rest at 0 before release; nan after the turning point (the way back is another motion:
     resistance changes sign); nan for every t > 0 where the body does not start.
 
+    phi, theta0 : rad.  rolling_resistance, g : as in `speed`.  n_node : as in `travel_time`.
     t : (n_obs,) s.  Parameters scalars or (n_draw, 1).
+
+    >>> from estim.model import Body, trajectory
+    >>> body = Body(radius=0.15, gamma=0.19, kappa=0.45)
+    >>> x, v = trajectory([0.5, 1.0], body, phi=0.07, theta0=1.0)
+    >>> x.shape
+    (1, 2)
     """
     t = np.atleast_1d(np.asarray(t, dtype=float))
     x, v, end, _ = _leg(
@@ -273,10 +286,17 @@ def back_and_forth(
     holds it: then it stays.  The way back from theta_t at tilt phi is, seen in a mirror, a release
     at -theta_t with tilt -phi.  nan where a leg is too long to be resolved (hundreds of turns).
 
+    phi, theta0 : rad.  rolling_resistance, g : as in `speed`.  n_node : as in `travel_time`.
     t : (n_obs,) or (n_draw, n_obs) s.
     Parameters scalars or (n_draw, 1).  n_leg : nan after so many legs.
     release_speed : m/s at t = 0, either sign.
     forces : what else acts.  With either, by series to 1e-9 m (`model.driven`).
+
+    >>> from estim.model import Body, back_and_forth
+    >>> body = Body(radius=0.15, gamma=0.19, kappa=0.45)
+    >>> x, v = back_and_forth([0.5, 3.0], body, phi=0.07, theta0=1.0)
+    >>> x.shape, bool(v[0, 0] > 0.0)
+    ((1, 2), True)
     """
     return _states(
         t,
@@ -302,7 +322,15 @@ def positions_at(
     rolling_resistance: ArrayLike = 0.0,
     g: ArrayLike = STANDARD_GRAVITY,
 ) -> FloatArray:
-    """The positions (m) of `back_and_forth` at times `t` alone, (n_draw, n_obs), in less time."""
+    """The positions (m) of `back_and_forth` at times `t` alone, (n_draw, n_obs), in less time.
+
+    Arguments as in `back_and_forth`.
+
+    >>> from estim.model import Body, positions_at
+    >>> body = Body(radius=0.15, gamma=0.19, kappa=0.45)
+    >>> positions_at([0.5, 1.0], body, phi=0.07, theta0=1.0).round(3).tolist()
+    [[0.07, 0.324]]
+    """
     return _states(
         t,
         body,

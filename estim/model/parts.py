@@ -35,6 +35,12 @@ class Part:
     distance : m, of its centre from the axle.
     angle : rad, where it is, from any mark on the body.
     rotates : False for what is towed by the axle and does not turn: its mass alone counts.
+
+    >>> from estim.model import Part, disk
+    >>> wheel = Part(mass=0.3, square_gyration=disk(0.15))
+    >>> screw = Part(mass=0.07, distance=0.145, angle=0.0)
+    >>> wheel.square_gyration
+    0.01125
     """
 
     mass: Quantity
@@ -57,6 +63,11 @@ class Assembly:
     mass_disk, mass_particle : kg.  direction : rad, of the centre of mass, from the mark; theta is
         counted from it.
     inertia : kg m^2, of all that rotates, about the axle.
+
+    >>> from estim.model import Part, assemble, disk
+    >>> made = assemble([Part(0.3, disk(0.15)), Part(0.07, distance=0.15)], 0.15)
+    >>> round(float(made.body.gamma), 3), round(float(made.mass_particle), 3)
+    (0.189, 0.07)
     """
 
     body: Body
@@ -69,22 +80,49 @@ class Assembly:
 def disk(radius: Quantity) -> Quantity:
     """Square of the radius of gyration (m^2) of a uniform disk, or of a cylinder about its axis:
     r^2/2.
+
+    radius : m.
+
+    >>> from estim.model import disk
+    >>> round(disk(0.15), 5)
+    0.01125
     """
     return radius * radius / 2.0
 
 
 def ring(radius: Quantity, inner_radius: Quantity) -> Quantity:
-    """The same of a flat ring: (a^2 + b^2)/2; radius^2 for a hoop."""
+    """The same of a flat ring: (a^2 + b^2)/2; radius^2 for a hoop.
+
+    radius, inner_radius : m.
+
+    >>> from estim.model import ring
+    >>> round(ring(0.06, 0.0075), 6)
+    0.001828
+    """
     return (radius * radius + inner_radius * inner_radius) / 2.0
 
 
 def rod(length: Quantity, diameter: Quantity = 0.0) -> Quantity:
-    """The same of a round rod that lies across the axle, as a spoke does: l^2/12 + d^2/16."""
+    """The same of a round rod that lies across the axle, as a spoke does: l^2/12 + d^2/16.
+
+    length, diameter : m.
+
+    >>> from estim.model import rod
+    >>> round(rod(0.3), 4)
+    0.0075
+    """
     return length * length / 12.0 + diameter * diameter / 16.0
 
 
 def bolt(diameter: Quantity) -> Quantity:
-    """The same of a round bolt parallel to the axle, or of a nut about as wide: d^2/8."""
+    """The same of a round bolt parallel to the axle, or of a nut about as wide: d^2/8.
+
+    diameter : m.
+
+    >>> from estim.model import bolt
+    >>> bolt(0.008)
+    8e-06
+    """
     return diameter * diameter / 8.0
 
 
@@ -96,6 +134,11 @@ def assemble(
     particle : numbers of the parts that are spoken of as the particle; None for all that are off
         the axle.  Without a particle what imbalance there is counts as one on the rim: rho is 1,
         and M_P gamma M.
+
+    >>> from estim.model import Part, assemble, disk
+    >>> made = assemble([Part(0.3, disk(0.15)), Part(0.07, distance=0.15)], 0.15)
+    >>> round(float(made.inertia), 5)
+    0.00495
     """
     named = [
         i

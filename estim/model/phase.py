@@ -61,10 +61,22 @@ def speed(
 ) -> FloatArray:
     """Speed of the axle at position `x` along the ramp, m/s; 0 where the energy does not suffice.
 
-    v = sqrt(max(2 g R W/D, 0))
+    v = sqrt(max(2 g R (E0 + W)/D, 0)),    theta = theta0 + x/R,    s = sin phi + c_rr cos phi
+    W = gamma (cos theta0 - cos theta) - (theta - theta0) s,    D = 1 + j + 2 gamma cos(theta + phi)
 
-    x : (n_obs,) m from the point of release.
-    phi, theta0 : rad.  release_energy, forces : as in `energy_ratio`.
+    with j the inertia of all that turns / (M R^2) (arXiv 1403.7220, eq. phase_curve, here with
+    rolling resistance and any body).
+
+    body : `Body`.  rolling_resistance : c_rr, dimensionless.  g : m/s^2.
+    x : (n_obs,) m from the point of release.  The result is (n_obs,), or (n_draw, n_obs) where a
+        parameter is (n_draw, 1).
+    phi, theta0 : rad.  release_energy : E0, in weights x R; None: at rest.
+    forces : what else acts (`Forces`).
+
+    >>> from estim.model import Body, speed
+    >>> body = Body(radius=0.15, gamma=0.19, kappa=0.45)
+    >>> speed([0.1, 0.2], body, phi=0.07, theta0=1.0).round(3).tolist()
+    [0.383, 0.57]
     """
     turned = np.asarray(x) / body.radius
     ratio = energy_ratio(
@@ -94,8 +106,14 @@ def angular_rate(
     """Rate of rotation after the body has turned by `angle` since release, rad/s: `speed` divided
     by R.
 
+    rolling_resistance, g : as in `speed`.
     angle : (n_obs,) rad, theta - theta0.
-    phi, theta0 : rad.  release_energy, forces : as in `energy_ratio`.
+    phi, theta0 : rad.  release_energy, forces : as in `speed`.
+
+    >>> from estim.model import Body, angular_rate
+    >>> body = Body(radius=0.15, gamma=0.19, kappa=0.45)
+    >>> angular_rate([0.5, 1.0], body, phi=0.07, theta0=1.0).round(2).tolist()
+    [2.14, 3.26]
     """
     ratio = energy_ratio(
         angle,
@@ -320,6 +338,12 @@ def theta_min(
     does (s > gamma).
 
     theta_min = asin(s/gamma)      (paper, eq. theta_min)
+
+    gamma : of the body.  phi : rad.  rolling_resistance : c_rr, dimensionless.
+
+    >>> from estim.model import theta_min
+    >>> round(float(theta_min(0.19, 0.07)), 3)
+    0.377
     """
     slope, gamma = np.broadcast_arrays(
         effective_slope(phi, rolling_resistance), np.asarray(gamma, dtype=float)
@@ -333,6 +357,12 @@ def theta_max(
 ) -> FloatArray:
     """Largest angle of release (rad) from which the body ascends from rest: pi - theta_min; nan
     where it never does.
+
+    Arguments as in `theta_min`.
+
+    >>> from estim.model import theta_max
+    >>> round(float(theta_max(0.19, 0.07)), 3)
+    2.765
     """
     return np.pi - theta_min(gamma, phi, rolling_resistance=rolling_resistance)
 
@@ -340,7 +370,15 @@ def theta_max(
 def ascends(
     body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0
 ) -> NDArray[np.bool_]:
-    """Whether the body starts from rest with theta increasing: gamma sin(theta0) > s."""
+    """Whether the body starts from rest with theta increasing: gamma sin(theta0) > s.
+
+    phi, theta0 : rad.  rolling_resistance : c_rr, dimensionless.  Scalars or arrays.
+
+    >>> from estim.model import Body, ascends
+    >>> body = Body(radius=0.15, gamma=0.19, kappa=0.45)
+    >>> bool(ascends(body, phi=0.07, theta0=1.0))
+    True
+    """
     return np.asarray(body.gamma * np.sin(theta0) > effective_slope(phi, rolling_resistance))
 
 
@@ -365,8 +403,15 @@ def turning_angle(
     at pi - asin(s/gamma) and the minimum at 2 pi + asin(s/gamma), where Newton steps, halvings
     where they leave the bracket, find it to the last bits.
 
-    With release_energy or forces (as in `energy_ratio`) there is no such bracket: it is followed in
+    With release_energy or forces (as in `speed`) there is no such bracket: it is followed in
     time, (n_draw, 1), up to `far` (rad), and inf where it has not stopped by then.
+
+    phi, theta0 : rad.  rolling_resistance, g : as in `speed`.  Scalars or arrays.
+
+    >>> from estim.model import Body, turning_angle
+    >>> body = Body(radius=0.15, gamma=0.19, kappa=0.45)
+    >>> round(float(turning_angle(body, phi=0.07, theta0=1.0)), 2)
+    3.08
     """
     if release_energy is not None or forces is not None:
         place = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
@@ -428,6 +473,13 @@ def turning_point(
 ) -> FloatArray:
     """Distance from release at which the body stops, m: R times `turning_angle`; inf where it never
     stops.
+
+    Arguments as in `turning_angle`.
+
+    >>> from estim.model import Body, turning_point
+    >>> body = Body(radius=0.15, gamma=0.19, kappa=0.45)
+    >>> round(float(turning_point(body, phi=0.07, theta0=1.0)), 3)
+    0.462
     """
     angle = turning_angle(
         body,

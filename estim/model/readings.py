@@ -28,6 +28,11 @@ class Readings:
     bow : m (or rad, as x), positive towards larger x.
     length, start : in the unit of x, exact: of the calibrated picture, and from its lower-x end to
         the release.
+
+    >>> from estim.model import Readings
+    >>> stretched = Readings(scale_x=0.01)  # all lengths are read 1 % too long
+    >>> stretched.scale_x, stretched.scale_t
+    (0.01, 0.0)
     """
 
     scale_x: ArrayLike = 0.0
@@ -91,6 +96,12 @@ def blurred_sigma(
     The body moves by v exposure while the shutter is open.  share : of that length, the standard
     deviation of the place that is marked; 1/sqrt(12) where any place within the smear is as likely,
     less for who marks its middle.
+
+    sigma : m, of a position read from a sharp picture.  v : m/s.
+
+    >>> from estim.model import blurred_sigma
+    >>> round(float(blurred_sigma(0.001, 0.6, exposure=0.01)), 5)
+    0.002
     """
     return np.hypot(
         np.asarray(sigma, dtype=float),

@@ -41,6 +41,13 @@ def range_of_release(
 
     Both are pi/2 where it never does (s > gamma), and -pi/2 and 3 pi/2, the same angle, where it
     always does (s < -gamma).
+
+    gamma : of the body.  phi : rad.  rolling_resistance : c_rr.  Scalars or arrays.
+
+    >>> from estim.model import range_of_release
+    >>> low, high = range_of_release(0.19, 0.07)
+    >>> round(float(low), 3), round(float(high), 3)
+    (0.377, 2.765)
     """
     slope, gamma = np.broadcast_arrays(
         effective_slope(phi, rolling_resistance), np.asarray(gamma, dtype=float)
@@ -58,6 +65,12 @@ def release_for_turn(
 
     theta0 = pi - asin(u s/(2 gamma sin(u/2))) - u/2;   none for u >= 2 pi, nor where it would not
     set off, or not get there
+
+    angle : u.  gamma, phi (rad), rolling_resistance : as in `range_of_release`.
+
+    >>> from estim.model import release_for_turn
+    >>> round(float(release_for_turn(3.0, 0.19, 0.07)), 3)
+    1.055
     """
     angle, gamma = np.asarray(angle, dtype=float), np.asarray(gamma, dtype=float)
     slope = effective_slope(phi, rolling_resistance)
@@ -79,6 +92,12 @@ def release_that_rolls_on(
 
     V(theta0) = V(2 pi + theta_min), by halving between theta_min and theta_max.  theta_min where
     nothing rolls on (s >= 0), theta_max where all does.
+
+    gamma, phi (rad), rolling_resistance : as in `range_of_release`.
+
+    >>> from estim.model import release_that_rolls_on
+    >>> round(float(release_that_rolls_on(0.19, -0.02)), 3)
+    1.094
     """
     slope, gamma = np.broadcast_arrays(
         effective_slope(phi, rolling_resistance), np.asarray(gamma, dtype=float)

@@ -64,7 +64,8 @@ class Input:
         symmetric.
     u : standard uncertainty, in `unit`, >= 0; 0 is a constant.  The scale s/sqrt(n) for ``t``, else
         the standard deviation.
-    distribution : see the top of this file; used by Monte Carlo only.
+    distribution : "normal", "t", "rectangular" and so on (docs/propagation.md has the table of
+        all); used by Monte Carlo only.
     dof : degrees of freedom of `u` (GUM G.3, G.4); used by the linear method, and by Monte Carlo
         for ``t`` only.
     unit : text, for tables.
@@ -73,9 +74,18 @@ class Input:
     joint_dof : degrees of freedom of that multivariate t where they are not `dof`: n - N for n sets
         of N readings (JCGM 102, 5.3.2); its scale is then u sqrt(dof/joint_dof).  For Monte Carlo
         only; 0 for `dof`.
-    shape : of the two trapezoids only, see the top of this file: 0 (triangle, rectangle) to 1.
+    shape : of the two trapezoids only: width of the plateau / that of the base, or error of the
+        half width / half width; 0 (triangle, rectangle) to 1.
 
     Raises InputError for a value that breaks one of these rules.
+
+    >>> from estim import Input, propagate_linear
+    >>> length = Input("L", 0.85, 0.01, unit="m")
+    >>> period = Input.from_readings("T", [1.851, 1.849, 1.855], unit="s")
+    >>> print(propagate_linear("4*pi**2*L/T**2", [length, period]))
+    Linear propagation (GUM), 95 %
+         value  u     dof       k     U = k u
+      y  9.79   0.12  3.06e+03  1.96  0.23
     """
 
     name: str

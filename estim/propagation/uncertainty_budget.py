@@ -211,8 +211,17 @@ class BudgetAlong:
 def budget_along(linear: LinearResult, x: ArrayLike) -> BudgetAlong:
     """Share of each input at every point of a curve, and which one dominates where.
 
+    linear : a propagation to many outputs, (n_out,).
     x : (n_out,) abscissas of the outputs, in any unit, increasing or not.
     Raises InputError for a scalar result or an `x` that does not fit.
+
+    >>> import numpy as np
+    >>> from estim import Input, budget_along, propagate_linear
+    >>> t = np.array([1.0, 3.0, 4.0])
+    >>> inputs = [Input("v", 2.0, 0.1), Input("a", 1.0, 0.1)]
+    >>> linear = propagate_linear(lambda p: p["v"] * t + p["a"] * t**2 / 2, inputs)
+    >>> budget_along(linear, t).dominating
+    ('v', 'a', 'a')
     """
     if linear.value.ndim == 0:
         raise InputError(

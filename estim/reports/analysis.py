@@ -74,7 +74,14 @@ def analysis_report(
 ) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/*.png` of one analysis.
 
+    campaign : what was analysed: a `Campaign`.
     figures : "main" is curve and data alone.  profiles : whether there are profile intervals.
+
+    >>> from estim import Target, analyse, analysis_report, load_campaign
+    >>> campaign = load_campaign("data/gallery/hubble.toml", only="with-intercept")
+    >>> analysis = analyse(campaign, ["with-intercept"], seed=1, target=Target(ess=400.0))
+    >>> sorted(analysis_report(campaign, analysis, figures="none", profiles=False))
+    ['report.md', 'result.json']
     """
     return report_and_result(campaign, analysis, figures=figures, profiles=profiles)[0]
 

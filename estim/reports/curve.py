@@ -34,8 +34,16 @@ def curve_report(
 ) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/*.png` of an analysis of a fitted curve.
 
+    fit, analysis : a curve and the draws of its posterior (`sample_curve`).  title : its heading.
     kind : "measured", "synthetic" or "published": printed on the report.
     figures : "main" (curve and data), "all" or "none".
+
+    >>> from estim import Target, curve_report, fit_curve, sample_curve
+    >>> fit = fit_curve("a*x + b", [0, 1, 2, 3, 4], [1.0, 3.1, 4.9, 7.2, 9.0], u_y=0.1)
+    >>> analysis = sample_curve(fit, seed=1, target=Target(ess=400.0))
+    >>> files = curve_report(fit, analysis, title="A line", kind="synthetic", figures="none")
+    >>> sorted(files)
+    ['report.md', 'result.json']
     """
     if kind not in KINDS:
         raise InputError(f"must be one of {', '.join(KINDS)}", field="kind", value=kind)
@@ -62,9 +70,21 @@ def write_curve_report(
     """The draws of a fitted curve, of one data set or of several, whose report is written into
     `folder`: `report.md`, `result.json`, `figures/`.
 
+    fit : of `fit_curve` or `fit_curves`.  title : of the report.
+    kind : "measured", "synthetic" or "published": printed on the report.
+    figures : "main" (curve and data), "all" or "none".
     seed : the same one gives the same numbers.
     target : of the sampling (`estim.Target`).  Files of these names that are there are replaced,
         each whole.  Raises InputError.
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from estim import fit_curve, write_curve_report
+    >>> fit = fit_curve("a*x + b", [0, 1, 2, 3, 4], [1.0, 3.1, 4.9, 7.2, 9.0], u_y=0.1)
+    >>> with TemporaryDirectory() as folder:
+    ...     _ = write_curve_report(fit, folder, title="A line", kind="synthetic", figures="none")
+    ...     print(sorted(path.name for path in Path(folder).iterdir()))
+    ['report.md', 'result.json']
     """
     analysis = sample_curve(fit, seed=seed, target=target)
     for name, data in curve_report(fit, analysis, title=title, kind=kind, figures=figures).items():

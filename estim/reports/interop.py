@@ -74,6 +74,12 @@ def to_datatree(analysis: Analysis) -> xarray.DataTree:
 
     The draws are there whatever the status is: look at it before you use them.  Raises InputError
     where xarray is missing.
+
+    >>> from estim import Target, fit_curve, sample_curve, to_datatree
+    >>> fit = fit_curve("a*x + b", [0, 1, 2, 3, 4], [1.0, 3.1, 4.9, 7.2, 9.0], u_y=0.1)
+    >>> tree = to_datatree(sample_curve(fit, seed=1, target=Target(ess=400.0)))
+    >>> sorted(tree["posterior"].data_vars)
+    ['a', 'b']
     """
     if find_spec("xarray") is None:
         raise InputError(f"is not installed: {HOW_TO_GET}", field="xarray")
@@ -90,6 +96,12 @@ def to_datatree(analysis: Analysis) -> xarray.DataTree:
 def to_netcdf(analysis: Analysis) -> bytes:
     """`to_datatree(analysis)` as a netCDF-4 file.  Raises InputError where a package of the extra
     `arviz` is missing.
+
+    >>> from estim import Target, fit_curve, sample_curve, to_netcdf
+    >>> fit = fit_curve("a*x + b", [0, 1, 2, 3, 4], [1.0, 3.1, 4.9, 7.2, 9.0], u_y=0.1)
+    >>> data = to_netcdf(sample_curve(fit, seed=1, target=Target(ess=400.0)))
+    >>> data[1:4]  # to be written into draws.nc
+    b'HDF'
     """
     for package in _NETCDF:
         if find_spec(package) is None:
@@ -103,6 +115,14 @@ def to_frame(analysis: Analysis) -> pd.DataFrame:
 
     SI units and radians: `frame.attrs["units"]` maps names to units, the other attributes are
     title, kind, status and reasons.  Raises InputError where pandas is missing.
+
+    analysis : of a campaign or of a curve.
+
+    >>> from estim import Target, fit_curve, sample_curve, to_frame
+    >>> fit = fit_curve("a*x + b", [0, 1, 2, 3, 4], [1.0, 3.1, 4.9, 7.2, 9.0], u_y=0.1)
+    >>> frame = to_frame(sample_curve(fit, seed=1, target=Target(ess=400.0)))
+    >>> list(frame.columns)
+    ['a', 'b']
     """
     _require_pandas()
     from pandas import DataFrame, MultiIndex
@@ -126,6 +146,13 @@ def summary_frame(result: Result) -> pd.DataFrame:
         else "": then `limit_95` holds with 95 % probability, and there is no mean and sd.
 
     Raises InputError where pandas is missing.
+
+    >>> from estim import Target, analyse, load_campaign, result_of, summary_frame
+    >>> campaign = load_campaign("data/gallery/hubble.toml", only="with-intercept")
+    >>> analysis = analyse(campaign, ["with-intercept"], seed=1, target=Target(ess=400.0))
+    >>> frame = summary_frame(result_of(campaign, analysis))
+    >>> frame.loc["H", "unit"]
+    'km/s/Mpc'
     """
     _require_pandas()
     from pandas import DataFrame

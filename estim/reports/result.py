@@ -245,6 +245,15 @@ def result_of(
     """The record of an analysis, with its profile intervals if they were determined.  budget : made
     here where it is None.
 
+    campaign : what was analysed: a `Campaign`.
+    determination : profile intervals and the like; None leaves them out.
+
+    >>> from estim import Target, analyse, load_campaign, result_of
+    >>> campaign = load_campaign("data/gallery/hubble.toml", only="with-intercept")
+    >>> analysis = analyse(campaign, ["with-intercept"], seed=1, target=Target(ess=400.0))
+    >>> result = result_of(campaign, analysis)
+    >>> result.status, round(result.parameters["H"].mean / 10.0)
+    ('ok', 45)
     """
     problem = analysis.problem
     fit = analysis.fit

@@ -52,6 +52,17 @@ def posterior_bands(
 ) -> tuple[Bands, ...]:
     """Bands of every run of `problem` from posterior draws (n_draw, n_par).  forces : what the
     curves of some of them lack.
+
+    rng : chooses the draws, and draws new readings.  probabilities : of the bands.
+    n_x : points of the grid in x, four times as many for a curve that is no motion.
+
+    >>> import numpy as np
+    >>> from estim import Target, fit_curve, posterior_bands, sample_curve
+    >>> fit = fit_curve("a*x + b", [0, 1, 2, 3, 4], [1.0, 3.1, 4.9, 7.2, 9.0], u_y=0.1)
+    >>> chain = sample_curve(fit, seed=1, target=Target(ess=400.0)).chain
+    >>> (bands,) = posterior_bands(fit.problem, chain.flat, rng=np.random.default_rng(1), n_x=50)
+    >>> bands.x.shape
+    (200,)
     """
     completed = {force.run: force.completed for force in forces}
     pairs = zip(problem.runs, rng.spawn(len(problem.runs)), strict=True)

@@ -50,6 +50,12 @@ class Target:
     max_step : hard cap on the steps of each ensemble.
     n_ensemble, n_walker : ensembles and walkers in each (0: two for each parameter, and as many as
         give `ess` in `n_tau`); an odd number gets one more.
+
+    >>> from estim import Target, fit_curve, sample_curve
+    >>> fit = fit_curve("a*x + b", [0, 1, 2, 3, 4], [1.0, 3.1, 4.9, 7.2, 9.0], u_y=0.1)
+    >>> analysis = sample_curve(fit, seed=1, target=Target(ess=400.0))  # quick and coarse
+    >>> analysis.diagnosis.status
+    'ok'
     """
 
     rhat: float = 1.01
@@ -147,8 +153,20 @@ def sample_posterior(
     that a bad proposal costs time and not correctness; emcee's snooker move has a wrong acceptance
     factor (3.1.6) and is never used.
 
+    target : when to stop (`estim.Target`).  rng : of every draw.  progress : is told how far it has
+        got.
+
     Raises NumericalError where walkers find no place to start, or run away, so that there is no
     posterior.
+
+    >>> import numpy as np
+    >>> from estim import Target, fit_curve, sample_posterior
+    >>> fit = fit_curve("a*x + b", [0, 1, 2, 3, 4], [1.0, 3.1, 4.9, 7.2, 9.0], u_y=0.1)
+    >>> target, rng = Target(ess=400.0), np.random.default_rng(1)
+    >>> start, cov = fit.fit.values, fit.fit.cov
+    >>> chain = sample_posterior(fit.fit.posterior, start, cov, target=target, rng=rng)
+    >>> chain.flat.shape[1]
+    2
     """
     from estim.sampling.ensembles import EnsembleRun, sampler_of  # which imports emcee
 

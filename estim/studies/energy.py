@@ -167,7 +167,18 @@ def _best(fit: Fit) -> float:
 def energy_along(
     analysis: Analysis, *, rng: np.random.Generator, n_draw: int = 4000
 ) -> tuple[EnergyRecord, ...]:
-    """One EnergyRecord for each run of a fit."""
+    """One EnergyRecord for each run of a fit.
+
+    analysis : of runs of a rolling body.  n_draw : draws of its posterior that are used.
+
+    >>> import numpy as np
+    >>> from estim import Target, analyse, energy_along, load_campaign
+    >>> campaign = load_campaign("data/replica/campaign.toml", only="heavy-04")
+    >>> analysis = analyse(campaign, ["heavy-04"], seed=1, target=Target(ess=400.0))
+    >>> (energy,) = energy_along(analysis, rng=np.random.default_rng(1), n_draw=200)
+    >>> energy.run
+    'heavy-04'
+    """
     draws, posterior = analysis.chain.thinned(n_draw), analysis.fit.posterior
     speeds = posterior.by_run(likelihood.y for likelihood in posterior.likelihoods)
     return tuple(

@@ -65,8 +65,17 @@ def propagated_bands(
 ) -> tuple[PropagatedBand, ...]:
     """A PropagatedBand for each run of an analysis that has one, on the grid of its posterior band.
 
+    rng : of the draws of the stated inputs.
     published : numbers of the paper whose band it is.
     A run has none where no input was measured, or where at the stated values the body hardly moves.
+
+    >>> import numpy as np
+    >>> from estim import Target, analyse, load_campaign, propagated_bands
+    >>> campaign = load_campaign("data/replica/campaign.toml", only="heavy-04")
+    >>> analysis = analyse(campaign, ["heavy-04"], seed=1, target=Target(ess=400.0))
+    >>> (band,) = propagated_bands(analysis, rng=np.random.default_rng(1))
+    >>> band.run
+    'heavy-04'
     """
     bands = (_band(analysis, i, band, rng, published) for i, band in enumerate(analysis.bands))
     return tuple(band for band in bands if band is not None)
