@@ -240,16 +240,16 @@ def test_several_files_are_one_fit_or_a_table_that_a_class_fills(page: Any) -> N
     wait_until(page, "document.getElementById('points')?.naturalWidth > 0")
     assert is_accessible()
     assert fits_the_width(page)
-    page.fill("#formula", "a*exp(-t/tau)")
+    page.fill("#formula", "amplitude_at_the_release*exp(-t/characteristic_time_of_the_decay)")
     page.fill("#u-y", "0.01")
     assert not page.is_visible("#own")
     page.click(".end button")
     assert page.url.rpartition("/")[0].endswith("/files")  # a choice is needed
     page.check("text=All files together")
-    page.fill("#own", "a")
+    page.fill("#own", "amplitude_at_the_release")
     page.click(".end button")
     page.wait_for_selector(".state", timeout=MINUTES)
-    assert "a[two]" in page.inner_text(".said")
+    assert "amplitude_at_the_release[two]" in page.inner_text(".said")
     page.click("text=Ask something else")
     page.check("text=Each file by itself")
     assert not page.is_visible("#own")
@@ -265,6 +265,10 @@ def test_several_files_are_one_fit_or_a_table_that_a_class_fills(page: Any) -> N
     page.click("text=The table of all files")
     page.wait_for_selector("text=/2[.]5.* ± /", timeout=MINUTES)
     assert page.locator("tbody tr").count() == 3
+    # no status is cut off, however long the names are
+    right = "element.getBoundingClientRect().right <= innerWidth"
+    marks = f"[...document.querySelectorAll('tbody th .mark')].map((element) => {right})"
+    assert page.evaluate(marks) == [True] * 3
     assert is_accessible()
     assert fits_the_width(page)
 

@@ -21,13 +21,14 @@ from urllib.parse import urlencode
 
 import numpy as np
 import pytest
+from command_runner import runner
 from conftest import REAL
 from markupsafe import escape
 from tracker_files import point_mass, trk
 from web_pages import Browser, entered, served, words
 from workbooks import xlsx
 
-from estim.cli.commands import fit
+from estim.cli.commands import cli, fit
 from estim.common import EstimError, InputError
 from estim.curves.models import read_model
 from estim.plugins import plugins
@@ -258,6 +259,32 @@ def test_the_start_of_a_curve_is_drawn_and_told(browser: Browser) -> None:
     assert browser.get(f"{asked.place}/start-../x.png").status == 404
 
 
+def test_a_start_that_takes_long_is_searched_for_once_and_says_what_to_do(
+    browser: Browser, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = browser.send("POST", "/examples/cooling").place
+    assert "tau" in browser.get(asked).text
+    begun: list[Job] = []
+    submit = Workers.submit
+    monkeypatch.setattr(
+        Workers, "submit", lambda self, job, then: (begun.append(job), submit(self, job, then))[1]
+    )
+    monkeypatch.setattr("estim.web.pages._PATIENCE", 0.0)
+    place = f"{asked}?{urlencode({'asked': 'formula', 'show': 'start', 'formula': SLOW})}"
+    for _ in range(2):
+        form = browser.get(place).text
+        assert "Starting values are being searched for, which takes up to 60 s" in form
+        assert 'http-equiv="refresh"' in form
+    assert len(begun) == 1
+    monkeypatch.setattr("estim.web.pages._PATIENCE", 60.0)
+    assert "/start-" in browser.get(place).text
+    assert len(begun) == 1
+    monkeypatch.setattr("estim.web.pages._PREVIEW_SECONDS", 0)
+    form = browser.get(place.replace("formula=", "formula=2*")).text
+    assert "The search for starting values was ended after 0 s. State one or more" in form
+    assert 'http-equiv="refresh"' not in form
+
+
 def test_a_pdf_where_weasyprint_is_and_how_to_get_one_elsewhere(
     browser: Browser, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -375,6 +402,29 @@ def test_of_several_tracks_one_is_chosen_and_of_two_axes_the_livelier(browser: B
     form = browser.get(asked.place).text
     assert 'name="track"' not in form
     assert re.findall('id="asked-([a-z]+)"', form) == ["formula", "rolling"]  # others read tables
+
+
+def test_a_film_without_marked_points_is_sent_back_to_tracker(browser: Browser) -> None:
+    points = {i: (300.0 + 40.0 * i, 240.0) for i in range(8)}
+    for tracks in ((), (point_mass("ball", {0: (300.0, 240.0)}),)):
+        asked = browser.hand_in({"film.trk": trk(*tracks).encode()})
+        form = browser.get(asked.place).text
+        assert "mark the positions of a point mass in more frames" in form
+        assert ">Another file</a>" in form
+        assert "<form" not in form
+    data = trk(point_mass("ball", points)).encode()
+    assert "<form" in browser.get(browser.hand_in({"film.trk": data}).place).text
+
+
+def test_what_a_straight_line_and_the_model_line_are_each_for(browser: Browser) -> None:
+    form = words(browser.get(browser.hand_in({"line.csv": LINE}).place).text)
+    assert "choose a curve and the model line." in form
+
+
+def test_a_column_of_one_value_is_not_asked_about(browser: Browser) -> None:
+    data = b"date,t [s],U [V]\n" + b"".join(b"2026-03-04,%d,%d\n" % (i, 2 * i) for i in range(9))
+    form = browser.get(browser.hand_in({"line.csv": data}).place).text
+    assert re.findall('<option value="([^"]*)" selected', form)[:2] == ["t", "U"]
 
 
 def test_a_campaign_with_its_tables(browser: Browser, project: Path) -> None:
@@ -567,10 +617,10 @@ def test_each_file_by_itself_is_a_table_in_which_one_bad_file_spoils_nothing(
     assert page.headers["refresh"] == "10"
     assert "refresh" not in browser.get(f"{table}?still=1").headers
     rows = [words(row).split() for row in re.findall(r"<tr>(.*?)</tr>", page.text, re.DOTALL)]
-    assert rows[0] == ["file", "a", "(V)", "tau", "(s)", "status"]
+    assert rows[0] == ["file", "and", "status", "a", "(V)", "tau", "(s)"]
     assert [row[0] for row in rows[1:4]] == ["a.csv", "b.csv", "bad.csv"]
-    assert rows[1][-1] == "ok"
-    assert abs(float(rows[1][1]) - 2.0) < 4.0 * float(rows[1][3])
+    assert rows[1][1:3] == ["ok", "Replace"]
+    assert abs(float(rows[1][3]) - 2.0) < 4.0 * float(rows[1][5])
     assert rows[3][1:3] == ["not", "understood"]
     assert "the header has t [s], W [V]" in unescape(page.text)
     # the numbers are those of the command of each row, and of estim batch
@@ -625,6 +675,109 @@ def test_a_class_hands_in_and_the_table_grows_and_names_what_stands_apart(browse
     assert '\n\'=1+""x' in summary.replace("\"'=", "'=")
     assert "\nhttp://x: data.csv," in summary
     assert len(summary.splitlines()) == len(sizes) + 1
+
+
+def class_of(browser: Browser, title: str = "", **fields: str) -> str:
+    """The place of a batch, begun as a teacher begins it."""
+    asked = browser.hand_in({"teacher.csv": decay(2.0)})
+    answer = browser.fill_in(asked.place, **DECAY | fields, asked="formula").place
+    browser.ended(answer)
+    return browser.fill_in(f"{answer}/batch", title=title).place
+
+
+def rows_of(browser: Browser, batch: str) -> list[str]:
+    """What each row of a table says, but for the last three."""
+    rows = re.findall(
+        r'<tr><th scope="row">.*?</tr>', browser.get(f"{batch}/table").text, re.DOTALL
+    )
+    return [unescape(words(row)).strip() for row in rows if "/answers/" in row]
+
+
+def test_a_row_is_replaced_and_the_table_says_so(browser: Browser) -> None:
+    batch = class_of(browser)
+    handed = {"batch": batch.rpartition("/")[2], "who": "Ana & Luis"}
+    assert "choose Replace in its row" in browser.get(batch).text
+    first = browser.hand_in({"wrong.csv": decay(9.0)}, fields=handed).place
+    other = browser.hand_in({"wrong.csv": decay(2.0)}, fields=handed).place  # is another row
+    browser.ended(first)
+    at = first.rpartition("/")[2]
+    assert f'href="{batch}?row={at}"' in browser.get(first).text
+    assert f'href="{batch}?row={at}"' in browser.get(f"{batch}/table").text
+    page = browser.get(f"{batch}?row={at}").text
+    assert "takes the place of Ana &amp; Luis: wrong.csv in the table" in page
+    assert f'name="row" value="{at}"' in page
+    assert 'name="who" value="Ana &amp; Luis"' in page
+    refused = browser.hand_in({"run.exe": b"MZ"}, fields=handed | {"row": at})
+    assert f'name="row" value="{at}"' in refused.text
+    second = browser.hand_in({"right.csv": decay(2.0)}, fields=handed | {"row": at}).place
+    for answer in (other, second):
+        browser.ended(answer)
+    rows = rows_of(browser, batch)
+    assert [row.partition(" ok")[0] for row in rows] == [
+        "Ana & Luis: wrong.csv",
+        "Ana & Luis: right.csv",
+    ]
+    assert "in place of Ana & Luis: wrong.csv" in rows[1]
+    assert "in place of" not in rows[0]
+    assert len(browser.get(f"{batch}/summary.csv").text.splitlines()) == 3
+    # nothing is lost: the answer is there, and the table leads to it
+    assert f'href="{first}"' in browser.get(f"{batch}/table").text
+    assert f'href="{first}"' in browser.get("/").text
+    assert browser.get(f"{first}/report/report.html").status == 200
+    # of another class nothing can be replaced
+    another = class_of(browser)
+    fields = handed | {"batch": another.rpartition("/")[2], "row": second.rpartition("/")[2]}
+    browser.hand_in({"a.csv": decay(2.0)}, fields=fields)
+    assert len(rows_of(browser, batch)) == 2
+    assert "right.csv" not in browser.get(f"{another}/table").text
+
+
+def test_columns_of_other_names_are_chosen_and_become_the_row(browser: Browser) -> None:
+    batch = class_of(browser, **{"u-y": "", "value": "tau = 3.00(5)"})
+    fields = {"batch": batch.rpartition("/")[2], "who": "A"}
+    data = decay(2.0, 3).replace(b"t [s],U [V]", b"no [1],time [s],voltage [V]")
+    data = re.sub(rb"\n(?=\d)", b"\n7,", data)
+    failed = browser.hand_in({"data.csv": data}, fields=fields).place
+    page = unescape(browser.ended(failed).text)
+    assert "'t' is missing (the header has no [1], time [s], voltage [V])" in page
+    (link,) = re.findall('href="(/files/[^"]*row=[^"]*)"', page)
+    assert f'href="{link}"' in browser.get(f"{batch}/table").text
+    form = browser.get(link).text
+    assert "The curve a*exp(-t/tau) is fitted to them" in form
+    assert 'name="formula"' not in form
+    assert re.findall('<option value="([^"]*)" selected', form) == ["time", "voltage"]
+    place, _, row = link.partition("?row=")
+    # what else is said does not count: the question is that of the class
+    said = {"x": "time", "y": "voltage", "formula": "b*x", "value": "", "title": "mine"}
+    chosen = browser.fill_in(place, row=row, **said).place
+    command = shlex.split(unescape(re.findall("<code>(.*?)</code>", browser.ended(chosen).text)[0]))
+    assert {"--formula=a*exp(-x/tau)", "--x=time", "--y=voltage", "--value=tau=3.00(5)"} <= {
+        *command
+    }
+    assert "--title=A: data" in command
+    (shown,) = rows_of(browser, batch)
+    assert shown.startswith("A: data.csv ok in place of A: data.csv")
+    # of another file the row is not replaced
+    other = browser.hand_in({"line.csv": LINE}).place
+    answer = browser.fill_in(other, row=chosen.rpartition("/")[2], asked="line").place
+    browser.ended(answer)
+    assert len(rows_of(browser, batch)) == 1
+    assert "/batches/" not in browser.get(answer).text
+
+
+def test_a_class_has_a_title(browser: Browser) -> None:
+    batch = class_of(browser, title="Cups of <b>7b</b>")
+    shown = "Cups of &lt;b&gt;7b&lt;/b&gt;"
+    for place in (batch, f"{batch}/table"):
+        page = browser.get(place).text
+        assert f"<h1>{shown}</h1>" in page
+        assert "<code>a*exp(-t/tau)</code>" in page
+    assert f'<a href="{batch}">{shown}</a>' in browser.get("/").text
+    assert "<h1>a*exp(-t/tau)</h1>" in browser.get(class_of(browser)).text
+    asked = browser.hand_in({"a.csv": decay(2.0), "b.csv": decay(2.0, 2)}).place
+    said = {"files": "a.csv\nb.csv", "how": "each", "title": "Two cups"}
+    table = browser.fill_in(asked, **DECAY, **said).place
+    assert "<h1>Two cups</h1>" in browser.get(table).text
 
 
 def test_what_a_class_cannot_hand_in_is_said_where_it_was_handed_in(browser: Browser) -> None:
@@ -1095,6 +1248,20 @@ def test_the_command_serves_until_it_is_stopped_and_its_workers_end_with_it(tmp_
         server.send_signal(signal.SIGINT)
         assert server.wait(20) == 0
         assert server.stderr.read() == ""
+
+
+def test_the_folder_is_named_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """estim serve FOLDER is estim serve --folder FOLDER."""
+    begun: list[At] = []
+    monkeypatch.setattr("estim.web.serve", lambda at, *_, **__: begun.append(at))
+    folder = str(tmp_path / "a")
+    both = runner().invoke(cli, ["serve", folder, "--folder", folder])
+    assert isinstance(both.exception, InputError)
+    assert "'--folder' names the folder a second time" in str(both.exception)
+    assert begun == []
+    for said in ([folder], ["--folder", folder], []):
+        assert runner().invoke(cli, ["serve", *said]).exit_code == 0
+    assert [at.folder for at in begun] == [Path(folder), Path(folder), Path("estim-answers")]
 
 
 def test_a_taken_port_is_one_line_and_the_usual_one_gives_way(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from estim.campaign.forced import as_complete
 from estim.campaign.levels import body_levels
 from estim.campaign.loading import load_campaign
 from estim.campaign.curve_models import CurveModel
+from estim.campaign.curve_tables import variable_of
 from estim.campaign.new_campaign import columns_of, drafted_campaign
 from estim.campaign.selection import way_back
 from estim.campaign.table_campaign import TableChoices, campaign_of_table, pairs, window_of

@@ -14,6 +14,7 @@ from estim.common import InputError, phrase
 
 
 @click.command()
+@click.argument("place", metavar="[FOLDER]", required=False, type=FOLDER)
 @click.option(
     "--port",
     type=click.IntRange(1, 65535),
@@ -26,18 +27,15 @@ from estim.common import InputError, phrase
     help="Address that is listened on; any but that of this machine opens the page to others, who "
     "need a passphrase.",
 )
-@click.option(
-    "--folder",
-    type=FOLDER,
-    default=Path("estim-answers"),
-    show_default=True,
-    help="Where files and answers are kept; a later server goes on with them.",
-)
+@click.option("--folder", type=FOLDER, help="The same as FOLDER.")
 @click.option("--browser/--no-browser", default=True, help="Open the page in the browser.")
-def serve(port: int | None, host: str, folder: Path, browser: bool) -> None:
+def serve(
+    place: Path | None, port: int | None, host: str, folder: Path | None, browser: bool
+) -> None:
     """Serve a page on this machine: drop a file, ask, get the report (docs/serve.md).
 
-    Needs the extra `web`.  Ctrl-C ends it; what was answered stays in the folder.
+    Files and answers are kept in FOLDER, estim-answers where none is named; a later server goes on
+    with them.  Needs the extra `web`.  Ctrl-C ends it.
     """
     from estim.web import At, missing_packages
     from estim.web import serve as serve_page
@@ -46,6 +44,9 @@ def serve(port: int | None, host: str, folder: Path, browser: bool) -> None:
         raise InputError(
             f'needs the packages {", ".join(missing)}: pip install "estim[web]"', field="serve"
         )
+    if place and folder:
+        raise InputError(f"names the folder a second time, after {place}", field="--folder")
+    folder = place or folder or Path("estim-answers")
     at = At(host, port, folder)
     if not at.is_local:
         at = At(host, port, folder, _passphrase())

@@ -11,11 +11,13 @@ import io
 import json
 import zipfile
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import replace
 from importlib.resources import files
 from importlib.util import find_spec
 from itertools import pairwise
 from mimetypes import guess_type
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
@@ -30,7 +32,7 @@ from estim.common import LANGUAGES, EstimError, InputError, language, phrase
 from estim.reading import read_suffixes
 from estim.web.looks import LANGUAGE, closed, page
 from estim.web.preview import picture_name, preview_name, start_name
-from estim.web.question import MODELS, arguments_of, command_line, field_of, fields_of
+from estim.web.question import MODELS, arguments_of, command_line, field_of, fields_of, with_columns
 from estim.web.rows import answers_of, rows_of, summary_of
 from estim.web.store import MOST_BYTES, MOST_FILES, Answer, Batch, Kept, Shelf, Store, Upload
 from estim.web.work import Job, Workers
@@ -38,7 +40,7 @@ from estim.web.work import Job, Workers
 if TYPE_CHECKING:
     from starlette.requests import Request
 
-_SECONDS, _PREVIEW_SECONDS = 600, 30
+_SECONDS, _PREVIEW_SECONDS = 600, 60
 _PATIENCE = 20.0  # s that a page waits for a preview
 _LOOKS = 10  # s between two looks at the table of a batch
 _REPORT_POLICY = (
@@ -56,6 +58,7 @@ class Pages:
     def __init__(self, store: Store, fits: Workers, previews: Workers) -> None:
         self._store, self._fits, self._previews = store, fits, previews
         self._jobs = dict[str, Job]()  # id of an answer -> while it is under way
+        self._being_made = dict[tuple[Path, str], Future[None]]()
         self._taking = asyncio.Lock()  # one upload after the other is in memory
 
     def app(self) -> Starlette:
@@ -104,9 +107,10 @@ class Pages:
 
     async def take_in(self, request: Request) -> Response:
         """Keeps what is handed in, for a question that follows, or for that of a batch."""
-        async with self._taking, request.form(max_files=MOST_FILES, max_fields=2) as form:
+        async with self._taking, request.form(max_files=MOST_FILES, max_fields=3) as form:
             said = fields_of(form.multi_items())
             batch = _found(self._store.batches, request, said["batch"]) if "batch" in said else None
+            row = self._row(said, batch)
             handed = [
                 value
                 for value in form.getlist("files")
@@ -124,12 +128,12 @@ class Pages:
                 who = said.get("who", "") if batch else None
                 uploads = await asyncio.to_thread(self._store.take_in, given, who)
                 if batch is not None:
-                    return self._answered(batch, uploads)
+                    return self._answered(batch, uploads, row)
                 if len(uploads) > 1:
                     uploads = [await asyncio.to_thread(self._store.together, uploads)]
             except InputError as error:
                 if batch is not None:
-                    return self._hand_in(batch, 422, error.rule)
+                    return self._hand_in(batch, row, 422, error.rule)
                 return await self.start(request, 422, error.rule)
         return _to(f"/files/{uploads[0].id}")
 
@@ -165,6 +169,8 @@ class Pages:
         upload = self._upload(request)
         fields = fields_of(request.query_params.multi_items())
         before = self._store.answers.records.get(fields.pop("answer", ""))
+        if (row := self._row(fields, upload)) is not None:
+            return await self._form(upload, row.fields, row.error, row.field, row=row)
         if before is not None:
             return await self._form(upload, before.fields, before.error, before.field)
         if "model" in fields:
@@ -181,7 +187,11 @@ class Pages:
         found: dict[str, Any] = {"busy": data is None}
         if data == b"":
             found["error"] = phrase(
-                "No starting values were found in time: state some of them below."
+                "The search for starting values was ended after {seconds} s. State one or more of "
+                "them below, under More about the curve; or get the report, which may search for "
+                "{most} s.",
+                seconds=_PREVIEW_SECONDS,
+                most=_SECONDS,
             )
         found |= json.loads(data or b"{}")
         return await self._form(
@@ -196,6 +206,7 @@ class Pages:
         wrong: str | None = None,
         status: int = 200,
         begun: Mapping[str, Any] = {},
+        row: Answer | None = None,
     ) -> Response:
         if upload is None:
             return page("propagate", status, fields=fields, error=error)
@@ -209,6 +220,8 @@ class Pages:
             parts={n: known[at].given if at in known else n for n, at in upload.parts.items()},
             seen={**seen, "busy": seen.get("busy") or begun.get("busy")},
             begun=begun,
+            seconds=_PREVIEW_SECONDS,
+            row=row,
             fields=fields,
             models=MODELS,
             error=error,
@@ -221,6 +234,9 @@ class Pages:
         fields = fields_of((await request.form(max_files=0)).multi_items())
         if upload and upload.parts:
             fields["asked"] = "formula"
+        row = self._row(fields, upload)
+        if row is not None:
+            fields = with_columns(self._store.batches.records[row.batch].fields, fields)
         try:
             if upload and upload.parts and "how" not in fields:
                 raise InputError(phrase("Choose: all files together, or each by itself."))
@@ -228,20 +244,26 @@ class Pages:
                 known, ids = self._store.uploads.records, upload.parts
                 parts = [known[ids[name]] for name in _ticked(upload, fields) if ids[name] in known]
                 arguments_of(fields, upload.file, "")  # a question that is none begins nothing
-                return self._answered(self._store.set_batch(fields), parts)
-            answer = self._begin(upload, fields)
+                batch = self._store.set_batch(fields, fields.get("title", ""))
+                return self._answered(batch, parts, None)
+            answer = self._begin(upload, fields, row.batch if row else "", row)
         except InputError as error:
-            return await self._form(upload, fields, error.rule, error.field, 422)
+            return await self._form(upload, fields, error.rule, error.field, 422, row=row)
         return _to(f"/answers/{answer.id}")
 
-    def _begin(self, upload: Upload | None, fields: Mapping[str, str], batch: str = "") -> Answer:
-        """A new answer, whose command waits for its turn.  Raises InputError for the page."""
+    def _begin(
+        self, upload: Upload | None, fields: Mapping[str, str], batch: str, row: Answer | None
+    ) -> Answer:
+        """A new answer, whose command waits for its turn; in a batch it may stand in the place of a
+        row.  Raises InputError for the page.
+        """
         if self._fits.is_full:
             raise HTTPException(503)
         file, given = (upload.file, upload.given.rpartition(".")[0]) if upload else ("", "")
         file, *others = _ticked(upload, fields) if upload and upload.parts else [file]
         arguments = arguments_of(fields, file, given, others)
-        answer = self._store.begin(upload, fields, arguments, batch)
+        instead = row.id if row else ""
+        answer = self._store.begin(upload, fields, arguments, batch=batch, instead=instead)
         folder = self._store.answers.folder / answer.id
         job = self._jobs[answer.id] = Job(folder, ["run", *arguments], seconds=_SECONDS)
 
@@ -273,11 +295,18 @@ class Pages:
         """A file of the folder of an id, which a process makes once; None where it is not there
         yet, b"" where it could not be made.
         """
-        if (data := shelf.read(at, name)) is None and not self._previews.is_full:
-            job = Job(shelf.folder / at, task, seconds=_PREVIEW_SECONDS)
-            ended = asyncio.wrap_future(self._previews.submit(job, lambda: None))
-            await asyncio.wait([ended], timeout=_PATIENCE)
-            data = shelf.read(at, name) or (b"" if ended.done() else None)
+        place = shelf.folder / at
+        made = self._being_made.get((place, name))
+        if (data := shelf.read(at, name)) is None and (made or not self._previews.is_full):
+            if made is None:
+                job = Job(place, task, seconds=_PREVIEW_SECONDS)
+                made = self._being_made[place, name] = self._previews.submit(job, lambda: None)
+            # who looks again later waits for the same process
+            await asyncio.wait([asyncio.wrap_future(made)], timeout=_PATIENCE)
+            data = shelf.read(at, name)
+            if made.done():
+                self._being_made.pop((place, name), None)
+                data = data or b""
         return data
 
     async def _seen(self, upload: Upload, name: str, task: str, *more: str) -> bytes | None:
@@ -382,17 +411,24 @@ class Pages:
         answer = _found(self._store.answers, request)
         if not answer.is_curve:
             raise HTTPException(404)
-        return _to(f"/batches/{self._store.set_batch(answer.fields).id}")
+        said = fields_of((await request.form(max_files=0)).multi_items())
+        return _to(f"/batches/{self._store.set_batch(answer.fields, said.get('title', '')).id}")
 
     async def batch(self, request: Request) -> Response:
-        return self._hand_in(_found(self._store.batches, request))
+        batch = _found(self._store.batches, request)
+        said = fields_of(request.query_params.multi_items())
+        return self._hand_in(batch, self._row(said, batch))
 
-    def _hand_in(self, batch: Batch, status: int = 200, error: str = "") -> Response:
-        return page("batch", status, batch=batch, endings=read_suffixes(), error=error)
+    def _hand_in(
+        self, batch: Batch, row: Answer | None, status: int = 200, error: str = ""
+    ) -> Response:
+        return page("batch", status, batch=batch, row=row, endings=read_suffixes(), error=error)
 
-    def _answered(self, batch: Batch, uploads: Sequence[Upload]) -> Response:
-        """Begins the answer of each file, and shows the only one or the table."""
-        answers = [self._begin(upload, batch.fields, batch.id) for upload in uploads]
+    def _answered(self, batch: Batch, uploads: Sequence[Upload], row: Answer | None) -> Response:
+        """Begins the answer of each file, in the place of a row where one is given, and shows the
+        only one or the table.
+        """
+        answers = [self._begin(upload, batch.fields, batch.id, row) for upload in uploads]
         one = len(answers) == 1
         return _to(f"/answers/{answers[0].id}" if one else f"/batches/{batch.id}/table")
 
@@ -401,8 +437,15 @@ class Pages:
         answers = answers_of(self._store, batch.id)
         rows, spreads = await asyncio.to_thread(rows_of, self._store, answers)
         still = "still" in request.query_params
-        shown = list(zip(answers, rows, strict=True))
-        answer = page("table", batch=batch, shown=shown, spreads=spreads, still=still, looks=_LOOKS)
+        answer = page(
+            "table",
+            batch=batch,
+            shown=list(zip(answers, rows, strict=True)),
+            before=self._store.answers.records,
+            spreads=spreads,
+            still=still,
+            looks=_LOOKS,
+        )
         if not still:
             answer.headers["Refresh"] = str(_LOOKS)
         return answer
@@ -422,6 +465,13 @@ class Pages:
         answer = _to("/" + urlsplit(request.headers.get("referer", "")).path.lstrip("/\\"))
         answer.set_cookie(LANGUAGE, name, samesite="strict", httponly=True, max_age=31_536_000)
         return answer
+
+    def _row(self, said: Mapping[str, str], of: Batch | Upload | None) -> Answer | None:
+        """The row that is to be replaced, if fields say one, in the batch `of`, or of that file."""
+        row = self._store.answers.records.get(said.get("row", ""))
+        if row is None or of is None or row.batch not in self._store.batches.records:
+            return None
+        return row if of.id in (row.batch, row.upload) else None
 
     def _upload(self, request: Request) -> Upload | None:
         """The file that a question is about; None on the page that has none."""

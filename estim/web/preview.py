@@ -42,7 +42,7 @@ def preview(lang: str, file: str, *asked: str) -> None:
         try:
             seen = _campaign(Path(file)) if file.endswith(".toml") else _table(Path(file), *asked)
         except EstimError as error:
-            seen = {"error": str(error)}
+            seen = {"error": str(error), "field": getattr(error, "field", "")}
         if isinstance(seen, dict) and not file.endswith(".toml"):
             from estim.reading import is_track
 
@@ -109,7 +109,11 @@ def _table(file: Path, *asked: str) -> dict[str, Any] | bytes:
                 tables[other.name] = _read(other)[0]
         pair = [columns[int(number)] for number in asked[:2]]
         return png(lambda: _points(pair[0], pair[1], tables))
-    values = [i for i, c in enumerate(columns) if not c.name.startswith(("u_", "u("))] or [0]
+    values = [  # a column of one value, a date say, is not asked about
+        i
+        for i, column in enumerate(columns)
+        if not column.name.startswith(("u_", "u(")) and np.ptp(column.values) > 0.0
+    ] or [0]
     shown = [
         {
             "name": column.name,

@@ -33,6 +33,7 @@ _NEEDED = (
 )
 NAMED = "value start low high"
 """Fields with one NAME = VALUE a line."""
+_OF_COLUMNS = "x y u-x u-y track sheet decimal columns skip-rows dates"
 _FLAGS = ("correlated", "jitter")
 MODELS = {
     "line": "slope*x + intercept",
@@ -123,6 +124,22 @@ def formula_of(fields: Mapping[str, str]) -> str:
     """
     formula = fields.get("formula", "")
     return _NAMES.get(formula, formula)
+
+
+def with_columns(fields: Mapping[str, str], chosen: Mapping[str, str]) -> dict[str, str]:
+    """A question about a curve, `fields`, of a file whose columns are `chosen`; a formula that
+    names its x does so as before.
+    """
+    from estim.campaign import variable_of
+    from estim.curves import read_formula
+
+    names, formula = _OF_COLUMNS.split(), fields["formula"]
+    asked = {name: text for name, text in fields.items() if name not in names}
+    asked |= {name: chosen[name] for name in names if name in chosen}
+    if fields.get("x") != asked.get("x"):
+        variable = variable_of(read_formula(formula), fields.get("x", ""), None, ())
+        asked["formula"] = re.sub(rf"(?<!\w){variable}(?!\w)", "x", formula)
+    return asked
 
 
 def field_of(option: str, asked: str) -> str:

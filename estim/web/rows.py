@@ -18,8 +18,10 @@ if TYPE_CHECKING:
 
 
 def answers_of(store: Store, batch: str) -> list[Answer]:
-    """The answers of a batch, the oldest first."""
-    return [answer for answer in store.answers.records.values() if answer.batch == batch]
+    """The answers of a batch, the oldest first, without those in whose place another stands."""
+    answers = [answer for answer in store.answers.records.values() if answer.batch == batch]
+    gone = {answer.instead for answer in answers}
+    return [answer for answer in answers if answer.id not in gone]
 
 
 def rows_of(store: Store, answers: Sequence[Answer]) -> tuple[list[Row], list[Spread]]:

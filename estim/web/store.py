@@ -63,7 +63,8 @@ class Upload:
 class Batch:
     """A question that is asked of each of many files by itself, as they come.
 
-    given : the question, to be shown.  fields : of the form, as they were filled in.
+    given : its title, or else its formula, to be shown.  fields : of the form, as they were filled
+        in.
     """
 
     id: str
@@ -80,7 +81,8 @@ class Answer:
         or "stopped" (a limit).
     code : exit code of the command.  said : its lines.  error, field : its message where the input
         was wrong, and the option that it is about.
-    batch : id of the batch of which it is a row, "" where it is none.
+    batch : id of the batch of which it is a row, "" where it is none.  instead : id of the row in
+        whose place it stands, "" where it is a row of its own.
     """
 
     id: str
@@ -94,6 +96,7 @@ class Answer:
     error: str = ""
     field: str = ""
     batch: str = ""
+    instead: str = ""
 
     @property
     def is_curve(self) -> bool:
@@ -197,22 +200,31 @@ class Store:
         return self.uploads.keep(upload, files)
 
     def begin(
-        self, upload: Upload | None, fields: Mapping[str, str], arguments: list[str], batch: str
+        self,
+        upload: Upload | None,
+        fields: Mapping[str, str],
+        arguments: list[str],
+        *,
+        batch: str,
+        instead: str,
     ) -> Answer:
         """A new answer, its tables beside it, for a command that is still to run.  Raises
         InputError with a sentence for the page.
         """
         at, given = (upload.id, upload.given) if upload else ("", fields["formula"])
         names = upload.names if upload else ()
-        answer = Answer(self.answers.new_id(), at, given, fields, tuple(arguments), batch=batch)
+        answer = Answer(
+            self.answers.new_id(), at, given, fields, tuple(arguments), batch=batch, instead=instead
+        )
         return self.answers.keep(
             answer, {name: self.uploads.read(at, name) or b"" for name in names}
         )
 
-    def set_batch(self, fields: Mapping[str, str]) -> Batch:
+    def set_batch(self, fields: Mapping[str, str], title: str) -> Batch:
         """A new batch of the question about a curve that `fields` hold."""
         asked = {name: text for name, text in fields.items() if name != "title"}
-        return self.batches.keep(Batch(self.batches.new_id(), fields["formula"], asked), {})
+        shown = shorten(title or fields["formula"], 120)
+        return self.batches.keep(Batch(self.batches.new_id(), shown, asked), {})
 
     def report_files(self, answer: Answer) -> list[str]:
         """Paths below report/ of what the command wrote for a reader, in order."""
