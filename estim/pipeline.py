@@ -493,11 +493,11 @@ def sample_curve(
     if fit.status in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED):
         raise InputError(f"cannot be sampled: {fit.reasons[0]}", field="fit", value=str(fit.status))
     if fit.fit.singular:
-        rule = (
+        raise InputError(
             "cannot be sampled: rounding leaves its parameters too few digits; write the "
-            "formula in x - x0, with x0 in the middle of the data"
+            "formula in x - x0, with x0 in the middle of the data",
+            field="fit",
         )
-        raise InputError(rule, field="fit")
     if fit.sigma is not None and not fit.goodness:
         raise InputError(
             "cannot be sampled: the curve passes through every point, so the size of the "

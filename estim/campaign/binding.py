@@ -225,11 +225,12 @@ def _checked(
     if abs(centre) > kind.high and kind.too_large:
         raise levels.error(kind.too_large, path, value=centre)
     if abs(centre) > kind.high:
-        rule = (
+        raise levels.error(
             f"must lie within {np.degrees(kind.high):.0f} degrees = {kind.high:.2f} rad "
-            f"(degrees go with the key {next(iter(kind.keys))})"
+            f"(degrees go with the key {next(iter(kind.keys))})",
+            path,
+            value=f"{centre:.4g} rad",
         )
-        raise levels.error(rule, path, value=f"{centre:.4g} rad")
     if isinstance(value, Quantity):
         return value.value if value.exact else as_prior(value, low=kind.low)
     value = value.cut_below(kind.low)
@@ -301,11 +302,12 @@ def _check_masses(levels: Levels, gamma: Quantity | Prior, path: KeyPath, where:
     weighed = _from_masses(levels, "gamma", where)
     centre, sd = (gamma.value, gamma.u) if isinstance(gamma, Quantity) else (gamma.centre, gamma.sd)
     if abs(weighed.value - centre) > _SAME_SDS * np.hypot(sd, weighed.u) + _SAME_SHARE * centre:
-        rule = (
+        raise levels.error(
             "contradicts the stated masses, which give "
-            f"{format_quantity(weighed.value, weighed.u)}: state only one of the two"
+            f"{format_quantity(weighed.value, weighed.u)}: state only one of the two",
+            path,
+            value=centre,
         )
-        raise levels.error(rule, path, value=centre)
 
 
 def total_mass(levels: Levels) -> float | None:

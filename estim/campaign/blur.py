@@ -36,10 +36,11 @@ def relative_blur(run: Run, noise: StatedNoise, size: FloatArray) -> FloatArray 
     t, position = run.columns["t_s"], run.columns[run.coordinate]
     interval = float(np.median(np.diff(t)))
     if not (math.isfinite(exposure) and 0.0 < exposure <= interval * (1.0 + 1e-6)):
-        rule = (
-            f"must be > 0 and at most the time between two frames, {interval:.4g} s (is it in ms?)"
+        raise noise.error(
+            f"must be > 0 and at most the time between two frames, {interval:.4g} s (is it in ms?)",
+            "exposure_s",
+            value=exposure,
         )
-        raise noise.error(rule, "exposure_s", value=exposure)
     if not np.all(size > 0.0):
         raise noise.error(
             "also needs a fixed standard deviation of one reading: that of a body at rest",

@@ -225,11 +225,12 @@ class CampaignFile:
         except OSError:  # a name too long
             exists = True  # its reader says why it cannot be read
         if not exists:
-            rule = (
+            raise self.error(
                 "cannot be found (no such file; names are relative to the folder of the "
-                "campaign file)"
+                "campaign file)",
+                ("runs", index, "file"),
+                value=written,
             )
-            raise self.error(rule, ("runs", index, "file"), value=written)
         return self.path.parent / written
 
     def with_levels(self, change: Callable[[Any], Any]) -> CampaignFile:

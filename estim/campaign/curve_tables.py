@@ -200,11 +200,12 @@ def with_variable(
     alike = {"t", "time", *(word.lower() for word in _called(axis.column, axis.name))}
     taken = [name for name in formula.names if name.lower() in alike]
     if taken:
-        rule = (
+        raise source.error(
             f"must call its variable x, which is the column '{axis.column}' here: write x for "
-            f"{taken[0]}"
+            f"{taken[0]}",
+            ("curve", "expression"),
+            value=formula.text,
         )
-        raise source.error(rule, ("curve", "expression"), value=formula.text)
     return formula
 
 

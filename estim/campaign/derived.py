@@ -105,11 +105,12 @@ def _sources(
         runs = [run for run in problem.runs if level in (run.name, bodies[run.name])]
         for run in runs:
             if name not in run.arguments:
-                rule = (
+                raise InputError(
                     f"names '{written}', but no run has '{name}' ({', '.join(run.arguments)}), "
-                    "and what is derived has no level"
+                    "and what is derived has no level",
+                    field=quantity.name,
+                    value=quantity.text,
                 )
-                raise InputError(rule, field=quantity.name, value=quantity.text)
         sources = {run.arguments[name] for run in runs}
         if len(sources) > 1:
             rule = f"names '{written}', which is not the same for all runs of '{level}': name a run"

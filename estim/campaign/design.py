@@ -186,12 +186,11 @@ def _check_runs(design: Design, places: Places) -> None:
             **_motion(design, run), x_end=design.constants.ramp_length_m
         )
         if not _FRAMES[0] <= n_frame <= _FRAMES[1]:
-            rule = (
-                f"must give run '{run.name}' between {_FRAMES[0]} and {_FRAMES[1]} frames "
-                "before it stops or passes the ramp's end"
-            )
             raise places.error(
-                rule, ("instruments", "frames_per_second"), value=f"{n_frame:.4g} frames"
+                f"must give run '{run.name}' between {_FRAMES[0]} and {_FRAMES[1]} frames "
+                "before it stops or passes the ramp's end",
+                ("instruments", "frames_per_second"),
+                value=f"{n_frame:.4g} frames",
             )
     for key, series in (("line", design.line), ("trials", design.trials)):
         if series is not None:

@@ -84,11 +84,10 @@ def noise_candidates(
         plain = msgspec.structs.replace(plain, **{speed: getattr(table, speed)})
         candidates += _with_tails("independent", phrase("speeds as measured"), plain)
     if len(candidates) < 2:
-        rule = (
+        raise noise.error(
             f"allows one model at most for run '{levels.run.name}': nothing to compare (times "
             f"and '{position}' would allow several)"
         )
-        raise noise.error(rule)
     return tuple(candidates)
 
 

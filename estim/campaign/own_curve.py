@@ -153,11 +153,11 @@ class CurveCampaign(Campaign):
                 chosen=chosen,
             )
             if posed.lacks is not None and posed.lacks.deviation and len(names) > 1:
-                rule = (
+                raise run.error(
                     "does not go with a joint fit, which needs a deviation that runs share: "
-                    "fit the runs one by one"
+                    "fit the runs one by one",
+                    "deviation",
                 )
-                raise run.error(rule, "deviation")
             begun = self._started(posed, {*self.curve.names} - chosen)
             parameters |= {
                 entry.name: replace(entry, prior=begun[argument].prior)
@@ -172,12 +172,12 @@ class CurveCampaign(Campaign):
             of_noise |= {parameter.name: parameter for parameter in further}
             observed.append(points)
         if len(observed) > 1 and sum(run.n_obs for run in observed) > MAX_ROWS:
-            rule = (
-                f"must be at most {MAX_ROWS} in a joint fit: say every = 2 or more, or fit the "
-                "runs one by one"
-            )
             raise self.source.error(
-                rule, ("curve", "every"), field="points", value=sum(run.n_obs for run in observed)
+                f"must be at most {MAX_ROWS} in a joint fit: say every = 2 or more, or fit the "
+                "runs one by one",
+                ("curve", "every"),
+                field="points",
+                value=sum(run.n_obs for run in observed),
             )
         return Problem(
             (*shared_first(parameters.values(), observed), *shared.values(), *of_noise.values()),
@@ -232,11 +232,11 @@ class CurveCampaign(Campaign):
             for name, unit in units.items():
                 first, wanted = next(iter(units.items()))
                 if same_unit(unit, wanted) is False:
-                    rule = (
+                    raise self.source.error(
                         f"is in {wanted} by the header of run '{first}', in {unit} by that of "
-                        f"'{name}': runs that share a parameter need one unit"
+                        f"'{name}': runs that share a parameter need one unit",
+                        ("curve", key),
                     )
-                    raise self.source.error(rule, ("curve", key))
 
     def suspects(self, names: Sequence[str]) -> Suspects:
         """Nothing is known of what a user's own curve may lack but what readings may suffer."""
@@ -295,18 +295,18 @@ class CurveCampaign(Campaign):
         """
         self.refuse_discrepancy("estim calibrate")
         if self.table.noise is not None and self.table.y is None:
-            rule = (
+            raise self.source.error(
                 "is not supported by estim calibrate, which simulates counts, not times: count "
-                'them in bins (model = "poisson") for that'
+                'them in bins (model = "poisson") for that',
+                ("curve", "noise"),
             )
-            raise self.source.error(rule, ("curve", "noise"))
         for parameter in problem.parameters:
             if not math.isfinite(parameter.prior.sd):
-                rule = (
+                raise self.source.error(
                     "is flat without limits, so that nothing can be simulated: give it limits "
-                    "(low and high), or a prior"
+                    "(low and high), or a prior",
+                    self._place(parameter.name),
                 )
-                raise self.source.error(rule, self._place(parameter.name))
 
     def _placed(self, error: InputError, problem: Problem) -> InputError:
         """The error at its key or parameter; one of the search for an optimum at the first row at
@@ -347,12 +347,13 @@ class CurveCampaign(Campaign):
         """A parameter of the formula for one run: an unknown, or an exact value."""
         entry = self._entry(name, run)
         if entry is None and not isinstance(self.asked, ModelSum):
-            rule = (
+            raise self.source.error(
                 f"is missing for run '{run.table.name}': say it under [curve.parameters] or "
                 f"[runs.parameters], as {name} = {{start = 1.0}}, or "
-                f"{name} = {{}}"
+                f"{name} = {{}}",
+                ("curve", "parameters"),
+                field=name,
             )
-            raise self.source.error(rule, ("curve", "parameters"), field=name)
         try:
             source = source_of(
                 ParameterTable() if entry is None else entry,

@@ -439,11 +439,12 @@ def rows_of(run: RunOfCurve, data: Run) -> RowsOfRun:
             "must have 'min' below 'max'", path, field="window", value=f"min = {low}, max = {high}"
         )
     if run.events and not (math.isfinite(low) and math.isfinite(high)):
-        rule = (
+        raise run.source.error(
             "must state the 'min' and 'max' between which events were recorded: their density "
-            "is normalised over it"
+            "is normalised over it",
+            path,
+            field="window",
         )
-        raise run.source.error(rule, path, field="window")
     stated = run.stated("every")[0]
     every = 1 if stated is None else stated
     if every < 1:
@@ -468,12 +469,12 @@ def rows_of(run: RunOfCurve, data: Run) -> RowsOfRun:
             else ""
         )
         if excluded:
-            rule = (
-                f"must leave between {_MIN_ROWS} and {most} of the {data.n_row} rows of "
-                f"{data.file} to fit{cure}"
-            )
             raise run.source.error(
-                rule, ("runs", run.index, "window"), field="window", value=int(rows.size)
+                f"must leave between {_MIN_ROWS} and {most} of the {data.n_row} rows of "
+                f"{data.file} to fit{cure}",
+                ("runs", run.index, "window"),
+                field="window",
+                value=int(rows.size),
             )
         where = " where x has errors" if run.stated("u_x")[0] is not None else ""
         raise InputError(

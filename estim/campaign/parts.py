@@ -155,11 +155,11 @@ def parted_body(
     )
     at = dict(zip(body.outputs, (float(np.asarray(v)) for v in _values(body)), strict=True))
     if not all(np.isfinite(list(at.values()))) or at["kappa"] < 0.0 or at["rho"] <= 0.0:
-        rule = (
+        raise source.error(
             "make no body of disk and particle (is the particle on the axle, the disk far out "
-            "of balance?): say which are it, particle = [...]"
+            "of balance?): say which are it, particle = [...]",
+            (*path, "parts"),
         )
-        raise source.error(rule, (*path, "parts"))
     return body
 
 
@@ -174,11 +174,12 @@ def _require_metres(source: CampaignFile, inputs: Mapping[str, Input], radius: I
             and quantity.unit == "m"
             and quantity.value > _LARGEST * radius.value
         ):
-            rule = (
+            raise source.error(
                 f"must be at most {_LARGEST:g} times the radius of the body, {radius.value:g} "
-                "m: is it in metres?"
+                "m: is it in metres?",
+                ("parts", part, key),
+                value=quantity.value,
             )
-            raise source.error(rule, ("parts", part, key), value=quantity.value)
 
 
 def _off_axle(distance: Input | None) -> bool:

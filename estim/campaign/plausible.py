@@ -31,11 +31,12 @@ def check_reading_error(sigma: Scale, run: Run, noise: StatedNoise) -> None:
             if run.coordinate == "x_m"
             else ("sigma_theta_rad", "rad", "is it in degrees?")
         )
-        rule = (
+        raise noise.error(
             f"must be well below the length of the run, {reach:.4g} {unit} ({slip} The key is "
-            f"in {unit})"
+            f"in {unit})",
+            key,
+            value=sigma.value,
         )
-        raise noise.error(rule, key, value=sigma.value)
 
 
 def check_speeds(
@@ -86,17 +87,19 @@ def check_speeds(
             else f"{reach:.4g} m, {reach / _centre(quantities['radius']):.0f} radii,"
         )
         most = f"gravity gives this body at most {bound:.3g} {rate} from rest"
-        rule = (
+        raise InputError(
             f"reaches {length} at {speed:.3g} {rate}, where {most}: is it in {slip}, or the "
-            "time not in s?"
+            "time not in s?",
+            field=name,
+            file=file,
         )
-        raise InputError(rule, field=name, file=file)
     if run.t is not None and 0.0 < speed < math.sqrt(1e-6) * bound:
-        rule = (
+        raise InputError(
             f"spans {np.ptp(run.t):.4g} s at {speed:.3g} {rate} or less, where gravity gives "
-            f"this body up to {bound:.3g} {rate}: is it in ms?"
+            f"this body up to {bound:.3g} {rate}: is it in ms?",
+            field="t_s",
+            file=file,
         )
-        raise InputError(rule, field="t_s", file=file)
 
 
 def _typical_speed(run: Observations, position: FloatArray) -> float:

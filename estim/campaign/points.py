@@ -168,11 +168,12 @@ def _differentiated(run: Run, noise: StatedNoise) -> Observed:
     scatter = _scatter_of_speeds(run, noise)
     check_reading_error(sigma.scale, run, noise)
     if "sigma_x_m" in run.columns:
-        rule = (
+        raise InputError(
             f"is not used: differentiated noise takes one '{units.position_sigma}' for all "
-            "positions; start the column's name with _ to skip it"
+            "positions; start the column's name with _ to skip it",
+            field="sigma_x_m",
+            file=run.file,
         )
-        raise InputError(rule, field="sigma_x_m", file=run.file)
     t, position = run.columns["t_s"], run.columns[run.coordinate]
     blur = relative_blur(run, noise, np.full(run.n_row, 0.0 if sigma.parameter else typical))
     derivative, blank = _speeds(run, table)
@@ -221,11 +222,12 @@ def _independent(run: Run, noise: StatedNoise) -> Observed:
         speed = derivative.value
         gain = derivative.stencil.noise_gain / derivative.interval
     else:
-        rule = (
+        raise noise.error(
             f"needs measured speeds: the run's file has no {rate} column (or a 'derivative' to "
-            "compute them)"
+            "compute them)",
+            "model",
+            value="independent",
         )
-        raise noise.error(rule, "model", value="independent")
     sigma = _size(noise, units.speed_sigma, units.speed, phrase("standard deviation of one speed"))
     scatter = _scatter_of_speeds(run, noise)
     sigma_x = _size(

@@ -122,12 +122,9 @@ def check_count(
         )
     position = run.columns[run.coordinate]
     if np.max(position) - position[0] <= 0.1 * np.ptp(position):
-        rule = (
-            "must increase as the body moves from its release: it does not rise above its "
-            "first value by a tenth of its range"
-        )
         raise InputError(
-            rule,
+            "must increase as the body moves from its release: it does not rise above its "
+            "first value by a tenth of its range",
             field=run.coordinate,
             value=f"{position[0]:.6g} to {position[-1]:.6g}",
             file=run.file,

@@ -446,11 +446,12 @@ def _starts(formula: Formula, choices: TableChoices) -> dict[str, str]:
     ]
     straight = len(linear_in(formula, free)) == len(free)
     if not straight and not formula.uses_x:
-        rule = (
+        raise InputError(
             "holds neither x nor the name of its column, so that nothing shows where its "
-            "parameters lie: write x, or give each a --start"
+            "parameters lie: write x, or give each a --start",
+            field="--formula",
+            value=formula.text,
         )
-        raise InputError(rule, field="--formula", value=formula.text)
     return {**(dict.fromkeys(free, "1.0") if straight else {}), **choices.start}
 
 

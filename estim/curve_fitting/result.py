@@ -367,8 +367,7 @@ class CurveFit:
         try:
             from pandas import DataFrame
         except ImportError:
-            rule = 'needs pandas: pip install "estim[arviz]"'
-            raise InputError(rule, field="to_frame") from None
+            raise InputError('needs pandas: pip install "estim[arviz]"', field="to_frame") from None
         units = {p.name: p.unit for p in self.problem.parameters}
         rows = {
             name: {"value": self.values[name], "sd": self.sds[name]}

@@ -155,14 +155,16 @@ def refuse_errors(points: CountedPoints, errors: Sequence[Component]) -> None:
     """Raises InputError for an error in common that means nothing beside a density."""
     for component in errors:
         if component.kind == "zero_y" and points.bins is not None:
-            rule = "has no zero error for counts in bins: put a background into the formula"
             raise InputError(
-                rule, field=f"errors[{component.parameter_name}]", value=component.kind
+                "has no zero error for counts in bins: put a background into the formula",
+                field=f"errors[{component.parameter_name}]",
+                value=component.kind,
             )
         if component.kind == "scale_y" and points.total is not None:
-            rule = "has no scale of y where only the density of the events counts"
             raise InputError(
-                rule, field=f"errors[{component.parameter_name}]", value=component.kind
+                "has no scale of y where only the density of the events counts",
+                field=f"errors[{component.parameter_name}]",
+                value=component.kind,
             )
 
 

@@ -168,11 +168,12 @@ def check_derived_names(
             )
         for name in quantity.own:
             if name not in everything:
-                rule = (
+                raise InputError(
                     f"names '{name}', which is neither a parameter nor a derived quantity "
-                    f"before it ({', '.join(everything)})"
+                    f"before it ({', '.join(everything)})",
+                    field=quantity.name,
+                    value=quantity.text,
                 )
-                raise InputError(rule, field=quantity.name, value=quantity.text)
         everything.append(quantity.name)
 
 

@@ -34,11 +34,12 @@ def discrepancy_of(
         raise InputError("cannot be combined with errors of x: omit u_x", field=field)
     if order.size > MAX_LACKING:
         step = -(-order.size // MAX_LACKING)
-        rule = (
+        raise InputError(
             f"goes with at most {MAX_LACKING} points: take one in {step} of them (every = "
-            f"{step} in a campaign)"
+            f"{step} in a campaign)",
+            field=field,
+            value=order.size,
         )
-        raise InputError(rule, field=field, value=order.size)
     if plain:
         return Discrepancy(
             float(deviation),

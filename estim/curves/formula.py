@@ -305,11 +305,12 @@ def _check_comment(text: str, field: str) -> None:
     if mark:
         line = before.count("\n") + 1
         place = f" (here in line {line} of the formula)" if "\n" in text.strip() else ""
-        rule = (
+        raise InputError(
             f"must not hold a comment, for # hides what follows it{place}: put comments outside "
-            "the quotes"
+            "the quotes",
+            field=field,
+            value=" ".join((mark + hidden).split()),
         )
-        raise InputError(rule, field=field, value=" ".join((mark + hidden).split()))
 
 
 def _parse(text: str, field: str) -> ast.expr:

@@ -172,10 +172,10 @@ def join(
             if first.unit == "1":
                 by_name[first.name] = replace(first, unit=p.unit)
             elif p.unit != "1" and same_unit(p.unit, first.unit) is False:
-                rule = (
-                    f"is shared, but in {first.unit} for one data set and in {p.unit} for '{name}'"
+                raise InputError(
+                    f"is shared, but in {first.unit} for one data set and in {p.unit} for '{name}'",
+                    field=p.name,
                 )
-                raise InputError(rule, field=p.name)
     parts = {name: parts[name] for name in order or parts}
     names = [name for name in by_name if "[" not in name] + [
         sources[name][p.name] for name, part in parts.items() for p in part.parameters

@@ -201,11 +201,12 @@ def _checked(asked: ModelSum) -> ModelSum:
         numbered = " + ".join(
             f"{'abcdefgh'[i]}_{term.model.name}" for i, term in enumerate(asked.terms)
         )
-        rule = (
+        raise InputError(
             f"has several parameters '{twice[0]}': put something before the models to tell them "
-            f'apart, like "{numbered}"'
+            f'apart, like "{numbered}"',
+            field="model",
+            value=asked.text,
         )
-        raise InputError(rule, field="model", value=asked.text)
     return asked
 
 

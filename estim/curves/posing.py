@@ -281,11 +281,12 @@ def pose_curve(
     if isinstance(u_y, str):
         share, said, u_y = _share_of_y(u_y, points["y"])
         if share and not (deviation == 0.0 and correlated is False and robust is None):
-            rule = (
+            raise InputError(
                 "as a share of the curve cannot be combined with 'deviation', 'correlated' or "
-                "'robust'"
+                "'robust'",
+                field="u_y",
+                value=f"{100.0 * share:.4g}%",
             )
-            raise InputError(rule, field="u_y", value=f"{100.0 * share:.4g}%")
     relative, cov = _errors_of_y(u_y, cov_y, n_obs)
     relative_x, of_x = _errors_of_x(
         u_x, cov_x, points["x"], stated=u_y is not None or cov_y is not None
@@ -293,13 +294,13 @@ def pose_curve(
     if of_x is None and cov is not None and relative_x is not None:
         of_x = np.diag(np.square(relative_x))
     if of_x is not None and share:
-        rule = "does not go with a 'u_y' that is a share of the curve"
-        raise InputError(rule, field="cov_x")
+        raise InputError("does not go with a 'u_y' that is a share of the curve", field="cov_x")
     both = None if r_xy is None else real_numbers(r_xy, "r_xy")
     if both is not None:
         if u_x is None or u_y is None or share or robust is not None:
-            rule = "needs u_x and u_y in their units, and goes with normal errors alone"
-            raise InputError(rule, field="r_xy")
+            raise InputError(
+                "needs u_x and u_y in their units, and goes with normal errors alone", field="r_xy"
+            )
         if both.shape not in ((), (n_obs,)) or not np.all(np.abs(both) < 1.0):
             rule = f"must be a number between -1 and 1, or as many as values of x ({n_obs})"
             raise InputError(rule, field="r_xy", value=r_xy)
@@ -438,17 +439,18 @@ def _errors_of_x(
     else:
         return None, None
     if not stated:
-        rule = (
+        raise InputError(
             "needs a known u_y beside it: the sizes of both errors cannot be told from the "
-            "residuals"
+            "residuals",
+            field=field,
         )
-        raise InputError(rule, field=field)
     if hide_the_range(x, sizes):
-        rule = (
+        raise InputError(
             f"must be below the standard deviation of x, {float(np.std(x, ddof=1)):.4g}: points "
-            "that may lie anywhere along x hold no curve"
+            "that may lie anywhere along x hold no curve",
+            field=field,
+            value=float(np.sqrt(np.mean(sizes**2))),
         )
-        raise InputError(rule, field=field, value=float(np.sqrt(np.mean(sizes**2))))
     return sizes, cov
 
 
@@ -649,8 +651,9 @@ def _errors_inferred(
     if jitter is False or jitter is None:
         return Scale(), tails, unknown
     if not stated:
-        rule = "needs u_y: beside errors of unknown size it cannot be told from them"
-        raise InputError(rule, field="jitter")
+        raise InputError(
+            "needs u_y: beside errors of unknown size it cannot be told from them", field="jitter"
+        )
     if jitter is True:
         largest = float(np.ptp(y))
         if not largest > 0.0:

@@ -86,11 +86,12 @@ def read_tied(tied: Mapping[str, str], names: Collection[str]) -> dict[str, Form
             )
         for symbol in formula.names:
             if symbol not in names and symbol not in read:
-                rule = (
+                raise InputError(
                     f"names '{symbol}', which is neither a parameter nor tied before it "
-                    f"({', '.join([*names, *read])})"
+                    f"({', '.join([*names, *read])})",
+                    field=f"tied[{name}]",
+                    value=text,
                 )
-                raise InputError(rule, field=f"tied[{name}]", value=text)
         read[name] = formula
     return read
 

@@ -82,14 +82,14 @@ def _require_determined(fit: Fit) -> None:
     exists to draw from.
     """
     if fit.unheld is not None:
-        rule = (
+        raise InputError(
             "is hardly constrained by the data: far from here minus twice the log of "
             "the posterior density is only "
             f"{fit.unheld.size:.1f} above its least, so that no posterior exists to "
             "draw from; give it limits (low and high), or a prior, or leave out the term that "
-            "the data do not show"
+            "the data do not show",
+            field=fit.unheld.parameters[0].name,
         )
-        raise InputError(rule, field=fit.unheld.parameters[0].name)
     flat = [p.name for p in fit.problem.parameters if not math.isfinite(p.prior.sd)]
     # not the standard deviations, which a parameter beside a limit does not have
     curvature = np.sqrt(np.diag(fit.cov))
@@ -100,12 +100,12 @@ def _require_determined(fit: Fit) -> None:
     if not unheld:
         return
     if is_resolved(fit):
-        rule = (
+        raise InputError(
             "has terms that all but cancel at these x: rounding errors leave too few "
             "digits to draw from the posterior; "
-            "write it in x - x0, with x0 in the middle of the data"
+            "write it in x - x0, with x0 in the middle of the data",
+            field="expression",
         )
-        raise InputError(rule, field="expression")
     silent = silent_parameters(fit)
     loose = [name for name in silent if name in flat]
     if silent and not loose:  # held by their limits, which is found of them by name

@@ -537,11 +537,11 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
         names = search.posterior.problem.names
         lost = [names[i] for i in free if not np.all(np.isfinite(jacobian[:, i]))]
         where = " and ".join(lost) or "any parameter"
-        rule = (
+        raise InputError(
             f"leads the search to where the curve has no finite derivatives in {where}: try "
-            "other values, or limits"
+            "other values, or limits",
+            field="start",
         )
-        raise InputError(rule, field="start")
     rounded = search.rounding_at(values, jacobian)
     floor = 0.1 * math.sqrt(rounded / max(chi2, 1e-300) * max(1, residual.size - free.size))
     near = near_bound(search, values, jacobian, residual, chi2)

@@ -288,8 +288,9 @@ def _of_groups(x: FloatArray, groups: Sequence[object], probability: float) -> M
     if len(labels) != x.size:
         raise InputError("must have one for each value", field="groups", value=len(labels))
     if not 2 <= len(names) < x.size:
-        rule = "must be two or more, with more readings than groups"
-        raise InputError(rule, field="groups", value=len(names))
+        raise InputError(
+            "must be two or more, with more readings than groups", field="groups", value=len(names)
+        )
     at = np.array([names.index(label) for label in labels])
     sizes = np.bincount(at)
     means = np.bincount(at, x - x[0]) / sizes + x[0]

@@ -224,11 +224,12 @@ class Normal(_CutNormal):
         _positive(self.sd, "sd")
         for field, distance in (("low", self.mean - self.low), ("high", self.high - self.mean)):
             if not distance >= _FAR * self.sd:
-                rule = (
+                raise InputError(
                     f"must be {_FAR:.0f} standard deviations or more from the mean: a nearer "
-                    "limit makes it a TruncatedNormal"
+                    "limit makes it a TruncatedNormal",
+                    field=field,
+                    value=getattr(self, field),
                 )
-                raise InputError(rule, field=field, value=getattr(self, field))
 
     @property
     def scale(self) -> float:

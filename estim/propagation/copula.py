@@ -116,12 +116,13 @@ def _copula_coefficient(first: Input, second: Input, target: float) -> float:
     product[-2] += 0.5 * (high + low) - product[0::2].sum()
     if not low - PSD_TOLERANCE <= target <= high + PSD_TOLERANCE:
         symmetric = abs(low + high) < 1e-6
-        rule = (
+        raise InputError(
             f"between '{first.name}' and '{second.name}' can be "
             f"{f'{high:.4f} at most' if symmetric else f'{low:.4f} to {high:.4f}'} with these "
-            "distributions"
+            "distributions",
+            field="correlation",
+            value=target,
         )
-        raise InputError(rule, field="correlation", value=target)
     powers = np.arange(_N_TERM)
 
     def excess(rho: float) -> float:

@@ -129,11 +129,12 @@ def check_size(values: FloatArray, spreads: FloatArray) -> None:
     for sizes in (values, spreads):
         largest = float(np.max(np.abs(sizes[np.isfinite(sizes)]), initial=0.0))
         if largest != 0.0 and not 1.0 / _LARGEST <= largest <= _LARGEST:
-            rule = (
+            raise InputError(
                 f"and its uncertainty must be 0 or between {1.0 / _LARGEST:g} and {_LARGEST:g} "
-                "in size: choose other units"
+                "in size: choose other units",
+                field="result",
+                value=largest,
             )
-            raise InputError(rule, field="result", value=largest)
 
 
 def check_draws(value: FloatArray, draws: FloatArray) -> None:

@@ -146,18 +146,19 @@ def read_known_columns(
 
     for name in () if stated else layout.names:
         if name not in called and not name.startswith("_"):
-            rule = (
-                f"is not a column name (known: {', '.join(known)}; start a name with _ to skip it)"
+            raise refused(
+                f"is not a column name (known: {', '.join(known)}; start a name with _ to skip it)",
+                name,
             )
-            raise refused(rule, name)
     if len(set(called.values())) < len(called):
         raise refused("has two columns with the same name", "header", ", ".join(called))
     if not called:
-        rule = (
+        raise refused(
             f"must hold columns that are called {', '.join(known)} (or name all columns: "
-            "columns = [...])"
+            "columns = [...])",
+            "header",
+            ", ".join(layout.names),
         )
-        raise refused(rule, "header", ", ".join(layout.names))
     for name in needed:
         if name not in called.values():
             raise refused("is missing", name, quoted=f"the header has {listed(list(called))}")

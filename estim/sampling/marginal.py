@@ -243,11 +243,11 @@ def sampled_columns(fit: Fit) -> IntArray:
             if edges
             else ""
         )
-        rule = (
+        raise InputError(
             f"are too many to sample at once ({len(shared) + len(edges)}, at most "
-            f"{_MOST_SAMPLED}){near}: use the sampler"
+            f"{_MOST_SAMPLED}){near}: use the sampler",
+            field="shared parameters",
         )
-        raise InputError(rule, field="shared parameters")
     return np.array(sorted([*shared, *edges]), dtype=np.int64)
 
 

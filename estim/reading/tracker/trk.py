@@ -159,11 +159,11 @@ def _choose(panel: Element, wanted: str | None) -> tuple[str, Element]:
         )
     name, track = chosen[0]
     if panel.find("referenceframe") or panel.find("reference_frame"):
-        rule = (
+        raise InputError(
             "must be at rest: the axes move with another track; export the table from Tracker "
-            "instead"
+            "instead",
+            field="referenceframe",
         )
-        raise InputError(rule, field="referenceframe")
     return name, track.need("framedata")
 
 
