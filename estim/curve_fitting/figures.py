@@ -39,7 +39,7 @@ class Prediction:
 
 
 @dataclass(frozen=True, eq=False)
-class Region:
+class Region(Contour):
     """Where two parameters of a fit may lie together: the profile of the likelihood (and of
     priors), in the parameters' own units.
 
@@ -49,23 +49,16 @@ class Region:
         each point; inf where the curve or a limit allows none.
     levels : probability -> the rise at its border: chi-squared with two degrees of freedom, 2 F
         where the size of the errors was estimated.
+    n_failed : points at which the search over the other parameters did not settle.
     ellipses : probability -> (181, 2) border of the region of the linear theory, nan where there is
         none.
     best : (2,) fitted values.
     labels : how the parameters are written.
-    n_failed : points at which the search over the other parameters did not settle.
     """
 
-    a: str
-    b: str
-    x: FloatArray
-    y: FloatArray
-    rise: FloatArray
-    levels: dict[float, float]
     ellipses: dict[float, FloatArray]
     best: FloatArray
     labels: tuple[Label, Label]
-    n_failed: int
 
     def holds(self, a: float, b: float, *, probability: float = 0.95) -> bool:
         """Whether the region of that probability, one of `levels`, holds the point; nothing outside
@@ -99,18 +92,7 @@ def region_of(
     circle = np.stack([np.cos(_CIRCLE), np.sin(_CIRCLE)], axis=1)
     unit = circle * np.sqrt(np.where(values >= 0.0, values, np.nan)) @ axes.T
     ellipses = {p: best + np.sqrt(level) * unit for p, level in found.levels.items()}
-    return Region(
-        found.a,
-        found.b,
-        found.x,
-        found.y,
-        found.rise,
-        found.levels,
-        ellipses,
-        best,
-        labels,
-        found.n_failed,
-    )
+    return Region(**vars(found), ellipses=ellipses, best=best, labels=labels)
 
 
 def curve_figure(

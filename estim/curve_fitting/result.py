@@ -401,18 +401,9 @@ class CurveFit:
         """Share of the scatter of y about its mean that the curve explains, unweighted; no test of
         the curve.
         """
-        runs = self.problem.runs
-        off = sum(
-            float(
-                np.sum(
-                    (run.y - np.broadcast_to(run.points.value(self.values), (1, run.n_obs))[0]) ** 2
-                )
-            )
-            for run in runs
-        )
-        every = np.concatenate([run.y for run in runs])
+        every = np.concatenate([run.y for run in self.problem.runs])
         total = float(np.sum((every - every.mean()) ** 2))
-        return 1.0 - off / total if total > 0.0 else math.nan
+        return 1.0 - float(np.sum(self.residuals**2)) / total if total > 0.0 else math.nan
 
     def summary(self) -> str:
         """What `print` shows, with criteria for comparing curves on the same points, and

@@ -41,7 +41,6 @@ from estim.curves import (
     CurveProblem,
     DataSet,
     JointProblem,
-    Plain,
     in_time,
     pose_curve,
     provisional,
@@ -226,47 +225,28 @@ def pose_points(
         deviation=deviation,
         correlated=correlated,
     )
-    plain = without_units(
-        Plain(
-            points.x,
-            points.y,
-            points.u_x,
-            points.u_y,
-            said["start"],
-            said["fixed"],
-            said["bounds"],
-            said["units"],
-            points.axes or AxisNames(),
-        )
-    )
-    named = unstarted(curve, plain.start, plain.fixed, said["tied"])
+    points, said = without_units(points, said)
+    start, bounds, fixed = said["start"], said["bounds"], said["fixed"]
+    named = unstarted(curve, start, fixed, said["tied"])
     begin, limits = (
-        (plain.start, plain.bounds)
+        (start, bounds)
         if named is None
-        else provisional(
-            named, plain.start, plain.bounds, said["priors"], {*plain.fixed, *said["tied"]}
-        )
+        else provisional(named, start, bounds, said["priors"], {*fixed, *said["tied"]})
     )
     posed = pose_curve(
         curve if named is None else named.expression,
-        plain.x,
-        plain.y,
-        start=begin,
-        u_y=plain.u_y,
+        points.x,
+        points.y,
+        **{**said, "start": begin, "bounds": limits},
+        u_y=points.u_y,
         cov_y=points.cov_y,
-        u_x=plain.u_x,
-        bounds=limits,
-        priors=said["priors"],
+        u_x=points.u_x,
         errors=tuple(errors),
-        units=plain.units,
-        axes=plain.axes,
-        fixed=plain.fixed,
+        axes=points.axes or AxisNames(),
         deviation=deviation,
         correlated=correlated,
         noise=points.noise,
-        derived=said["derived"],
-        tied=said["tied"],
-        chosen={*begin} - {*plain.start},
+        chosen={*begin} - {*start},
         jitter=points.jitter,
         robust=points.robust,
         cov_x=points.cov_x,
@@ -274,9 +254,7 @@ def pose_points(
         level=level,
     )
     return (
-        posed
-        if named is None
-        else started(replace(posed, called=named.called), named, held=plain.start)
+        posed if named is None else started(replace(posed, called=named.called), named, held=start)
     )
 
 

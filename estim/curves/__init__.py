@@ -34,7 +34,7 @@ from estim.curves.posing import (
     roughness,
     units_of,
 )
-from estim.curves.quantities import Plain, refuse_quantities, without_units
+from estim.curves.quantities import refuse_quantities, without_units
 from estim.curves.regimes import (
     borders_of,
     farthest_stop,

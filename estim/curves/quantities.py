@@ -10,66 +10,50 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from estim.common import InputError
+from estim.curves.joining import DataSet
 from estim.curves.posing import AxisNames
 
 _PLAIN = ("", "1", "dimensionless")
 
 
-@dataclass(frozen=True)
-class Plain:
-    """Arguments of a fit without units, and the units of the parameters and axes."""
-
-    x: Any
-    y: Any
-    u_x: Any
-    u_y: Any
-    start: Mapping[str, Any]
-    fixed: Mapping[str, Any]
-    bounds: Mapping[str, Any]
-    units: Mapping[str, str]
-    axes: AxisNames
-
-
-def without_units(given: Plain) -> Plain:
-    """The arguments in SI base units; as they are where none is a quantity.
+def without_units(points: DataSet, said: Mapping[str, Any]) -> tuple[DataSet, Mapping[str, Any]]:
+    """The points and what is said of the parameters, as for `fit_curve`, in SI base units; as they
+    are where nothing is a quantity.
 
     Raises InputError where two that belong together differ in kind, or only one has a unit.
     """
-    if not any(map(_is_quantity, _all(given))):
-        return given
-    x, x_unit = _base(given.x)
-    y, y_unit = _base(given.y)
-    u_x, u_y = (
-        _size(name, value, unit)
-        for name, value, unit in (("u_x", given.u_x, x_unit), ("u_y", given.u_y, y_unit))
-    )
-    units, plain = dict(given.units), []
-    for named in (given.start, given.fixed):
-        values = {}
-        for name, value in named.items():
-            values[name], unit = _base(value)
+    if not any(map(_is_quantity, _all(points, said))):
+        return points, said
+    x, x_unit = _base(points.x)
+    y, y_unit = _base(points.y)
+    u_x, u_y = _size("u_x", points.u_x, x_unit), _size("u_y", points.u_y, y_unit)
+    plain: dict[str, dict[str, Any]] = {"start": {}, "fixed": {}, "units": dict(said["units"])}
+    for field in ("start", "fixed"):
+        for name, value in said[field].items():
+            plain[field][name], unit = _base(value)
             if unit is not None:
-                units[name] = unit
-        plain.append(values)
-    bounds = {
-        name: tuple(_same(name, end, units.get(name)) for end in ends) if _is_pair(ends) else ends
-        for name, ends in given.bounds.items()
+                plain["units"][name] = unit
+    plain["bounds"] = {
+        name: tuple(_same(name, end, plain["units"].get(name)) for end in ends)
+        if _is_pair(ends)
+        else ends
+        for name, ends in said["bounds"].items()
     }
-    axes = given.axes if x_unit is None else replace(given.axes, x_unit=x_unit)
-    axes = axes if y_unit is None else replace(axes, y_unit=y_unit)
-    return Plain(x, y, u_x, u_y, plain[0], plain[1], bounds, units, axes)
+    axes = points.axes or AxisNames()
+    axes = replace(axes, x_unit=x_unit or axes.x_unit, y_unit=y_unit or axes.y_unit)
+    return replace(points, x=x, y=y, u_x=u_x, u_y=u_y, axes=axes), {**said, **plain}
 
 
-def _all(given: Plain) -> Iterator[Any]:
+def _all(points: DataSet, said: Mapping[str, Any]) -> Iterator[Any]:
     """Whatever may be a quantity, of arguments that nobody has checked yet."""
-    yield from (given.x, given.y, given.u_x, given.u_y)
-    for named in (given.start, given.fixed, given.bounds):
+    yield from (points.x, points.y, points.u_x, points.u_y)
+    for named in (said["start"], said["fixed"], said["bounds"]):
         for value in named.values() if isinstance(named, Mapping) else ():
             yield from value if _is_pair(value) else (value,)
 
