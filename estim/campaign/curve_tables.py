@@ -19,7 +19,7 @@ from estim.campaign.track_table import TrackKeys
 from estim.common import InputError, Quantity, phrase, same_looks
 from estim.curves import SIGMA, Formula, ModelSum, read_formula, read_model, within
 from estim.problem import Flat, Prior, as_prior
-from estim.reading import KeyPath, Places, name_and_unit
+from estim.reading import KeyPath, Places, bare_name
 
 _NAME = re.compile(r"[^\s$|\\`][^$|\\`\n]{0,39}")
 _PATTERNS = {
@@ -226,7 +226,7 @@ def variable_of(
 
 
 def _called(column: str, name: str | None) -> set[str]:
-    words = {column, column.partition("_")[0], name_and_unit(column)[0], *(name or "").split()}
+    words = {column, column.partition("_")[0], bare_name(column), *(name or "").split()}
     return words | (
         {"t"}
         if any(word.lower() == "t" or word.lower().startswith(("time", "zeit")) for word in words)

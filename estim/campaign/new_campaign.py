@@ -11,10 +11,10 @@ from estim.campaign.table_campaign import TableChoices, campaign_of_table, text_
 from estim.common import InputError, listed
 from estim.reading import (
     Layout,
+    bare_name,
     first_and_second,
     is_track,
     is_tracker_file,
-    name_and_unit,
     numeric_columns,
     read_layout,
     value_columns,
@@ -88,7 +88,7 @@ def _guessed(file: Path, choices: TableChoices) -> TableChoices:
     Raises InputError where too few are.
     """
     values = value_columns(_layout(file, choices), (choices.u_x, choices.u_y))
-    rest = [name for name in values if not {name, name_and_unit(name)[0]} & {choices.x, choices.y}]
+    rest = [name for name in values if not {name, bare_name(name)} & {choices.x, choices.y}]
     x, y = first_and_second(rest) or (*rest[:2], "", "")[:2]
     x, y = choices.x or x, choices.y or (y if choices.x is None else x)
     if not x or not y:

@@ -37,6 +37,7 @@ from estim.reading import (
     UNITS,
     Dialect,
     Layout,
+    bare_name,
     first_and_second,
     is_called,
     is_track,
@@ -240,7 +241,9 @@ def _columns_of_run(file: Path, choices: TableChoices) -> tuple[str, ...] | None
     names, speed = layout.names, False
     if choices.y is not None:
         y = _axis(choices.y, layout)
-        speed = same_unit(y.unit, UNITS["v_m_s"]) is True if y.unit else _bare(y.column)[0] in "vV"
+        speed = (
+            same_unit(y.unit, UNITS["v_m_s"]) is True if y.unit else bare_name(y.column)[0] in "vV"
+        )
     called = {column: ours for column in names if (ours := own_name(column)) in COLUMNS}
     for option, wanted, ours in (
         ("--x", choices.x, "x_m" if speed else "t_s"),
@@ -249,7 +252,7 @@ def _columns_of_run(file: Path, choices: TableChoices) -> tuple[str, ...] | None
         if wanted is None:
             continue
         axis = _axis(wanted, layout)
-        found = next((c for c in names if axis.column in (c, _bare(c))), None)
+        found = next((c for c in names if axis.column in (c, bare_name(c))), None)
         if found is None:
             raise InputError("is no column", field=option, value=wanted, quoted=listed(names))
         ours = called.setdefault(found, ours)
@@ -315,19 +318,19 @@ def _axes(
     called = [
         name
         for name in values
-        if y_name not in (name, _bare(name)) and _names(formula, name, stated)
+        if y_name not in (name, bare_name(name)) and _names(formula, name, stated)
     ]
     # a parameter may be called like a column too
-    called = [name for name in called if _bare(name).lower() in _ABSCISSAS] or called
+    called = [name for name in called if bare_name(name).lower() in _ABSCISSAS] or called
     if x_name is None and y_name is None and len(values) == 2:
         x_name, y_name = _of_two(values, called, formula, layout, named=named)
     if x_name is None:
         x_name = called[0] if len(called) == 1 else None
-    others = [name for name in values if not {name, _bare(name)} & {x_name, y_name}]
+    others = [name for name in values if not {name, bare_name(name)} & {x_name, y_name}]
     if y_name is None:
         y_name = (
             "y"
-            if "y" in map(_bare, others)
+            if "y" in map(bare_name, others)
             else others[-1]
             if len(values) == 2 and others
             else None
@@ -382,13 +385,9 @@ def _of_two(
     raise InputError(rule, field="x", quoted=ways, file=layout.file, line=layout.header_line)
 
 
-def _bare(name: str) -> str:
-    return name_and_unit(name)[0]
-
-
 def _names(formula: Formula, column: str, stated: Sequence[str]) -> bool:
     return (
-        _bare(column) == "x"
+        bare_name(column) == "x"
         if formula.uses_x
         else variable_of(formula, column, None, stated) is not None
     )
@@ -403,7 +402,7 @@ def _axis(wanted: str, layout: Layout) -> Axis:
         return Axis(bare, "", stated)
     called = (
         *(name == wanted for name in layout.names),
-        *(_bare(name) == wanted for name in layout.names),
+        *(bare_name(name) == wanted for name in layout.names),
     )
     place = called.index(True) % len(layout.names) if any(called) else None
     unit = "" if place is None else layout.units[place]

@@ -20,6 +20,7 @@ from estim.reading import (
     PLAIN,
     Decimal,
     Dialect,
+    bare_name,
     name_and_unit,
     numeric_columns,
     read_layout,
@@ -40,7 +41,7 @@ class Columns:
     notes: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> FloatArray:
-        bare = name if name in self.columns else name_and_unit(name)[0]
+        bare = name if name in self.columns else bare_name(name)
         if bare not in self.columns:
             raise InputError("is no column", field=name, quoted=listed(list(self.columns)))
         return self.columns[bare]
@@ -60,7 +61,7 @@ class Columns:
 
         As in the commands, uncertainties of x are taken where y has some too.
         """
-        names = [name if name in self.columns else name_and_unit(name)[0] for name in (x, y)]
+        names = [name if name in self.columns else bare_name(name) for name in (x, y)]
         known = self.uncertainties
         units = [self.units.get(name) or "1" for name in names]
         return {
@@ -106,7 +107,7 @@ def read_table(
     layout = read_layout(Path(source), replace(dialect, **changes), needed=columns or ())
     names = list(columns or numeric_columns(layout))
     table = table_of(layout, names, 1)
-    bare = {name: name_and_unit(name)[0] for name in names}
+    bare = {name: bare_name(name) for name in names}
     return Columns(
         {bare[name]: column for name, column in table.columns.items()},
         {bare[name]: unit for name, unit in table.units.items()},
@@ -123,7 +124,7 @@ def _of_frame(frame: Any, columns: Sequence[str] | None) -> Columns:
         name
         for name in frame.columns
         if (columns is None and np.issubdtype(np.asarray(frame[name]).dtype, np.number))
-        or (columns is not None and {str(name), name_and_unit(str(name))[0]} & {*columns})
+        or (columns is not None and {str(name), bare_name(str(name))} & {*columns})
     ]
     if not names:
         raise InputError("has no column of numbers", field="table", quoted=str(list(columns or ())))

@@ -31,10 +31,10 @@ from estim.reading import (
     PLAIN,
     Dialect,
     Layout,
+    bare_name,
     columns_sentence,
     first_and_second,
     is_column,
-    name_and_unit,
     read_layout,
     table_of,
     uncertainty_of,
@@ -240,7 +240,7 @@ def straight_line(
             *(
                 word
                 for name in (read.x, read.y)
-                for word in (name_and_unit(name)[0], table.units[name] or "1")
+                for word in (bare_name(name), table.units[name] or "1")
             )
         ),
         told=columns_sentence(used, table.unread),
@@ -253,7 +253,7 @@ def straight_line(
 def _own_uncertainty(name: str, layout: Layout) -> str | None:
     """The column u_NAME or u(NAME), without its unit, if it is there."""
     column = uncertainty_of(name, layout)
-    return column and name_and_unit(column)[0]
+    return column and bare_name(column)
 
 
 def _with_axes(columns: Columns, layout: Layout) -> Columns:
@@ -261,7 +261,7 @@ def _with_axes(columns: Columns, layout: Layout) -> Columns:
     columns of values.  Raises InputError.
     """
     bare = [
-        name_and_unit(name)[0]
+        bare_name(name)
         for name in value_columns(layout, (columns.u_x, columns.u_y, columns.r_xy or "r_xy"))
     ]
     usual = {name for name in ("x", "y") if is_column(name, layout.names)} - {columns.x, columns.y}

@@ -11,8 +11,8 @@ from estim.means.averages import Mean, mean
 from estim.reading import (
     PLAIN,
     Dialect,
+    bare_name,
     columns_sentence,
-    name_and_unit,
     read_layout,
     table_of,
     uncertainty_of,
@@ -52,9 +52,9 @@ def mean_of_table(
     """
     layout = read_layout(path, dialect, needed=[name for name in (y, u_y, group) if name])
     bare = [
-        name_and_unit(name)[0]
+        bare_name(name)
         for name in value_columns(layout, (u_y,))
-        if group not in (name, name_and_unit(name)[0])
+        if group not in (name, bare_name(name))
     ]
     if y is None and len(bare) != 1:
         rule = "must be named by --y"
@@ -67,7 +67,7 @@ def mean_of_table(
         try:
             errors = read_number(u)
         except ValueError:
-            column = u if u in layout.names else name_and_unit(u)[0]
+            column = u if u in layout.names else bare_name(u)
     table = table_of(layout, [name, *filter(None, (column,))], 2)
     if column:
         errors = table.columns[column]
@@ -75,7 +75,7 @@ def mean_of_table(
         table.require(column, table.columns[column] > 0.0, "must be > 0")
     groups = None
     if group is not None:
-        places = [i for i, n in enumerate(layout.names) if group in (n, name_and_unit(n)[0])]
+        places = [i for i, n in enumerate(layout.names) if group in (n, bare_name(n))]
         if len(places) != 1:
             rule = f"must be one of {listed(layout.names)}"
             raise InputError(rule, field="--group", value=group, file=layout.file)
@@ -90,7 +90,7 @@ def mean_of_table(
     return TableMean(
         path,
         table.sha256,
-        name_and_unit(name)[0],
+        bare_name(name),
         table.units[name] or "1",
         found,
         tuple(labels),

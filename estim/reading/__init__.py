@@ -13,6 +13,7 @@ from estim.reading.dialect import (
     Dialect,
     Encoding,
     is_column,
+    bare_name,
     name_and_unit,
 )
 from estim.reading.input_file import TOML_BYTES, leads_out, read_text, refuse_outside, way_to

@@ -26,7 +26,7 @@ from estim.common import (
     same_unit,
 )
 from estim.reading.cells import Row, is_missing, is_spreadsheet_error, looks_like_a_number
-from estim.reading.dialect import PLAIN, Dialect, cell_name, name_and_unit
+from estim.reading.dialect import PLAIN, Dialect, bare_name, cell_name
 from estim.reading.layout import Layout, cells_differ, numeric_columns, read_layout
 from estim.reading.table import (
     DECIMAL_COMMAS,
@@ -180,7 +180,7 @@ def _place_of(name: str, layout: Layout) -> int:
     """
     names, line = layout.names, layout.header_line
     places = [i for i, column in enumerate(names) if column == name] or [
-        i for i, column in enumerate(names) if name_and_unit(column)[0] == name
+        i for i, column in enumerate(names) if bare_name(column) == name
     ]
     if not places:
         raise InputError(
@@ -324,7 +324,7 @@ def columns_sentence(read: Sequence[tuple[str, str, str]], unread: Sequence[str]
     its unit or "1" where none is known.
     """
     pairs = [
-        f"{key} = {name_and_unit(column)[0]}{f' ({unit})' if unit not in ('', '1') else ''}"
+        f"{key} = {bare_name(column)}{f' ({unit})' if unit not in ('', '1') else ''}"
         for key, column, unit in read
         if column
     ]

@@ -169,6 +169,11 @@ def name_and_unit(cell: str) -> tuple[str, str]:
     ) else inside
 
 
+def bare_name(column: str) -> str:
+    """The name of a column without its unit."""
+    return name_and_unit(column)[0]
+
+
 def _is_argument(name: str, inside: str) -> bool:
     """Whether `name(inside)` without a blank may be a quantity as it follows from another one:
     s(t), N(E).
@@ -210,4 +215,4 @@ def shown_delimiter(*lines: str) -> str:
 
 def is_column(name: str, names: Sequence[str]) -> bool:
     """Whether a column is called `name`, just so or before its unit."""
-    return any(name in (column, name_and_unit(column)[0]) for column in names)
+    return any(name in (column, bare_name(column)) for column in names)

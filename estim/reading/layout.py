@@ -21,6 +21,7 @@ from estim.reading.cells import (
 from estim.reading.dialect import (
     PLAIN,
     Dialect,
+    bare_name,
     is_column,
     is_uncertainty,
     name_and_unit,
@@ -282,15 +283,21 @@ def value_columns(layout: Layout, errors: Sequence[str | None] = ()) -> tuple[st
     return tuple(
         name
         for name in numeric_columns(layout)
-        if not is_uncertainty(_bare(name)) and not {name, _bare(name)} & {*errors}
+        if not is_uncertainty(bare_name(name)) and not {name, bare_name(name)} & {*errors}
     )
 
 
 def uncertainty_of(column: str, layout: Layout) -> str | None:
     """The column u_NAME or u(NAME) of the uncertainties of `column`, if it is there."""
-    named = {written for name in (column, _bare(column)) for written in (f"u_{name}", f"u({name})")}
+    named = {
+        written for name in (column, bare_name(column)) for written in (f"u_{name}", f"u({name})")
+    }
     return next(
-        (name for name in layout.names if not name.startswith("_") and {name, _bare(name)} & named),
+        (
+            name
+            for name in layout.names
+            if not name.startswith("_") and {name, bare_name(name)} & named
+        ),
         None,
     )
 
@@ -311,11 +318,7 @@ def first_and_second(columns: Sequence[str]) -> tuple[str, str] | None:
 
 def is_called(column: str, letter: str) -> bool:
     """Whether a column is called x, X, x_m or x [m], for the letter x."""
-    return _bare(column).partition("_")[0].lower() == letter
-
-
-def _bare(name: str) -> str:
-    return name_and_unit(name)[0]
+    return bare_name(column).partition("_")[0].lower() == letter
 
 
 def _start(rows: Sequence[Row]) -> int:

@@ -16,7 +16,7 @@ from itertools import pairwise
 
 from estim.common import InputError, in_unit, is_unit, phrase, same_unit
 from estim.reading.cells import is_missing, looks_like_a_number
-from estim.reading.dialect import name_and_unit
+from estim.reading.dialect import bare_name
 from estim.reading.table import Layout, line_numbers
 
 _NUMBER = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)"
@@ -123,7 +123,7 @@ def _quantities(table: Layout, place: int, cells: Sequence[tuple[int, str]]) -> 
     table = _replaced(table, place, values, unit)
     if not with_u:
         return _told(table, *told)
-    called = f"u_{name_and_unit(name)[0]}"
+    called = f"u_{bare_name(name)}"
     if called in table.names:
         rule = "has uncertainties in its cells, and a column of their own as well"
         raise InputError(rule, field=name, value=called, line=cells[0][0])
