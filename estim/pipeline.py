@@ -393,7 +393,8 @@ def _optima_of(fit: Fit) -> Optima:
     ends = optima(fit)
     # optima with so small a share have no ridges that are followed
     modes = tuple(ends.values[1:][ends.shares[1:] > 1e-3])
-    starts, covs = (*ends.values[1:], *fit.further_starts), (*ends.covs[1:], *fit.further_covs)
+    starts = (*ends.values[1:], *(mean for found in fit.lacking for mean in found.means))
+    covs = (*ends.covs[1:], *(cov for found in fit.lacking for cov in found.covs))
     return Optima(fit.values, fit.cov, starts, covs, modes, fit.parts)
 
 

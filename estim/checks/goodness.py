@@ -376,16 +376,16 @@ def untested(fit: Fit) -> tuple[Goodness, ...]:
     """Residuals of which no test can be made: as many parameters as points, or rounding errors
     only.
     """
-    records = []
     named = fit.problem.named(fit.values)
-    for run, z, (raw, sd) in zip(
-        fit.problem.runs,
-        fit.posterior.standardised(fit.values),
-        _raw_and_sd(fit, named),
-        strict=True,
-    ):
-        records.append(Goodness(run.name, z, raw, sd, {}, float("nan"), _pattern(z), curve=False))
-    return tuple(records)
+    return tuple(
+        Goodness(run.name, z, *raw_and_sd, {}, np.nan, _pattern(z), curve=False)
+        for run, z, raw_and_sd in zip(
+            fit.problem.runs,
+            fit.posterior.standardised(fit.values),
+            _raw_and_sd(fit, named),
+            strict=True,
+        )
+    )
 
 
 def _pattern(z: FloatArray) -> float:

@@ -30,22 +30,6 @@ _ENCODINGS = (
     "cp437",
     "cp850",
 )
-_AS_SAID = (
-    "own",
-    "x",
-    "y",
-    "u_x",
-    "u_y",
-    "every",
-    "deviation",
-    "correlated",
-    "jitter",
-    "robust",
-    "noise",
-    "title",
-    "track",
-    "release",
-)
 _DIALECT = (
     click.option(
         "--columns",
@@ -304,19 +288,15 @@ def choices_of_table(said: Mapping[str, Any]) -> TableChoices:
     """
     from estim.campaign import TableChoices, pairs, window_of
 
-    rolling, start, low, high, value = (
-        pairs(said[name], f"--{name}") for name in ("rolling", "start", "low", "high", "value")
-    )
-    plain: dict[str, Any] = {name: said[name] for name in _AS_SAID}
-    return TableChoices(
-        formula=said["formula"] or "",
-        **plain,
-        rolling=rolling,
-        start=start,
-        low=low,
-        high=high,
-        value=value,
-        kind=said["kind"] or "measured",
-        window=window_of(said["window"]),
-        dialect=dialect_of(said),
-    )
+    read: dict[str, Any] = {
+        "formula": said["formula"] or "",
+        "kind": said["kind"] or "measured",
+        "window": window_of(said["window"]),
+        "dialect": dialect_of(said),
+    }
+    read |= {
+        name: pairs(said[name], f"--{name}")
+        for name in ("rolling", "start", "low", "high", "value")
+    }
+    plain = {name: said[name] for name in TableChoices.__dataclass_fields__ if name not in read}
+    return TableChoices(**plain, **read)

@@ -177,24 +177,9 @@ def curve_figure(
 
 def _draw_curve(ax: Axes, curve: Prediction, inner: Prediction) -> None:
     if np.any(np.isfinite(curve.low)):
-        ax.fill_between(
-            curve.x,
-            curve.low,
-            curve.high,
-            color=BLUE,
-            alpha=0.22,
-            lw=0,
-            label=phrase("the curve, {p:.0f} %", p=95),
-        )
-        ax.fill_between(
-            curve.x,
-            inner.low,
-            inner.high,
-            color=BLUE,
-            alpha=0.40,
-            lw=0,
-            label=phrase("the curve, {p:.0f} %", p=68),
-        )
+        for band, alpha, p in ((curve, 0.22, 95), (inner, 0.40, 68)):
+            label = phrase("the curve, {p:.0f} %", p=p)
+            ax.fill_between(band.x, band.low, band.high, color=BLUE, alpha=alpha, lw=0, label=label)
     ax.plot(curve.x, curve.value, color=BLUE, lw=1.3, label=phrase("best curve"))
 
 
@@ -222,37 +207,13 @@ def _draw_region(ax: Axes, region: Region) -> None:
     levels = sorted(region.levels.values())
     shades = [BLUE, PALE, "#E3F0F7"][: len(levels)]
     top = 1e3 * levels[-1]
-    ax.contourf(
-        a * first.factor,
-        b * second.factor,
-        np.minimum(rise.T, top),
-        levels=[-top, *levels],
-        colors=shades,
-    )
-    ax.contour(
-        a * first.factor,
-        b * second.factor,
-        np.minimum(rise.T, top),
-        levels=levels,
-        colors=INK,
-        linewidths=0.8,
-    )
+    shown, factors = np.minimum(rise.T, top), np.array([first.factor, second.factor])
+    drawn = (a * first.factor, b * second.factor, shown)
+    ax.contourf(*drawn, levels=[-top, *levels], colors=shades)
+    ax.contour(*drawn, levels=levels, colors=INK, linewidths=0.8)
     for ellipse in region.ellipses.values():
-        ax.plot(
-            ellipse[:, 0] * first.factor,
-            ellipse[:, 1] * second.factor,
-            color=ORANGE,
-            lw=1.4,
-            ls="--",
-        )
-    ax.plot(
-        region.best[0] * first.factor,
-        region.best[1] * second.factor,
-        "o",
-        color="white",
-        mec=INK,
-        ms=5,
-    )
+        ax.plot(*(ellipse * factors).T, color=ORANGE, lw=1.4, ls="--")
+    ax.plot(*(region.best * factors), "o", color="white", mec=INK, ms=5)
     names = [phrase("profile, {p:.0f} %", p=100 * p) for p in sorted(region.levels)]
     handles: list[Artist] = [
         Patch(facecolor=shade, edgecolor=INK, label=name)

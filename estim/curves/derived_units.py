@@ -13,14 +13,13 @@ from collections.abc import Iterator, Mapping
 from fractions import Fraction
 
 from estim.common import InputError, in_unit, is_in_degrees, powers_in, raised, same_unit
-from estim.curves.dimensions import LARGEST_PURE, number_in_formula
+from estim.curves.dimensions import LARGEST_PURE, ROOTS, number_in_formula, summed
 from estim.curves.formula import CONSTANTS
 
 Factors = dict[str, Fraction]
 """A unit: its symbols with their powers; {} for a pure number."""
 
 _OF_OWN_ZERO = frozenset({"°C", "°F", "degC", "degF"})
-_ROOTS = {"sqrt": Fraction(1, 2), "cbrt": Fraction(1, 3)}
 _TURNED = ("sin", "cos", "tan")
 _ANGLES = ("arcsin", "arccos", "arctan", "asin", "acos", "atan", "arctan2", "atan2")
 _ALIKE = {
@@ -130,7 +129,9 @@ class _Reading:
                 unit: Factors | None = {} if simple and (sure or self.all_pure) else None
             else:
                 unit = self.of(part)
-            product = None if product is None or unit is None else _times(product, unit, sign)
+            product = (
+                None if product is None or unit is None else summed(product, unit, Fraction(sign))
+            )
         return product
 
     def _call(self, name: str, arguments: list[ast.expr]) -> Factors | None:
@@ -143,8 +144,8 @@ class _Reading:
         units = [
             self.of(argument) for argument in arguments if not isinstance(argument, ast.Compare)
         ]
-        if name in _ROOTS:
-            return _raised(units[0], _ROOTS[name])
+        if name in ROOTS:
+            return _raised(units[0], ROOTS[name])
         if name in _TURNED or name in ("radians", "degrees"):
             self._check_angle(name, arguments[0], units[0])
         if name in _ANGLES or name == "radians":
@@ -215,14 +216,6 @@ def _factors(unit: str) -> Factors | None:
     return {
         symbol: Fraction(power) for symbol, power in (powers_in(unit) or {}).items() if power
     } or None
-
-
-def _times(one: Factors, other: Factors, sign: int) -> Factors:
-    powers = {
-        symbol: one.get(symbol, Fraction(0)) + sign * other.get(symbol, Fraction(0))
-        for symbol in {**one, **other}
-    }
-    return {symbol: power for symbol, power in powers.items() if power}
 
 
 def _raised(unit: Factors | None, power: Fraction) -> Factors | None:

@@ -29,7 +29,7 @@ Dimension = tuple[float, float]
 # name of an unknown exponent -> its coefficient; "" is the constant (of x, of y)
 _Row = dict[str, Fraction]
 _SAME = ("abs", "hypot", "minimum", "maximum", "min", "max", "floor", "ceil")
-_ROOTS = {"sqrt": Fraction(1, 2), "cbrt": Fraction(1, 3)}
+ROOTS = {"sqrt": Fraction(1, 2), "cbrt": Fraction(1, 3)}
 _X, _Y = "(x)", "(y)"
 LARGEST_PURE = 10.0  # a number as large may turn mm into cm
 
@@ -205,7 +205,7 @@ class _System:
 
     def equal(self, left: Mapping[str, Fraction], right: Mapping[str, Fraction]) -> None:
         """Adds an equation, unless it contradicts the others."""
-        row = self.reduced(_sum(left, right, Fraction(-1)))
+        row = self.reduced(summed(left, right, Fraction(-1)))
         unknown = next((name for name in row if name not in (_X, _Y)), None)
         if unknown is None:
             self.contradicted |= bool(row)
@@ -228,7 +228,7 @@ def _dimension(node: ast.expr, system: _System) -> _Row:
         case ast.BinOp(left=left, op=op, right=right):
             first, second = _dimension(left, system), _dimension(right, system)
             if isinstance(op, ast.Mult | ast.Div):
-                return _sum(first, second, Fraction(1 if isinstance(op, ast.Mult) else -1))
+                return summed(first, second, Fraction(1 if isinstance(op, ast.Mult) else -1))
             system.equal(first, second)
             return first if first or not second else second
         case ast.Call(func=ast.Name(id="power"), args=[base, exponent]):
@@ -275,8 +275,8 @@ def _power(base: ast.expr, exponent: ast.expr, system: _System) -> _Row:
 
 
 def _call(name: str, arguments: list[_Row], system: _System) -> _Row:
-    if name in _ROOTS:
-        return {one: factor * _ROOTS[name] for one, factor in arguments[0].items()}
+    if name in ROOTS:
+        return {one: factor * ROOTS[name] for one, factor in arguments[0].items()}
     if name in _SAME or name in ("where", "arctan2", "atan2", "voigt"):
         for other in arguments[1:]:
             system.equal(arguments[0], other)
@@ -309,7 +309,7 @@ def number_in_formula(node: ast.expr) -> Fraction | None:
     return None
 
 
-def _sum(left: Mapping[str, Fraction], right: Mapping[str, Fraction], factor: Fraction) -> _Row:
+def summed(left: Mapping[str, Fraction], right: Mapping[str, Fraction], factor: Fraction) -> _Row:
     names = {**left, **right}
     return {
         name: value

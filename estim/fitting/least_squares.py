@@ -116,20 +116,9 @@ class Fit:
         )
 
     @property
-    def further_starts(self) -> tuple[FloatArray, ...]:
-        """(n_par,) each, the centres of normal distributions that make up the posterior where a
-        curve lacks something.
-        """
-        return tuple(mean for force in self.forces for mean in force.means) + tuple(
-            mean for lack in self.deviations for mean in lack.means
-        )
-
-    @property
-    def further_covs(self) -> tuple[FloatArray, ...]:
-        """(n_par, n_par) each, their covariances."""
-        return tuple(cov for force in self.forces for cov in force.covs) + tuple(
-            cov for lack in self.deviations for cov in lack.covs
-        )
+    def lacking(self) -> tuple[FoundForce | FoundDeviation, ...]:
+        """What was found that a curve lacks."""
+        return *self.forces, *self.deviations
 
 
 def fit_least_squares(

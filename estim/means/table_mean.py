@@ -13,6 +13,7 @@ from estim.reading import (
     Dialect,
     bare_name,
     columns_sentence,
+    is_column,
     read_layout,
     table_of,
     uncertainty_of,
@@ -51,11 +52,7 @@ def mean_of_table(
     Raises InputError with file, line, column, rule and value.
     """
     layout = read_layout(path, dialect, needed=[name for name in (y, u_y, group) if name])
-    bare = [
-        bare_name(name)
-        for name in value_columns(layout, (u_y,))
-        if group not in (name, bare_name(name))
-    ]
+    bare = [bare_name(name) for name in value_columns(layout, (u_y, group))]
     if y is None and len(bare) != 1:
         rule = "must be named by --y"
         raise InputError(rule, field="column", quoted=f"there are {listed(bare)}", file=layout.file)
@@ -75,7 +72,7 @@ def mean_of_table(
         table.require(column, table.columns[column] > 0.0, "must be > 0")
     groups = None
     if group is not None:
-        places = [i for i, n in enumerate(layout.names) if group in (n, bare_name(n))]
+        places = [i for i, n in enumerate(layout.names) if is_column(group, [n])]
         if len(places) != 1:
             rule = f"must be one of {listed(layout.names)}"
             raise InputError(rule, field="--group", value=group, file=layout.file)

@@ -56,7 +56,6 @@ class LinearResult(Tabled):
     covariance : () or (n_out, n_out), of the outputs.
     dof : () effective degrees of freedom, not truncated.
     k, low, high : () coverage factor and ends of value +/- k u, for `probability`.
-    sensitivity_error : like `sensitivities`, the numerical error of the derivatives.
     notes : sentences about what a reader must know; empty where all is well.
     """
 
@@ -71,7 +70,6 @@ class LinearResult(Tabled):
     low: FloatArray
     high: FloatArray
     probability: float
-    sensitivity_error: FloatArray
     notes: tuple[str, ...]
 
     @property
@@ -201,7 +199,6 @@ def propagate_linear(
         low=frozen(slopes.value - (k * u).reshape(shape)),
         high=frozen(slopes.value + (k * u).reshape(shape)),
         probability=probability,
-        sensitivity_error=slopes.error,
         notes=(*_derivative_notes(checked, slopes, components, u), *dof_notes),
     )
 
