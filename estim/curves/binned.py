@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, IntArray, Named
-from estim.problem import EXACT, Curve, LocalCurve, n_draws
+from estim.problem import EXACT, Curve, LocalCurve, n_draws, some_draws
 
 _AT, _WEIGHTS = np.polynomial.legendre.leggauss(10)
 # (2, node) the two highest Legendre coefficients of the polynomial through the nodes: (k + 1/2)
@@ -150,16 +150,9 @@ class BinnedCurve:
         rows = max(1, 300_000 // (_AT.size * n_bin + self.events.size))
         if n_draw > rows:
             parts = [
-                self._integrals(
-                    {
-                        name: np.asarray(a)[k : k + rows]
-                        if np.ndim(a) == 2 and np.shape(a)[0] > 1
-                        else a
-                        for name, a in arguments.items()
-                    },
-                    None if here is None else here[k : k + rows],
-                )
+                self._integrals(some_draws(arguments, part), None if here is None else here[part])
                 for k in range(0, n_draw, rows)
+                for part in [slice(k, k + rows)]
             ]
             inside, least = (np.concatenate(part) for part in zip(*parts, strict=True))
             return inside, least
@@ -237,11 +230,9 @@ class BinnedCurve:
                 x.shape
             )
         else:  # each panel like a draw of its own
-            per_panel = {
-                name: np.asarray(a)[draw] if np.ndim(a) == 2 and np.shape(a)[0] > 1 else a
-                for name, a in arguments.items()
-            }
-            values = np.broadcast_to(self.density.value(x.T, per_panel), x.T.shape).T
+            values = np.broadcast_to(
+                self.density.value(x.T, some_draws(arguments, draw)), x.T.shape
+            ).T
         return _panels_of(draw, low, high, bins, values)
 
     def _marks(self, arguments: Named, n_draw: int) -> tuple[FloatArray, FloatArray]:

@@ -24,7 +24,7 @@ from estim.common import InputError
 from estim.curves.dual import Dual, plain
 from estim.curves.formula import local_of, time_derivative_of
 from estim.given_numbers import real_numbers
-from estim.problem import EXACT, LocalCurve
+from estim.problem import EXACT, LocalCurve, n_draws
 
 Function = Callable[..., Any]
 
@@ -73,30 +73,22 @@ class PythonCurve:
                     (n_draw, n_obs),
                 )
             )
-        columns = {name: np.broadcast_to(arguments[name], (n_draw, 1))[:, 0] for name in self.names}
-        positions = np.broadcast_to(x, (n_draw, n_obs))
         rows = [
-            _called(
-                self.function,
-                positions[i],
-                {name: float(column[i]) for name, column in columns.items()},
+            np.broadcast_to(_called(self.function, at, values), (n_obs,))
+            for at, values in zip(
+                np.broadcast_to(x, (n_draw, n_obs)), self._each(arguments, n_draw), strict=True
             )
-            for i in range(n_draw)
         ]
-        return np.array([np.broadcast_to(row, (n_obs,)) for row in rows]).reshape(n_draw, n_obs)
+        return np.array(rows).reshape(n_draw, n_obs)
+
+    def _each(self, arguments: Named, n_draw: int) -> list[dict[str, float]]:
+        """The parameters of each draw."""
+        columns = {name: np.broadcast_to(arguments[name], (n_draw, 1))[:, 0] for name in self.names}
+        return [{name: float(column[i]) for name, column in columns.items()} for i in range(n_draw)]
 
     def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
-        n_draw = max(
-            (np.shape(value)[0] for value in arguments.values() if np.ndim(value) == 2), default=1
-        )
-        if n_draw > 1:
-            columns = {
-                name: np.broadcast_to(arguments[name], (n_draw, 1))[:, 0] for name in self.names
-            }
-            rows = [
-                self.local(x, {name: float(column[i]) for name, column in columns.items()})
-                for i in range(n_draw)
-            ]
+        if (n_draw := n_draws(arguments)) > 1:
+            rows = [self.local(x, values) for values in self._each(arguments, n_draw)]
             gradient = {
                 name: np.concatenate([row.gradient[name] for row in rows]) for name in self.names
             }

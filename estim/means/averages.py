@@ -216,10 +216,8 @@ def _of_values(x: FloatArray, u: FloatArray, probability: float) -> Mean:
         "weighted": _average(value, u_value, 0.0, math.inf, probability),
         "Birge": _average(value, scale * u_value, 0.0, dof, probability),
     }
-    for name, tau in (
-        ("DerSimonian-Laird", der_simonian_laird(x, u)),
-        ("Mandel-Paule", mandel_paule(x, u)),
-    ):
+    for name, dark in (("DerSimonian-Laird", der_simonian_laird), ("Mandel-Paule", mandel_paule)):
+        tau = dark(x, u)
         averages[name] = _average(*weighted(x, u, tau)[:2], tau, dof, probability)
     posterior = hierarchical(x - value, u)
     middle = float(posterior.p @ posterior.mean)
@@ -250,9 +248,9 @@ def _of_values(x: FloatArray, u: FloatArray, probability: float) -> Mean:
         if p_value > 0.999
         else phrase("the values are consistent ({test})", test=test)
     )
-    ends = (posterior.tau_quantile(tails[0]), posterior.tau_quantile(tails[1]))
+    low, high = map(posterior.tau_quantile, tails)
     best = "hierarchical" if needed else "weighted"
-    return Mean(x, u, averages, best, reason, chi2, dof, p_value, ends, None, probability)
+    return Mean(x, u, averages, best, reason, chi2, dof, p_value, (low, high), None, probability)
 
 
 def _of_readings(x: FloatArray, probability: float) -> Mean:

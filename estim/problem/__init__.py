@@ -28,6 +28,7 @@ from estim.problem.likelihood import (
     StackedPoints,
     Whitened,
     n_draws,
+    some_draws,
     reading_sd,
 )
 from estim.problem.noise import (

@@ -37,7 +37,7 @@ from estim.problem.abscissas import (
     summed,
     true_abscissas,
 )
-from estim.problem.likelihood import Ends, Likelihood, Points, n_draws
+from estim.problem.likelihood import Ends, Likelihood, Points, n_draws, some_draws
 from estim.problem.size import Scale, Size
 from estim.problem.tails import Tails
 from estim.problem.whitened import Tabled
@@ -357,20 +357,13 @@ class LatentErrors(Likelihood):
         return scores
 
     def _by_blocks(self, named: Named, compute: Callable[[Named], FloatArray]) -> FloatArray:
-        columns = {name: np.asarray(value) for name, value in named.items()}
         step = max(1, int(_BLOCK / ((LOG_WEIGHTS.size + 2) * self.x.size)))
-        parts = [
-            compute(
-                {
-                    name: column[first : first + step]
-                    if column.ndim == 2 and column.shape[0] > 1
-                    else column
-                    for name, column in columns.items()
-                }
-            )
-            for first in range(0, n_draws(named), step)
-        ]
-        return np.concatenate(parts)
+        return np.concatenate(
+            [
+                compute(some_draws(named, slice(first, first + step)))
+                for first in range(0, n_draws(named), step)
+            ]
+        )
 
 
 def likeliest(y: FloatArray, variance: FloatArray, share: float) -> FloatArray:

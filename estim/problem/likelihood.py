@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
-from estim.arrays import FloatArray, Named
+from estim.arrays import FloatArray, IntArray, Named
 from estim.problem.count_distributions import Counted
 from estim.problem.curve import Curve, LocalCurve, SquaredCurve, Wording
 from estim.problem.roots import Root
@@ -99,6 +99,14 @@ def n_draws(named: Named) -> int:
     return max(
         (np.shape(column)[0] for column in named.values() if np.ndim(column) == 2), default=1
     )
+
+
+def some_draws(named: Named, rows: slice | IntArray) -> Named:
+    """The columns of `named` at some of their draws; what is the same for all stays."""
+    return {
+        name: np.asarray(a)[rows] if np.ndim(a) == 2 and np.shape(a)[0] > 1 else a
+        for name, a in named.items()
+    }
 
 
 @dataclass(frozen=True, eq=False)

@@ -230,12 +230,12 @@ def _is_one_column(lines: Lines, dialect: Dialect) -> bool:
     def has_comma(line: str) -> bool:
         return dialect.decimal != "point" and bool(_DECIMAL_COMMA.fullmatch(line.strip()))
 
-    last = lines[-1][1]
-    if not (has_comma(last) or looks_like_a_number(last.strip())):
-        return False
     above = [
         line for _, line in lines if not (has_comma(line) or looks_like_a_number(line.strip()))
     ]
+    last = lines[-1][1]
+    if last in above[-1:]:
+        return False
     named = len(above) == 1 and "," not in above[0] and is_unit(name_and_unit(above[0])[1])
     return named or (dialect.decimal == "comma" and has_comma(last))
 

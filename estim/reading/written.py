@@ -212,8 +212,11 @@ def _moments(
     if before:
         date_name = table.names[place - 1]
         told.append(phrase("'{date}' and '{time}' are read as one time", date=date_name, time=name))
-    whole = [(number, f"{before.get(number, '')} {cell}".strip()) for number, cell in cells]
-    matches = [(number, cell, _moment(cell)) for number, cell in whole]
+    matches = [
+        (number, cell, _moment(cell))
+        for number, time in cells
+        for cell in [f"{before.get(number, '')} {time}".strip()]
+    ]
     order = _order(name, matches, dialect.dates)
     moments = [
         (number, *_seconds(name, number, cell, match, order)) for number, cell, match in matches
@@ -222,16 +225,16 @@ def _moments(
     if len(kinds) > 1:
         number, cell = next(
             (number, cell)
-            for (number, cell), (_, kind, _) in zip(whole, moments, strict=True)
+            for (number, cell, _), (_, kind, _) in zip(matches, moments, strict=True)
             if kind != moments[0][1]
         )
         rule = "must be written like the first one: all with a date or none, a zone or none"
         raise InputError(rule, field=name, value=cell, line=number)
-    kind, origin, shown = moments[0][1], moments[0][2], whole[0][1]
-    back = next((b[0] for a, b in pairwise(moments) if b[2] < a[2]), None)
+    kind, origin, shown = moments[0][1], moments[0][2], matches[0][1]
+    back = next((i for i, (a, b) in enumerate(pairwise(moments), 1) if b[2] < a[2]), None)
     if kind == "time" and back is not None:
         rule = "goes back: past midnight times need dates, in the cell or in a column before it"
-        raise InputError(rule, field=name, value=dict(whole)[back], line=back)
+        raise InputError(rule, field=name, value=matches[back][1], line=matches[back][0])
     if dialect.since is not None:
         match = _moment(dialect.since)
         if match is None or match["first"]:

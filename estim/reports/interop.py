@@ -81,8 +81,7 @@ def to_datatree(analysis: Analysis) -> xarray.DataTree:
     >>> sorted(tree["posterior"].data_vars)
     ['a', 'b']
     """
-    if find_spec("xarray") is None:
-        raise InputError(f"is not installed: {HOW_TO_GET}", field="xarray")
+    _require("xarray")
     from xarray import Dataset, DataTree
 
     return DataTree.from_dict(
@@ -103,9 +102,7 @@ def to_netcdf(analysis: Analysis) -> bytes:
     >>> data[1:4]  # to be written into draws.nc
     b'HDF'
     """
-    for package in _NETCDF:
-        if find_spec(package) is None:
-            raise InputError(f"is not installed: {HOW_TO_GET}", field=package)
+    _require(*_NETCDF)
     return as_netcdf(_groups(analysis))
 
 
@@ -124,7 +121,7 @@ def to_frame(analysis: Analysis) -> pd.DataFrame:
     >>> list(frame.columns)
     ['a', 'b']
     """
-    _require_pandas()
+    _require("pandas")
     from pandas import DataFrame, MultiIndex
 
     chain = analysis.chain
@@ -154,7 +151,7 @@ def summary_frame(result: Result) -> pd.DataFrame:
     >>> frame.loc["H", "unit"]
     'km/s/Mpc'
     """
-    _require_pandas()
+    _require("pandas")
     from pandas import DataFrame
 
     rows = {
@@ -197,9 +194,10 @@ def time_halves_order(n_step: int, n_walker: int) -> NDArray[np.intp]:
     return np.lexsort((place, place % n_walker, half))
 
 
-def _require_pandas() -> None:
-    if find_spec("pandas") is None:
-        raise InputError(f"is not installed: {HOW_TO_GET}", field="pandas")
+def _require(*packages: str) -> None:
+    for package in packages:
+        if find_spec(package) is None:
+            raise InputError(f"is not installed: {HOW_TO_GET}", field=package)
 
 
 def _shown_kind(kind: str) -> str:
@@ -281,9 +279,8 @@ def _posterior(analysis: Analysis, order: NDArray[np.intp]) -> Group:
 
 
 def _sample_stats(analysis: Analysis, order: NDArray[np.intp]) -> Group:
-    log_density = analysis.chain.log_density.reshape(analysis.chain.log_density.shape[0], -1)[
-        :, order
-    ]
+    chain = analysis.chain
+    log_density = chain.log_density.reshape(len(chain.log_density), -1)[:, order]
     variables = {
         "lp": (
             ("chain", "draw"),
@@ -292,7 +289,7 @@ def _sample_stats(analysis: Analysis, order: NDArray[np.intp]) -> Group:
         ),
         "acceptance": (
             ("chain",),
-            analysis.chain.acceptance,
+            chain.acceptance,
             _about("1", phrase("fraction of accepted moves")),
         ),
     }
@@ -300,10 +297,8 @@ def _sample_stats(analysis: Analysis, order: NDArray[np.intp]) -> Group:
 
 
 def _log_likelihood(analysis: Analysis, order: NDArray[np.intp]) -> Group:
-    draws = analysis.chain.draws.reshape(
-        analysis.chain.draws.shape[0], -1, analysis.chain.draws.shape[-1]
-    )
-    n_chain = draws.shape[0]
+    chain = analysis.chain
+    draws = chain.draws.reshape(n_chain := len(chain.draws), -1, len(chain.names))
     # of the log likelihood of every point: draws, and draws times points
     n_draw = min(2000, max(400, 600_000 // analysis.problem.n_obs))
     indices = np.unique(np.linspace(0, order.size - 1, max(1, n_draw // n_chain)).astype(int))
