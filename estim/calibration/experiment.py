@@ -206,7 +206,7 @@ def _columns(
 def curve_at(run: Observations, x: FloatArray, named: Named) -> FloatArray:
     """(n_obs,) the curve at x (n_obs,) for one set of values."""
     with np.errstate(all="ignore"):
-        return np.array(np.broadcast_to(run.curve.value(x, run.bind(named)), (1, x.size))[0])
+        return np.array(run.drawn(named, x))
 
 
 def _scattered(

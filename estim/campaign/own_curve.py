@@ -319,9 +319,7 @@ class CurveCampaign(Campaign):
         named = problem.named(problem.start())
         for run in problem.runs if self.table.noise is None else ():
             with np.errstate(all="ignore"):
-                finite = np.broadcast_to(
-                    np.isfinite(run.curve.value(run.x, run.bind(named))), (1, run.n_obs)
-                )[0]
+                finite = np.isfinite(run.drawn(named))
             if np.any(finite) and not np.all(finite):
                 table = self.tables[run.name]
                 row = int(np.argmax(table.columns[self.x_column] == run.x[int(np.argmin(finite))]))

@@ -402,11 +402,8 @@ def _raw_and_sd(fit: Fit, named: Mapping[str, FloatArray]) -> list[tuple[FloatAr
     posterior = fit.posterior
     ys = posterior.by_run(likelihood.y for likelihood in posterior.likelihoods)
     sds = posterior.by_run(likelihood.sd(named) for likelihood in posterior.likelihoods)
-    curves = [
-        np.broadcast_to(run.curve.value(run.x, run.bind(named)), (1, run.n_obs))[0]
-        for run in fit.problem.runs
-    ]
-    return [(np.asarray(y - curve), sd) for y, curve, sd in zip(ys, curves, sds, strict=True)]
+    runs = zip(fit.problem.runs, ys, sds, strict=True)
+    return [(np.asarray(y - run.drawn(named)), sd) for run, y, sd in runs]
 
 
 def _scatter_ratio(run: Observations, named: Mapping[str, FloatArray]) -> float:

@@ -188,7 +188,7 @@ class CurveFit:
         """
         parts = []
         for run in self.problem.runs:
-            off = run.y - np.broadcast_to(run.points.value(self.values), (1, run.n_obs))[0]
+            off = run.y - run.drawn(self.values)
             if run.order is not None:
                 off[run.order] = off.copy()
             parts.append(off)
@@ -211,9 +211,8 @@ class CurveFit:
         if not 0.0 < probability < 1.0:
             raise InputError("must lie between 0 and 1", field="probability", value=probability)
         run = self._run(data)
-        points = replace(run.points, x=places, y=np.zeros(places.size))
-        value = np.array(np.broadcast_to(points.value(self.values), (1, places.size))[0])
-        gradient = points.gradient(self.values, self.names)
+        value = np.array(run.drawn(self.values, places))
+        gradient = replace(run.points, x=places).gradient(self.values, self.names)
         of_curve = set(self.names) - self.problem.noise_names
         known = self.status.ok and all(math.isfinite(self.sds[name]) for name in of_curve)
         u = (

@@ -223,9 +223,7 @@ def _measured(
     """
     named = problem.named(values)
     errors = normal_covariance(run.noise, run.points, named)
-    residuals = (
-        run.y - errors.shift - np.ravel(np.broadcast_to(run.points.value(named), (1, run.n_obs)))
-    )
+    residuals = run.y - errors.shift - run.drawn(named)
     covariance = (
         errors.covariance
         if stated

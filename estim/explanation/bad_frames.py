@@ -79,9 +79,7 @@ def frame_causes(base: Fit) -> tuple[Cause, ...]:
             return ()
         root = likelihood.normal.root(named)
         jacobian = root.whiten(run.points.gradient(named, problem.names).T).T
-        z = root.whiten(
-            likelihood.y - np.ravel(np.broadcast_to(run.points.value(named), (1, run.n_obs)))
-        )
+        z = root.whiten(likelihood.y - run.drawn(named))
         parts.append((run, root, jacobian, z))
         whole = whole + jacobian.T @ jacobian
     inverse = np.linalg.pinv(whole, hermitian=True)

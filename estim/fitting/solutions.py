@@ -14,7 +14,7 @@ from estim.fitting.gauss_newton import End, inverse_information
 from estim.fitting.least_squares import WITHIN_REACH
 from estim.fitting.separable import SeparableSearch
 from estim.fitting.symmetry_search import TURNS
-from estim.problem import Observations, Symmetry
+from estim.problem import Symmetry
 
 SAME = 1e-6  # relative difference of sums of squares between equal optima
 MOST_OTHERS = 16  # other optima that are kept
@@ -243,7 +243,7 @@ def _same_curve(
     problem = search.posterior.problem
     for run in problem.runs:
         x = np.linspace(run.x.min(), run.x.max(), 3 * run.n_obs + 7) if between else run.x
-        a, b = (_drawn(run, search, point, x) for point in (values, other))
+        a, b = (run.drawn(problem.named(point), x) for point in (values, other))
         if not np.max(np.abs(a - b)) <= 1e-5 * max(float(np.max(np.abs(a))), 1e-300):
             return False
     return True
@@ -278,6 +278,7 @@ def _is_alias(search: SeparableSearch, values: FloatArray, other: FloatArray) ->
     there: moved to where they would be, they could not, and between them the curves differ.
     """
     problem, apart = search.posterior.problem, False
+    named = problem.named(values)
     for run in problem.runs:
         number = np.arange(run.n_obs) - 0.5 * (run.n_obs - 1)
         step = float(number @ run.x) / max(float(number @ number), 1.0)
@@ -285,25 +286,16 @@ def _is_alias(search: SeparableSearch, values: FloatArray, other: FloatArray) ->
         off = float(np.max(np.abs(run.x - even)))
         if run.noise.counted is not None or not _EXACT * step < off <= _ROUNDED * step:
             return False
-        fitted = np.ravel(run.points.value(problem.named(values)))
         # of the scatter of the points about a curve
-        unfelt = 0.2 * float(np.sqrt(np.mean(np.square(run.y - fitted))))
+        unfelt = 0.2 * float(np.sqrt(np.mean(np.square(run.y - run.drawn(named)))))
         at_points, between = (
-            np.max(np.abs(_drawn(run, search, values, x) - _drawn(run, search, other, x)))
+            np.max(np.abs(run.drawn(named, x) - run.drawn(problem.named(other), x)))
             for x in (even, even[:-1] + _ASIDE * step)
         )
         if not at_points <= unfelt:
             return False
         apart |= bool(between > 5.0 * unfelt)
     return apart
-
-
-def _drawn(
-    run: Observations, search: SeparableSearch, values: FloatArray, x: FloatArray
-) -> FloatArray:
-    """(n,) the curve of a run at the places x (n,)."""
-    named = search.posterior.problem.named(values)
-    return np.broadcast_to(run.curve.value(x, run.bind(named)), (1, x.size))[0]
 
 
 def _roughness(search: SeparableSearch, values: FloatArray) -> float:
@@ -313,7 +305,7 @@ def _roughness(search: SeparableSearch, values: FloatArray) -> float:
     for run in search.posterior.problem.runs:
         # places at which curves through the same points are told apart
         x = np.linspace(run.x.min(), run.x.max(), 400 * (1 + run.n_obs // 20))
-        total += float(np.sum(np.abs(np.diff(run.curve.value(x, run.bind(named))))))
+        total += float(np.sum(np.abs(np.diff(run.drawn(named, x)))))
     return total
 
 

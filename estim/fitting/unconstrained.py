@@ -35,9 +35,7 @@ def no_scatter(run: Observations, fit: Fit) -> bool:
     """Whether the curve passes through every point of `run` to rounding errors, though it has fewer
     parameters than the run points.
     """
-    curve = np.broadcast_to(
-        run.curve.value(run.x, run.bind(fit.problem.named(fit.values))), (1, run.n_obs)
-    )[0]
+    curve = run.drawn(fit.problem.named(fit.values))
     size = max(float(np.max(np.abs(run.y))), float(np.max(np.abs(curve))))
     return run.n_obs > len(run.curve_parameters) and bool(
         np.max(np.abs(run.y - curve)) <= PERFECT * size

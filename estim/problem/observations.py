@@ -171,6 +171,11 @@ class Observations:
         linear = self.words.from_release or self.noise.counted is not None
         return not linear and 0.0 < 100.0 * low <= high and middle < 0.25 * high
 
+    def drawn(self, named: Named, x: FloatArray | None = None) -> FloatArray:
+        """(n,) the curve for single values at the places x, or at its points."""
+        at = self.x if x is None else x
+        return np.broadcast_to(self.curve.value(at, self.bind(named)), (1, at.size))[0]
+
     def along(self, low: float, high: float, n: int) -> FloatArray:
         """(n,) places from low to high at which figures draw the curve."""
         return (np.geomspace if self.spread_in_decades else np.linspace)(low, high, n)

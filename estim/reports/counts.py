@@ -116,9 +116,7 @@ def _draw_counts(ax: Axes, run: Observations, mean: FloatArray, counted: Counted
 
 def _expected(fit: Fit, run: Observations) -> FloatArray:
     """(n_obs,) at the fit."""
-    return np.broadcast_to(
-        run.curve.value(run.x, run.bind(fit.problem.named(fit.values))), (1, run.n_obs)
-    )[0]
+    return run.drawn(fit.problem.named(fit.values))
 
 
 def _interval(

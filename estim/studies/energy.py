@@ -199,8 +199,7 @@ def _record(
     # the mode, not the mean: on a bent ridge the mean of the draws need not fit the data
     centre = problem.named(analysis.fit.values)
     at_mode, at_draws = run.bind(centre), run.bind(problem.named(draws))
-    fitted = np.ravel(np.broadcast_to(run.curve.value(run.x, at_mode), (1, run.n_obs)))
-    noise, u_v, u_kinetic, bias = _noise(run, fitted, centre)
+    noise, u_v, u_kinetic, bias = _noise(run, run.drawn(centre), centre)
 
     def energies(arguments: Named) -> tuple[FloatArray, FloatArray]:
         kinetic, potential = run.body.energies(run.x, v, arguments)
