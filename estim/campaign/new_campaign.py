@@ -107,5 +107,4 @@ def columns_of(file: Path, choices: TableChoices) -> tuple[str, ...]:
 
 
 def _layout(file: Path, choices: TableChoices) -> Layout:
-    asked = [name for name in (choices.x, choices.y) if name is not None]
-    return read_layout(file, choices.dialect, needed=asked)
+    return read_layout(file, choices.dialect, needed=choices.asked)

@@ -99,6 +99,11 @@ class TableChoices:
     release: str | None = None
     dialect: Dialect = field(default_factory=Dialect)
 
+    @property
+    def asked(self) -> list[str]:
+        """The columns that are named."""
+        return [name for name in (self.x, self.y) if name is not None]
+
 
 @dataclass(frozen=True)
 class Axis:
@@ -234,10 +239,9 @@ def _columns_of_run(file: Path, choices: TableChoices) -> tuple[str, ...] | None
     """The columns from left to right by the names that those of a run have: x and y are t and x, or
     x and v where y is a speed.  Raises InputError where one has another unit.
     """
-    asked = [name for name in (choices.x, choices.y) if name is not None]
-    if not asked:
+    if not choices.asked:
         return choices.dialect.columns
-    layout = read_layout(file, choices.dialect, needed=asked)
+    layout = read_layout(file, choices.dialect, needed=choices.asked)
     names, speed = layout.names, False
     if choices.y is not None:
         y = _axis(choices.y, layout)
@@ -311,8 +315,7 @@ def _axes(
             Axis(column, "", units.get(column, "m")) for column in (choices.x or "t", choices.y)
         )
         return x, y, choices.u_x, choices.u_y
-    requested = [name for name in (choices.x, choices.y) if name is not None]
-    layout = read_layout(file, choices.dialect, needed=requested)
+    layout = read_layout(file, choices.dialect, needed=choices.asked)
     values = value_columns(layout, (choices.u_x, choices.u_y))
     x_name, y_name = choices.x, choices.y
     called = [

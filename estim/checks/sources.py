@@ -10,7 +10,7 @@ with a mean: under that, runs whose resistances differ would never disagree.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -20,7 +20,7 @@ from scipy.linalg import block_diag
 from estim.arrays import FloatArray
 from estim.common import later
 from estim.fitting import ALONE, Fit
-from estim.problem import Group
+from estim.problem import Group, parameters_of
 
 PRIORS = later("stated values")
 _LEAST_SHARE = 1e-3  # of the information in a direction: a source that has less says nothing of it
@@ -205,14 +205,10 @@ def _tied_copies(fit: Fit, group: Group, shared: NDArray[np.int64]) -> Copies:
     runs, copied = [], []
     for run in group.runs:
         renamed = {name: f"{name} of {run.name}" for name in common}
-        arguments = {
-            a: renamed.get(source, source) if isinstance(source, str) else source
-            for a, source in run.arguments.items()
-        }
-        runs.append(replace(run, arguments=arguments))
+        runs.append(run.renamed(renamed))
         copied += list(renamed.values())
         named |= {copy: named[name] for name, copy in renamed.items()}
-    nuisance = _own(fit, frozenset[str]().union(*(run.parameters for run in group.runs)), shared)
+    nuisance = _own(fit, parameters_of(group.runs), shared)
     jacobian, residuals = (
         Group(tuple(runs), group.shared)
         .likelihood(named)

@@ -148,12 +148,13 @@ def _solved(formula: Formula, system: _System, density: bool | None) -> _System:
 
 
 def _found(system: _System, formula: Formula) -> dict[str, Dimension]:
-    rows = {name: system.reduced({name: Fraction(1)}) for name in formula.names}
-    return {
-        name: (float(row.get(_X, 0)), float(row.get(_Y, 0)))
-        for name, row in rows.items()
-        if not set(row) - {_X, _Y}
-    }
+    units = {name: _of_axes(system.reduced({name: Fraction(1)})) for name in formula.names}
+    return {name: unit for name, unit in units.items() if unit is not None}
+
+
+def _of_axes(row: _Row) -> Dimension | None:
+    """The powers of the units of x and y, where there are no others."""
+    return None if {*row} - {_X, _Y} else (float(row.get(_X, 0)), float(row.get(_Y, 0)))
 
 
 def angles_of(formula: Formula) -> list[tuple[str, ast.expr, Dimension]]:
@@ -162,13 +163,11 @@ def angles_of(formula: Formula) -> list[tuple[str, ast.expr, Dimension]]:
     """
     system = _System(any_angle=True)
     system.equal(_dimension(formula.tree, system), {_Y: Fraction(1)})
-    angles = [(name, node, system.reduced(row)) for name, node, row in system.turned]
-    units = [
-        (name, node, (float(row.get(_X, 0)), float(row.get(_Y, 0))))
-        for name, node, row in angles
-        if not set(row) - {_X, _Y}
+    return [
+        (name, node, unit)
+        for name, node, row in system.turned
+        if (unit := _of_axes(system.reduced(row))) in ((1.0, 0.0), (0.0, 1.0))
     ]
-    return [angle for angle in units if angle[2] in ((1.0, 0.0), (0.0, 1.0))]
 
 
 @dataclass

@@ -142,11 +142,14 @@ class Renamed(ast.NodeTransformer):
 
 
 def read_formula(text: object, *, field: str = "expression") -> Formula:
-    """The formula written in `text`, on one line or several: the end of a line is a blank.
+    """The formula written in `text`, on one line or several: the end of a line is a blank; one that
+    was read already as it is.
 
     Raises InputError naming `field` where the text is not a formula of the allowed kind, holds a
     comment, or a part of it that holds neither x nor a parameter is not a finite number.
     """
+    if isinstance(text, Formula):
+        return text
     if not isinstance(text, str) or not text.strip():
         raise InputError(
             'must be a formula like "a*exp(-b*x) + c"',

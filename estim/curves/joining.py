@@ -92,19 +92,8 @@ class JointProblem:
         """The problem whose errors are `sigma` times the stated ones."""
         runs, sought = [], self.sought
         for name, part in self.parts.items():
-            run, sources = part.with_sigma(sigma).runs[0], self.sources[name]
-            arguments = {
-                argument: sources.get(source, source) if isinstance(source, str) else source
-                for argument, source in run.arguments.items()
-            }
-            runs.append(
-                replace(
-                    run,
-                    name=name,
-                    arguments=MappingProxyType(arguments),
-                    sought=(*run.sought, *sought),
-                )
-            )
+            run = part.with_sigma(sigma).runs[0].renamed(self.sources[name])
+            runs.append(replace(run, name=name, sought=(*run.sought, *sought)))
             sought = ()
         further = [unknown for part in self.parts.values() for unknown in part.further]
         return Problem((*self.parameters, *further), tuple(runs))

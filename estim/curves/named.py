@@ -71,7 +71,7 @@ def unstarted(
         )
     ):
         return models
-    formula = curve if isinstance(curve, Formula) else read_formula(curve, field="curve")
+    formula = read_formula(curve, field="curve")
     constant = formula.names == (formula.text,)
     missing = {*formula.names} - {*start, *fixed}
     return BareFormula(formula) if (formula.uses_x or constant) and missing else None
@@ -127,7 +127,7 @@ def arguments_of(curve: object, *named: Collection[str]) -> tuple[str, ...]:
     models = called_by_name(curve, *named)
     if models is not None:
         return models.parameters
-    return (curve if isinstance(curve, Formula) else read_formula(str(curve), field="curve")).names
+    return read_formula(curve, field="curve").names
 
 
 def called_by_name(curve: object, *named: Collection[str]) -> ModelSum | None:

@@ -523,7 +523,7 @@ def _curve(
     if callable(curve):
         _check_signature(curve, names)
         return wrap_function(curve, names, x, {**start, **fixed})
-    formula = curve if isinstance(curve, Formula) else read_formula(curve, field="curve")
+    formula = read_formula(curve, field="curve")
     for name in formula.names:
         if name not in names:
             if not formula.uses_x:

@@ -102,9 +102,7 @@ def only_for_ties(
     """Names in the formulas of `tied` that the curve itself does not take."""
     named = {symbol for formula in tied.values() for symbol in formula.names}
     if not callable(curve):
-        return named - set(
-            (curve if isinstance(curve, Formula) else read_formula(curve, field="curve")).names
-        )
+        return named - {*read_formula(curve, field="curve").names}
     try:
         takes = inspect.signature(curve).parameters.values()
     except (TypeError, ValueError):

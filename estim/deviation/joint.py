@@ -56,6 +56,7 @@ from estim.problem import (
     Root,
     StackedPoints,
     Wording,
+    parameters_of,
     stacked_root,
 )
 
@@ -441,13 +442,7 @@ def by_itself(run: Observations, problem: Problem) -> Observations:
         for p in problem.parameters
         if p.between
     }
-    return replace(
-        run,
-        arguments={
-            a: spreads.get(source, source) if isinstance(source, str) else source
-            for a, source in run.arguments.items()
-        },
-    )
+    return run.renamed(spreads)
 
 
 def _described(
@@ -462,7 +457,7 @@ def _described(
     along, lever = tracked.alongs[0], Response.stacked(tracked.responses)
     force = find_force(linear, tracked.track, lever, radius=along.radian)
     means, covs = linear_groups(linear, problem.n_par)
-    used = frozenset[str]().union(*(run.parameters for run in group.runs))
+    used = parameters_of(group.runs)
     growth = {
         name: factor
         for name, factor in growth_over(problem, linear, without).items()

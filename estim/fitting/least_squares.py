@@ -365,7 +365,7 @@ def _fit_curve(
 ) -> FloatArray:
     """The parameters of the curve that minimise the squared residuals, noise parameters held."""
     problem = posterior.problem
-    free = [i for i, p in enumerate(problem.parameters) if p.name not in problem.noise_names]
+    free = problem.of_curve
     if not free:
         return values
     if many(problem):
@@ -490,7 +490,7 @@ def _describe(
             sds[i] = np.nan
         if distance < 1e-2 * curvature[i]:
             at_bound.append(parameter.name)
-    curve = [i for i, p in enumerate(problem.parameters) if p.name not in problem.noise_names]
+    curve = problem.of_curve
     pulls = [i for i in curve if problem.parameters[i].prior.informative]
     chi2 = float(
         np.sum(posterior.size_residuals(values) ** 2)

@@ -367,8 +367,8 @@ def is_resolved(fit: Fit) -> bool:
     """Whether the data (and priors) determine every parameter of the curve as far as rounding
     errors let one see, even where `fit.singular`.
     """
-    curve = [i for i, name in enumerate(fit.names) if name not in fit.problem.noise_names]
-    return inverse_information(fit.posterior.jacobian(fit.values)[:, curve])[1] > RESOLVED
+    jacobian = fit.posterior.jacobian(fit.values)[:, fit.problem.of_curve]
+    return inverse_information(jacobian)[1] > RESOLVED
 
 
 def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:

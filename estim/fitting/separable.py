@@ -139,9 +139,7 @@ def set_apart(
     drawn with `rng`.
     """
     posterior = problem.linearised(start)
-    low = np.array([p.prior.low for p in problem.parameters])
-    high = np.array([p.prior.high for p in problem.parameters])
-    free = [i for i, p in enumerate(problem.parameters) if p.name not in problem.noise_names]
+    (low, high), free = problem.support(), problem.of_curve
     if not free:
         raise InputError("leave nothing to fit: every quantity is exact", field="parameters")
     linear = _linear(posterior, start, free, low, high, rng)

@@ -61,14 +61,11 @@ def find_symmetry(
         if lifted is not None:
             elements.append(lifted)
     elements = _closed(elements, period)
-    low = np.array([p.prior.low for p in problem.parameters])
-    high = np.array([p.prior.high for p in problem.parameters])
     bare = Symmetry(
         np.array([e[0] for e in elements]),
         np.array([e[1] for e in elements]),
         period,
-        low,
-        high,
+        *problem.support(),
         np.ones(n_par),
         np.full(n_par, np.inf),
     )

@@ -50,6 +50,7 @@ from estim.problem.observations import (
     n_uses,
     shared_first,
     uses_of,
+    parameters_of,
 )
 from estim.problem.posterior import Group, Measure, Posterior, Problem
 from estim.problem.priors import (

@@ -128,6 +128,11 @@ class Predictive:
     variance: FloatArray
     log_weight: FloatArray
 
+    @property
+    def shares(self) -> FloatArray:
+        """Weights whose sum over the components is 1."""
+        return np.exp(self.log_weight - summed(self.log_weight)[..., None])
+
     def of(self, part: slice = slice(None)) -> Predictive:
         """Those of some points, of one draw, for many y of each: (n_part, 1, n_component)."""
         return Predictive(
@@ -152,9 +157,8 @@ class Predictive:
         z = tails.normal_score(
             (y[..., None] - self.mean) / np.sqrt(self.variance), deepened(tails, named)
         )
-        weight = np.exp(self.log_weight - summed(self.log_weight)[..., None])
-        below = np.sum(weight * normal_below(z), axis=-1)
-        above = np.sum(weight * normal_tail(z), axis=-1)
+        below = np.sum(self.shares * normal_below(z), axis=-1)
+        above = np.sum(self.shares * normal_tail(z), axis=-1)
         return np.where(below < above, 1.0, -1.0) * normal_quantile(
             np.maximum(np.minimum(below, above), 1e-300)
         )

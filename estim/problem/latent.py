@@ -211,8 +211,7 @@ class LatentErrors(Likelihood):
         points = density.of()
         sd = np.sqrt(points.variance)
         z = (y[..., None] - points.mean) / sd
-        share = np.exp(points.log_weight - summed(points.log_weight)[..., None])
-        height = share * np.exp(tails.log_density(z, deepened(tails, named)))
+        height = points.shares * np.exp(tails.log_density(z, deepened(tails, named)))
         moved = -(height / sd) @ of_mean - (0.5 * height * z / sd**2) @ of_variance
         return (
             e,
@@ -276,7 +275,7 @@ class LatentErrors(Likelihood):
         values = self._values(named, abscissas.nodes)
         density = predictive(values, self._own_variance(named), self.share)
         along = slopes_in_x(values, abscissas.spread)[..., None] * abscissas.common[:, :, None, :]
-        weight = np.exp(density.log_weight - summed(density.log_weight)[..., None])
+        weight = density.shares
         mean = np.sum(weight * density.mean, axis=-1)
         sd = np.sqrt(
             np.sum(weight * (density.variance + (density.mean - mean[..., None]) ** 2), axis=-1)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -242,6 +244,14 @@ class Observations:
                 quantities[quantity.name] = derived
         return quantities
 
+    def renamed(self, sources: Mapping[str, str | float]) -> Self:
+        """The run with other sources of its arguments: parameter -> another, or its value."""
+        arguments = {
+            argument: sources.get(source, source) if isinstance(source, str) else source
+            for argument, source in self.arguments.items()
+        }
+        return replace(self, arguments=MappingProxyType(arguments))
+
     def bind(self, values: Named) -> dict[str, ArrayLike]:
         """Arguments of the curve for parameter values (scalars or (n_draw, 1)), and what else is
         needed for what was `sought`.
@@ -262,6 +272,11 @@ class Observations:
 def n_uses(name: str, runs: Sequence[Observations]) -> int:
     """Number of `runs` whose curve has the parameter `name`."""
     return sum(name in run.curve_parameters for run in runs)
+
+
+def parameters_of(runs: Iterable[Observations]) -> frozenset[str]:
+    """Those on which any of `runs` depends."""
+    return frozenset[str]().union(*(run.parameters for run in runs))
 
 
 def uses_of(runs: Iterable[Observations]) -> Counter[str]:

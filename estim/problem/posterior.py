@@ -21,7 +21,7 @@ from estim.problem.group import Group as Group
 from estim.problem.group import SharedNoise, grouped
 from estim.problem.likelihood import Ends, Likelihood
 from estim.problem.measure import Measure as Measure
-from estim.problem.observations import Observations, Parameter, uses_of
+from estim.problem.observations import Observations, Parameter, parameters_of, uses_of
 from estim.problem.priors import Prior
 
 _BLOCK = 4_000_000  # values of the curve computed at once where there are more points than that
@@ -64,12 +64,12 @@ class Problem:
     def columns(self) -> tuple[IntArray, ...]:
         """For each group (n_used,) the places of the parameters that it depends on."""
         place = {name: i for i, name in enumerate(self.names)}
-        used = (
-            frozenset[str]().union(*(run.parameters for run in group.runs)) for group in self.groups
-        )
         return tuple(
-            np.array(sorted(place[name] for name in names if name in place), dtype=np.int64)
-            for names in used
+            np.array(
+                sorted(place[name] for name in parameters_of(group.runs) if name in place),
+                dtype=np.int64,
+            )
+            for group in self.groups
         )
 
     def foremost(self, most: int) -> list[int]:
@@ -88,7 +88,7 @@ class Problem:
 
         Raises InputError where one of them shares something with a run that is left out.
         """
-        used = frozenset[str]().union(*(run.parameters for run in runs))
+        used = parameters_of(runs)
         names = {run.name for run in runs}
         shared = tuple(noise for noise in self.shared if names.intersection(noise.runs))
         for noise in shared:
@@ -104,6 +104,11 @@ class Problem:
     def noise_names(self) -> frozenset[str]:
         """Parameters of the noise: they enter the covariance, not the curve."""
         return frozenset(name for run in self.runs for name in run.noise.parameters)
+
+    @property
+    def of_curve(self) -> list[int]:
+        """Places of the parameters of the curves; the others are of the noise."""
+        return [i for i, name in enumerate(self.names) if name not in self.noise_names]
 
     @cached_property
     def readings(self) -> frozenset[str]:
