@@ -17,7 +17,7 @@ from estim.campaign.dialect_table import DialectKeys
 from estim.campaign.prior_table import PriorKeys, PriorTable
 from estim.campaign.track_table import TrackKeys
 from estim.common import InputError, Quantity, phrase, same_looks
-from estim.curves import SIGMA, Formula, ModelSum, read_formula, read_model, within
+from estim.curves import SIGMA, Formula, Limits, ModelSum, read_formula, read_model, within
 from estim.problem import Flat, Prior, as_prior
 from estim.reading import KeyPath, Places, bare_name
 
@@ -311,9 +311,7 @@ def is_unstarted(entry: float | str | ParameterTable | None) -> bool:
 
 
 def source_of(
-    value: float | str | ParameterTable,
-    field: str,
-    limits: tuple[float | None, float | None] = (None, None),
+    value: float | str | ParameterTable, field: str, limits: Limits = (None, None)
 ) -> float | Prior:
     """An exact number, or the prior of an unknown; limits : of the model that has it, which hold
     where the entry states none.

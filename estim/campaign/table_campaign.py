@@ -30,7 +30,7 @@ from estim.common import (
     same_unit,
     shorten,
 )
-from estim.curves import Formula, called_by_name, linear_in, read_formula
+from estim.curves import Formula, Limits, called_by_name, linear_in, read_formula
 from estim.reading import (
     COLUMNS,
     DIALECT_KEYS,
@@ -86,7 +86,7 @@ class TableChoices:
     y: str | None = None
     u_x: str | None = None
     u_y: str | None = None
-    window: tuple[float | None, float | None] | None = None
+    window: Limits | None = None
     every: int | None = None
     deviation: float | None = None
     correlated: bool = False
@@ -514,7 +514,7 @@ def pairs(given: Sequence[str], option: str) -> dict[str, str]:
     return values
 
 
-def window_of(written: str | None) -> tuple[float | None, float | None] | None:
+def window_of(written: str | None) -> Limits | None:
     """MIN:MAX, either end of which may be left out.  Raises InputError."""
     if written is None:
         return None

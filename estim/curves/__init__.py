@@ -6,6 +6,7 @@ from estim.curves.counting import Binomial, Counting, EventTimes, Poisson
 from estim.curves.dual import Dual
 from estim.curves.formula import RESERVED, Formula, evaluate, read_formula
 from estim.curves.joining import DataSet, JointProblem, join, of_data_set
+from estim.curves.models import Limits
 from estim.curves.named import (
     BareFormula,
     ModelSum,

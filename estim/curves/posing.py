@@ -22,6 +22,7 @@ from estim.curves.derived import SoughtQuantity, seek_of_fit
 from estim.curves.discrepancy import discrepancy_of
 from estim.curves.formula import Formula, check_names, read_formula
 from estim.curves.function import PythonCurve, wrap_function
+from estim.curves.models import Limits
 from estim.curves.shared_errors import Component, DistortedCurve
 from estim.curves.tied import TiedCurve, followed, only_for_ties, read_tied
 from estim.curves.units import AxisNames as AxisNames
@@ -214,7 +215,7 @@ def pose_curve(
     u_y: ArrayLike | None,
     cov_y: ArrayLike | None,
     u_x: ArrayLike | None,
-    bounds: Mapping[str, tuple[float | None, float | None]],
+    bounds: Mapping[str, Limits],
     priors: Mapping[str, Any],
     errors: tuple[Component, ...],
     units: Mapping[str, str],
@@ -560,7 +561,7 @@ def _check_signature(function: Callable[..., Any], names: tuple[str, ...]) -> No
 def _parameters(
     names: tuple[str, ...],
     start: Mapping[str, float],
-    bounds: Mapping[str, tuple[float | None, float | None]],
+    bounds: Mapping[str, Limits],
     priors: Mapping[str, Any],
     units: Mapping[str, str],
     fixed: Mapping[str, float],
@@ -613,9 +614,7 @@ def _stated_prior(prior: object, field: str, *, low: float, held: str = "") -> P
     return prior
 
 
-def _prior(
-    name: str, start: float, limits: tuple[float | None, float | None] | None, prior: object
-) -> Prior:
+def _prior(name: str, start: float, limits: Limits | None, prior: object) -> Prior:
     if prior is not None:
         held = f" (an exact value is held by fixed={{'{name}': {prior}}})"
         return _stated_prior(prior, f"priors[{name}]", low=-math.inf, held=held)
