@@ -1,4 +1,4 @@
-"""The types of arrays that annotations speak of."""
+"""The types of arrays that annotations speak of, and whether arrays are finite."""
 
 from __future__ import annotations
 
@@ -12,3 +12,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Named = Mapping[str, ArrayLike]
 """Parameter or argument -> its value, or a column (n_draw, 1) of draws."""
+
+
+def all_finite(*arrays: ArrayLike) -> bool:
+    """Whether every number of the arrays is finite."""
+    return all(bool(np.isfinite(array).all()) for array in arrays)

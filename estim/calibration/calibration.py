@@ -192,7 +192,7 @@ def run_trials(
 
 def _varying(fit: Fit) -> dict[str, str]:
     """Numbers of the report that change within a fraction of the posterior's width."""
-    step = 1e-3 * np.sqrt(np.diag(fit.cov))
+    step = 1e-3 * fit.scale
     inward = [
         np.where(v + s < p.prior.high, s, -s)
         for v, s, p in zip(fit.values, step, fit.problem.parameters, strict=True)
@@ -205,7 +205,7 @@ def _kept_trial(plan: TrialPlan, store: PieceStore, index: int) -> Trial:
 
 
 def _leaning(fit: Fit) -> tuple[str, ...]:
-    held, sds = stated_only(fit.problem), np.sqrt(np.diag(fit.cov))
+    held, sds = stated_only(fit.problem), fit.scale
     return tuple(
         p.name
         for p, sd in zip(fit.problem.parameters, sds, strict=True)

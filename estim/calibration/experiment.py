@@ -28,7 +28,7 @@ from typing import Protocol, TypeAlias, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray, Named
+from estim.arrays import FloatArray, Named, all_finite
 from estim.campaign import Campaign, NoiseTable
 from estim.common import InputError
 from estim.problem import Observations, Parameter, Problem
@@ -65,7 +65,7 @@ class PointDesign:
         for run in self.problem.runs:
             where = run.noise.true_x(run.x, run.noise.x_gain(), named, rng)
             curve = curve_at(run, where, named)
-            if not np.all(np.isfinite(curve)):
+            if not all_finite(curve):
                 return None
             y = run.noise.read(curve, run.noise.reading_gain(), named, rng)
             runs.append(
@@ -180,7 +180,7 @@ def _columns(
     noise = run.noise
     if noise.made_of_positions:
         x = follow(run, table.columns["t_s"] - release, named)
-        if not np.all(np.isfinite(x)):
+        if not all_finite(x):
             return None
         return {table.coordinate: noise.read(x, np.ones(x.size), named, rng)}
     where = table.columns["t_s" if run.positions else table.coordinate]
@@ -188,7 +188,7 @@ def _columns(
     x_gain = same if run.positions else table.columns.get("sigma_x_m", same)
     true_x = noise.true_x(where, x_gain, named, rng)
     curve = curve_at(run, true_x, named)
-    if not np.all(np.isfinite(curve[np.isin(where, run.x)])):
+    if not all_finite(curve[np.isin(where, run.x)]):
         return None
     # a row that was not fit may lie where the body never comes: there it is at rest, and selection
     # leaves it out again

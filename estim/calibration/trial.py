@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray
+from estim.arrays import BoolArray, FloatArray, IntArray, all_finite
 from estim.calibration.experiment import Experiment
 from estim.common import PROBABILITIES, InputError, Label, NumericalError, Stream, stream
 from estim.fitting import Fit, fit_least_squares
@@ -211,7 +211,7 @@ def reported_names(problem: Problem, draws: FloatArray) -> dict[str, str]:
     return {
         name: unit
         for name, (column, unit, _) in columns.items()
-        if np.all(np.isfinite(column)) and np.ptp(column) > 0.0
+        if all_finite(column) and np.ptp(column) > 0.0
     }
 
 

@@ -233,7 +233,7 @@ def check_consistency(fit: Fit) -> Consistency:
             name: _estimate(centre, total_of([of[name].without(name), others[of[name]]]))
             for name in names
         },
-        joint=SharedEstimate(centre, np.sqrt(np.diag(fit.cov))[shared]),
+        joint=SharedEstimate(centre, fit.scale[shared]),
         apart=_apart(fit, shared, list(alone.values())),
         suspects=suspects,
         agree=agree,

@@ -204,7 +204,7 @@ def several_solutions(fit: Fit, modes: Modes) -> list[Finding]:
     """Separate solutions, each with its share."""
     if not modes.several:
         return []
-    sds = np.sqrt(np.diag(fit.cov))
+    sds = fit.scale
     apart = np.max(np.abs(modes.values[1:] - modes.values[0]), axis=0) / np.where(
         sds > 0.0, sds, np.inf
     )
@@ -238,7 +238,7 @@ def same_curve(fit: Fit) -> tuple[Finding, ...]:
 
 def unidentified(fit: Fit, identifiability: Identifiability) -> tuple[Finding, ...]:
     """What neither the data nor the priors hold, as the fit says before any draw."""
-    return (*_flat_directions(fit, identifiability), *open_sides(fit, np.sqrt(np.diag(fit.cov))))
+    return (*_flat_directions(fit, identifiability), *open_sides(fit, fit.scale))
 
 
 def _flat_directions(fit: Fit, identifiability: Identifiability) -> list[Finding]:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, all_finite
 from estim.fitting import Fit, ProfileSearch, Start, information, minima, search_of
 
 _VALLEY = 2.0  # drop of the log density between two modes
@@ -54,7 +54,7 @@ def optima(fit: Fit) -> Modes:
             matrix = information(fit.posterior, other)
             cov = (
                 np.asarray(np.linalg.pinv(matrix, hermitian=True), dtype=np.float64)
-                if np.all(np.isfinite(matrix))
+                if all_finite(matrix)
                 else fit.cov
             )
         height = _log_volume(fit, other, cov)
@@ -86,7 +86,7 @@ def find_modes(fit: Fit, draws: FloatArray) -> Modes:
     """The separate modes of a fit and their shares of posterior draws (n_draw, n_par)."""
     candidates = optima(fit)
     separate = _kept(fit, candidates)
-    scale = np.sqrt(np.diag(fit.cov))
+    scale = fit.scale
     scale = np.where(scale > 0.0, scale, 1.0)
     nearest = np.zeros(draws.shape[0], dtype=np.int64)
     least = np.full(draws.shape[0], np.inf)

@@ -16,7 +16,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, all_finite
 from estim.common import Amount, Finding, Kind
 from estim.curves import scale_errors_of
 from estim.fitting import Fit, curve_indices, descend_by_runs
@@ -122,7 +122,7 @@ def _mode_near(fit: Fit, problem: Problem) -> FloatArray | None:
     for _ in range(_MOST_ROUNDS):
         with np.errstate(all="ignore"):
             posterior = problem.linearised(values)
-            if not np.all(np.isfinite(posterior.residuals(values))):
+            if not all_finite(posterior.residuals(values)):
                 return None
         before, values = values, descend_by_runs(posterior, values, free, most=1)
         if np.max(np.abs(values - before)[free] / scale[free]) < _SETTLED:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, all_finite
 from estim.common import Label, bracketed, phrase
 from estim.drawing import BLUE, GREY, INK, ORANGE, PALE, Axes, Figure, handed_out, logarithmic
 from estim.fitting import Contour
@@ -86,9 +86,7 @@ def region_of(
     found: Contour, *, best: FloatArray, cov: FloatArray, labels: tuple[Label, Label]
 ) -> Region:
     """`found` with the ellipses of the covariance matrix cov (2, 2) about best (2,)."""
-    values, axes = (
-        np.linalg.eigh(cov) if np.all(np.isfinite(cov)) else (np.full(2, np.nan), np.eye(2))
-    )
+    values, axes = np.linalg.eigh(cov) if all_finite(cov) else (np.full(2, np.nan), np.eye(2))
     circle = np.stack([np.cos(_CIRCLE), np.sin(_CIRCLE)], axis=1)
     unit = circle * np.sqrt(np.where(values >= 0.0, values, np.nan)) @ axes.T
     ellipses = {p: best + np.sqrt(level) * unit for p, level in found.levels.items()}
@@ -189,7 +187,7 @@ def _refined(region: Region, a: FloatArray, b: FloatArray) -> FloatArray:
     """
     from scipy.interpolate import RectBivariateSpline, RegularGridInterpolator
 
-    if np.all(np.isfinite(region.rise)):
+    if all_finite(region.rise):
         return np.asarray(RectBivariateSpline(region.x, region.y, region.rise)(a, b))
     pairs = np.stack(np.meshgrid(a, b, indexing="ij"), axis=-1)
     with np.errstate(invalid="ignore"):
@@ -219,7 +217,7 @@ def _draw_region(ax: Axes, region: Region) -> None:
         Patch(facecolor=shade, edgecolor=INK, label=name)
         for shade, name in zip(shades, names, strict=False)
     ]
-    if any(np.all(np.isfinite(outline)) for outline in region.ellipses.values()):
+    if any(all_finite(outline) for outline in region.ellipses.values()):
         handles.append(Line2D([], [], color=ORANGE, lw=1.4, ls="--", label=phrase("linear theory")))
     handles.append(
         Line2D([], [], color="white", marker="o", mec=INK, ls="", label=phrase("best values"))

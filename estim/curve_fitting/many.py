@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, all_finite
 from estim.checks import P_POOR_FIT
 from estim.common import InputError, Status
 from estim.curve_fitting.single import fit_curve
@@ -149,7 +149,7 @@ def _rows(values: ArrayLike, field: str, shape: tuple[int, ...] | None) -> Float
     except ValueError:
         rule = f"must have the shape of y, {shape}, or that of one row of it"
         raise InputError(rule, field=field, value=str(array.shape)) from None
-    if not np.all(np.isfinite(rows)):
+    if not all_finite(rows):
         raise InputError("must be finite numbers", field=field)
     if field == "u_y" and not np.all(rows > 0.0):
         raise InputError("must be positive", field=field, value=float(rows.min()))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, all_finite
 from estim.checks import P_FLOOR, Goodness, unasked
 from estim.common import (
     Finding,
@@ -206,7 +206,7 @@ class CurveFit:
         """
         refuse_quantities(x=x)
         places = np.atleast_1d(real_numbers(x, "x"))
-        if places.ndim != 1 or not np.all(np.isfinite(places)):
+        if places.ndim != 1 or not all_finite(places):
             raise InputError("must be finite numbers along one axis", field="x", value=x)
         if not 0.0 < probability < 1.0:
             raise InputError("must lie between 0 and 1", field="probability", value=probability)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, all_finite
 from estim.common import InputError, later
 from estim.curves.binned import BinnedCurve
 from estim.curves.columns import column
@@ -243,7 +243,7 @@ def _binomial(x: FloatArray, y: FloatArray, trials: ArrayLike, what: str) -> Cou
         raise InputError(
             f"must be a number or have as many values as y ({y.size})", field="trials"
         ) from None
-    if not np.all(np.isfinite(size)):
+    if not all_finite(size):
         raise InputError("must be finite", field="trials", value=float(size[~np.isfinite(size)][0]))
     bad = not_a_count(size)
     if bad is not None or np.any(size < 1.0):

@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from estim.arrays import all_finite
 from estim.common import InputError
 
 Method = Literal["DOP853", "RK45", "Radau", "BDF"]
@@ -157,7 +158,7 @@ class OdeCurve:
                 return None
         return (
             solved.y.reshape(*state.shape, places.size)
-            if solved.status == 0 and np.all(np.isfinite(solved.y))
+            if solved.status == 0 and all_finite(solved.y)
             else None
         )
 

@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import IntArray
+from estim.arrays import IntArray, all_finite
 from estim.common import InputError, phrase
 from estim.given_numbers import real_number, real_numbers
 from estim.problem import MAX_LACKING, Discrepancy
@@ -50,7 +50,7 @@ def discrepancy_of(
     times = np.ravel(
         real_numbers(correlated, "correlated", "must be True, or the times of the points")
     )
-    if not np.all(np.isfinite(times)):
+    if not all_finite(times):
         raise InputError(
             "must be finite", field="correlated", value=float(times[~np.isfinite(times)][0])
         )

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, all_finite
 from estim.curves.dimensions import dimensions_of
 from estim.curves.dual import Dual, plain
 from estim.curves.formula import CONSTANTS, FUNCTIONS, Formula, evaluate
@@ -41,7 +41,7 @@ def linear_in(formula: Formula, names: Collection[str]) -> tuple[str, ...]:
         ]
         middle = {key: 0.5 * (points[0][key] + points[1][key]) for key in tried}
         ends, between = (value(points[0]) + value(points[1])) / 2.0, value(middle)
-        if np.all(np.isfinite(between)) and np.allclose(ends, between, rtol=1e-10, atol=1e-12):
+        if all_finite(between) and np.allclose(ends, between, rtol=1e-10, atol=1e-12):
             linear.append(name)
     return tuple(linear)
 

@@ -80,7 +80,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
             (Finding(Kind.NO_SCATTER),),
             (),
         )
-    free = np.sqrt(np.diag(fixed.cov))  # of a parameter on its edge too
+    free = fixed.scale  # of a parameter on its edge too
     sds = np.where(best.at_bound, np.nan, np.sqrt(np.diag(cov)))
     informed = np.square(fixed.posterior.prior_slopes(best.values))
     dofs = (

@@ -86,7 +86,7 @@ def around(fit: Fit) -> Quadratic:
     good part of the probability.
     """
     problem, curve = fit.problem, curve_indices(fit)
-    scale = np.sqrt(np.diag(fit.cov))[curve]
+    scale = fit.scale[curve]
     scale = np.where(scale > 0.0, scale, 1.0)
     whole = fit.forces or fit.deviations
     told, score = (

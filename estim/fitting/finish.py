@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, all_finite
 from estim.problem import Posterior
 
 SILENT = 1e-11  # ratio of singular values
@@ -29,7 +29,7 @@ def finished(
         pairs = [*posterior.scoring(values), (slopes, posterior.prior_residuals(values))]
         rows = np.vstack([pair[0] for pair in pairs])[:, free]
         aim = np.concatenate([pair[1] for pair in pairs])
-        if not (np.all(np.isfinite(rows)) and np.all(np.isfinite(aim))):
+        if not (all_finite(rows) and all_finite(aim)):
             break
         step = step_between(rows, aim, low - values[free], high - values[free])
         length, reached = 1.0, math.inf

@@ -66,7 +66,7 @@ def fit_with_forces(white: Fit, *, rng: np.random.Generator, scanned: bool = Tru
         )
     try:
         free, bad = _free_fit(white, rng=rng)
-        without = np.sqrt(np.diag(white.cov))
+        without = white.scale
         posed = pose_forces(
             problem,
             free.values,
@@ -155,7 +155,7 @@ def _free_fit(white: Fit, *, rng: np.random.Generator) -> tuple[Fit, Mapping[str
             for run in problem.runs
             if run.force
         }
-        still = np.max(np.abs(free.values - values) / np.sqrt(np.diag(free.cov))) < _STILL
+        still = np.max(np.abs(free.values - values) / free.scale) < _STILL
         if all(
             updated[name].same(bad[name]) and (still or not updated[name].jumps) for name in bad
         ):

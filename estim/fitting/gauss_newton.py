@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray
+from estim.arrays import BoolArray, FloatArray, all_finite
 from estim.fitting.finish import step_between
 from estim.fitting.separable import RESOLVED, SeparableSearch
 
@@ -80,10 +80,6 @@ def stepped(
         if size < 1e-13:
             break
     return values, chi2, step_size, mover
-
-
-def all_finite(jacobian: FloatArray, residual: FloatArray) -> bool:
-    return bool(np.all(np.isfinite(jacobian)) and np.all(np.isfinite(residual)))
 
 
 def near_bound(

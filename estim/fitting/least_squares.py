@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, all_finite
 from estim.common import Finding, InputError, NumericalError, phrase
 from estim.deviation import FoundDeviation, FoundForce, NormalParts
 from estim.distributions import chi2_tail
@@ -116,6 +116,11 @@ class Fit:
         )
 
     @property
+    def scale(self) -> FloatArray:
+        """(n_par,) standard deviations by `cov`, of a parameter on an edge too."""
+        return np.sqrt(np.diag(self.cov))
+
+    @property
     def lacking(self) -> tuple[FoundForce | FoundDeviation, ...]:
         """What was found that a curve lacks."""
         return *self.forces, *self.deviations
@@ -162,9 +167,7 @@ def fit_least_squares(
     starts = np.vstack([problem.start() if start is None else start, *drawn, *further])
     begun = [(start, problem.linearised(start)) for start in starts]
     begun = [
-        (start, posterior)
-        for start, posterior in begun
-        if np.all(np.isfinite(posterior.residuals(start)))
+        (start, posterior) for start, posterior in begun if all_finite(posterior.residuals(start))
     ]
     if not begun:
         raise NumericalError(
@@ -209,7 +212,7 @@ def refit(problem: Problem, start: FloatArray) -> Fit:
     NumericalError.
     """
     posterior = problem.linearised(start)
-    if not np.all(np.isfinite(posterior.residuals(start))):
+    if not all_finite(posterior.residuals(start)):
         raise NumericalError("the fit cannot start: the curve is not defined there")
     values, posterior, moved = _settle(start, posterior, max_rounds=_FEW_ROUNDS)
     if math.isnan(moved):
@@ -321,7 +324,7 @@ def _curved(posterior: Posterior, values: FloatArray) -> FloatArray | None:
     derivatives.
     """
     matrix = information(posterior, values)
-    return _spread(matrix, posterior.problem) if np.all(np.isfinite(matrix)) else None
+    return _spread(matrix, posterior.problem) if all_finite(matrix) else None
 
 
 def _settle(
@@ -474,7 +477,7 @@ def _describe(
 ) -> Fit:
     """Raises NumericalError where the curve has no finite derivatives."""
     matrix = information(posterior, values)
-    if not np.all(np.isfinite(matrix)):
+    if not all_finite(matrix):
         raise _no_curvature(values, posterior)
     spread = _units(matrix)
     scaled = matrix / np.outer(spread, spread)

@@ -92,7 +92,7 @@ def _require_determined(fit: Fit) -> None:
         )
     flat = [p.name for p in fit.problem.parameters if not math.isfinite(p.prior.sd)]
     # not the standard deviations, which a parameter beside a limit does not have
-    curvature = np.sqrt(np.diag(fit.cov))
+    curvature = fit.scale
     held = np.isfinite(curvature) & (curvature > 0.0) & (not fit.singular)
     unheld = [
         name for name, known in zip(fit.names, held, strict=True) if name in flat and not known

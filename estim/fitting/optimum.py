@@ -22,16 +22,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, all_finite
 from estim.common import Amount, Finding, InputError, Kind, phrase
-from estim.fitting.gauss_newton import (
-    End,
-    all_finite,
-    descended,
-    inverse_information,
-    near_bound,
-    stepped,
-)
+from estim.fitting.gauss_newton import End, descended, inverse_information, near_bound, stepped
 from estim.fitting.least_squares import (
     WITHIN_REACH,
     Fit,
@@ -387,7 +380,7 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
         )
         here = fit.values, search.chi2(fit.values)
         near, limit = [fit.values, *fit.others], chi2_limit(search, here)
-        spread = np.sqrt(np.diag(fit.cov))
+        spread = fit.scale
         fresh: list[FloatArray] = []
         for point, chi2 in zip(optima, search.chi2_at(optima), strict=True):
             if chi2 > limit or len(fresh) == _MOST_REFITTED:
@@ -407,7 +400,7 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
         for i in np.argsort(-heights, kind="stable")
         if heights[i] > np.max(heights) - WITHIN_REACH
     ]
-    scale = np.where(np.diag(fit.cov) > 0.0, np.sqrt(np.diag(fit.cov)), np.inf)
+    scale = np.where(fit.scale > 0.0, fit.scale, np.inf)
     return replace(fit, others=far_apart(fit.values, ranked, scale))
 
 
@@ -476,7 +469,7 @@ def with_other_modes(fit: Fit, best: Optimum, rng: np.random.Generator) -> Fit:
     # the size of the errors, where `fit` has it as a further parameter
     more = fit.values.size - best.values.size
     symmetry = best.symmetry.widened(more)
-    scale = np.where((sds := np.sqrt(np.diag(fit.cov))) > 0.0, sds, np.inf)
+    scale = np.where(fit.scale > 0.0, fit.scale, np.inf)
     modes = []
     for point in best.others[:MOST_OTHERS]:
         start = symmetry.nearest(np.append(point, fit.values[point.size :]), fit.values)
@@ -535,7 +528,7 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
     jacobian, residual = search.scoring(values)
     if not all_finite(jacobian, residual):
         names = search.posterior.problem.names
-        lost = [names[i] for i in free if not np.all(np.isfinite(jacobian[:, i]))]
+        lost = [names[i] for i in free if not all_finite(jacobian[:, i])]
         where = " and ".join(lost) or "any parameter"
         raise InputError(
             f"leads the search to where the curve has no finite derivatives in {where}: try "

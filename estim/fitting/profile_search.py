@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray
+from estim.arrays import BoolArray, FloatArray, IntArray, all_finite
 from estim.fitting.fisher_information import information, prior_sds
 from estim.fitting.least_squares import Fit
 from estim.problem import Likelihood, Posterior
@@ -75,7 +75,7 @@ class ProfileSearch:
         for k in np.flatnonzero(curved):
             expected = self.information(points[k])
             curvatures[k] = (
-                expected if np.all(np.isfinite(expected)) else 2.0 * np.linalg.inv(self.cov) * units
+                expected if all_finite(expected) else 2.0 * np.linalg.inv(self.cov) * units
             ) / units
         return self.gradients(points) / self.scale, curvatures
 
@@ -175,7 +175,7 @@ def search_of(fit: Fit) -> ProfileSearch:
     sds = prior_sds(fit.problem, fit.cov)
     with np.errstate(all="ignore"):
         whitened = fit.posterior.information(fit.values) * np.outer(sds, sds)
-    if not np.all(np.isfinite(whitened)):
+    if not all_finite(whitened):
         whitened = np.zeros_like(whitened)
     # its eigenvalues are positive: terms that all but cancel leave rounding errors for some
     known, basis = np.linalg.eigh(0.5 * (whitened + whitened.T))

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, all_finite
 from estim.common import InputError
 from estim.descent import Squares
 from estim.problem import EXACT, Posterior, Problem
@@ -170,11 +170,7 @@ def _linear(
     linear: list[int] = []
     for i in free:
         trial = [*linear, i]
-        if (
-            math.isfinite(low[i])
-            or math.isfinite(high[i])
-            or not np.all(np.isfinite(reference[:, i]))
-        ):
+        if math.isfinite(low[i]) or math.isfinite(high[i]) or not all_finite(reference[:, i]):
             continue
         moves = [
             (1.0 + np.abs(start[trial]))

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, all_finite
 from estim.common import Amount, Finding, Kind
 from estim.fitting.gauss_newton import End, inverse_information
 from estim.fitting.least_squares import WITHIN_REACH
@@ -45,7 +45,7 @@ def spread_at(search: SeparableSearch, best: End) -> FloatArray:
     """(n_par,) standard deviations at an optimum, 0 for what the search does not move."""
     jacobian = search.scoring(best[0])[0][:, search.free]
     spread = np.zeros(best[0].size)
-    if np.all(np.isfinite(jacobian)):
+    if all_finite(jacobian):
         size = (
             best[1] / max(1, search.posterior.problem.n_obs - search.free.size)
             if search.unstated
@@ -208,7 +208,7 @@ def _is_optimum(search: SeparableSearch, end: End) -> bool:
     """Whether the next step of Gauss and Newton stays within half a standard deviation."""
     jacobian, residuals = search.scoring(end[0])
     jacobian = jacobian[:, search.free]
-    if not np.all(np.isfinite(jacobian)):
+    if not all_finite(jacobian):
         return True
     step = inverse_information(jacobian)[0] @ (jacobian.T @ residuals)
     inside = (end[0] > search.low) & (end[0] < search.high)
@@ -223,9 +223,7 @@ def _log_share(search: SeparableSearch, end: End) -> float:
     """
     jacobian, free = search.scoring(end[0])[0], search.free
     cov, condition = (
-        inverse_information(jacobian[:, free])
-        if np.all(np.isfinite(jacobian))
-        else (np.zeros((0, 0)), 0.0)
+        inverse_information(jacobian[:, free]) if all_finite(jacobian) else (np.zeros((0, 0)), 0.0)
     )
     if not condition > _SOUND:
         return -math.inf

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, all_finite
 from estim.common import InputError
 from estim.given_numbers import real_numbers
 from estim.line.joint_errors import check_joint
@@ -113,7 +113,7 @@ def _vector(values: ArrayLike, field: str, n_obs: int | None) -> FloatArray:
             "must be one-dimensional" if n_obs is None else f"must be one number or {n_obs} values"
         )
         raise InputError(rule, field=field, value=array.shape)
-    if not np.all(np.isfinite(array)):
+    if not all_finite(array):
         raise InputError("must be finite", field=field, value=float(array[~np.isfinite(array)][0]))
     array.flags.writeable = False
     return array

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, all_finite
 from estim.common import InputError
 
 MOST_POINTS = 300  # each direction that is tried costs the cube of their number
@@ -82,7 +82,7 @@ def check_joint(cov: FloatArray, n_obs: int) -> FloatArray:
         )
     if n_obs > MOST_POINTS:
         raise InputError(f"allows at most {MOST_POINTS} points", field="cov", value=n_obs)
-    if not np.all(np.isfinite(matrix)):
+    if not all_finite(matrix):
         raise InputError("must be finite", field="cov")
     variances = np.diag(matrix)
     size = np.sqrt(np.outer(np.abs(variances), np.abs(variances)))

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special
 
-from estim.arrays import FloatArray, IntArray
+from estim.arrays import FloatArray, IntArray, all_finite
 from estim.common import (
     InputError,
     Shown,
@@ -184,7 +184,7 @@ def mean(
         quantities = [read_quantity(v, field="values") for v in values]
         values, u = [q.value for q in quantities], [q.u for q in quantities]
     x = real_numbers(values, "values")
-    if x.ndim != 1 or not 2 <= x.size <= _MOST or not np.all(np.isfinite(x)):
+    if x.ndim != 1 or not 2 <= x.size <= _MOST or not all_finite(x):
         raise InputError(f"must be 2 to {_MOST} finite numbers", field="values", value=values)
     if u is not None and groups is not None:
         raise InputError("are for readings without uncertainties", field="groups")

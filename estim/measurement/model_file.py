@@ -17,6 +17,7 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
+from estim.arrays import all_finite
 from estim.campaign import checked
 from estim.common import InputError, read_with_unit, same_looks
 from estim.curves import RESERVED, Formula, evaluate, read_formula, unit_that_follows
@@ -428,7 +429,7 @@ def _of_readings(
         )
     with np.errstate(all="ignore"):
         matrix = np.corrcoef(np.array(lists, dtype=float))
-    if not np.all(np.isfinite(matrix)) or any(len(set(readings)) == 1 for readings in lists):
+    if not all_finite(matrix) or any(len(set(readings)) == 1 for readings in lists):
         raise places.error(
             "must name inputs whose readings scatter",
             path,

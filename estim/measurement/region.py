@@ -9,7 +9,7 @@ from itertools import combinations
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, all_finite
 from estim.distributions import chi2_quantile, normal_quantile
 from estim.propagation import LinearResult, MonteCarloResult
 
@@ -62,7 +62,7 @@ def regions(linear: LinearResult, sampled: MonteCarloResult) -> tuple[Region, ..
     for i, j in combinations(range(linear.value.size), 2):
         pair = [i, j]
         covariance, draws = linear.covariance[np.ix_(pair, pair)], sampled.draws[:, pair]
-        if np.any(sampled.undefined[pair] > 0.0) or not np.all(np.isfinite(sampled.u[pair])):
+        if np.any(sampled.undefined[pair] > 0.0) or not all_finite(sampled.u[pair]):
             continue
         drawn, mean = np.cov(draws, rowvar=False), draws.mean(axis=0)
         if any(c[0, 1] ** 2 >= _DEPENDENT * c[0, 0] * c[1, 1] for c in (covariance, drawn)):

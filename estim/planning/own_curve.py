@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, all_finite
 from estim.calibration import curve_at
 from estim.campaign import Campaign, axis_columns, with_tables
 from estim.common import InputError, later
@@ -66,7 +66,7 @@ class CurveBasis:
                     field="x",
                     value=one.x,
                 )
-            if not np.all(np.isfinite(run.y)):
+            if not all_finite(run.y):
                 raise InputError(later("the curve is not finite there"), field="x", value=one.x)
 
     def places(self, run: str) -> FloatArray:
@@ -92,7 +92,7 @@ def _every_so_often(x: FloatArray, times: float) -> FloatArray:
 
 def _curve(run: Observations, x: FloatArray, named: Mapping[str, FloatArray]) -> FloatArray:
     y = curve_at(run, x, named)
-    if not np.all(np.isfinite(y)):
+    if not all_finite(y):
         raise InputError(later("the curve is not finite there"), field="x")
     return y
 

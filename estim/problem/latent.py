@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, Named
+from estim.arrays import BoolArray, FloatArray, Named, all_finite
 from estim.problem.abscissas import (
     LOG_WEIGHTS,
     Predictive,
@@ -384,7 +384,7 @@ def rooted(information: FloatArray, score: FloatArray, n: int) -> tuple[FloatArr
     """J (m, n_par) and r (m,), m >= n, with J^T J = information and J^T r = -score, rows of zeros
     added; nan where they are not finite.
     """
-    if not (np.all(np.isfinite(information)) and np.all(np.isfinite(score))):
+    if not (all_finite(information) and all_finite(score)):
         return np.full((max(n, score.size), score.size), np.nan), np.full(
             max(n, score.size), np.nan
         )

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray, Named
+from estim.arrays import FloatArray, Named, all_finite
 from estim.common import InputError, phrase
 from estim.given_numbers import real_numbers
 from estim.problem.abscissas import correlated_abscissas
@@ -145,7 +145,7 @@ def check_covariance(cov: ArrayLike, n_obs: int, *, field: str) -> FloatArray:
     matrix = real_numbers(cov, field)
     if matrix.shape != (n_obs, n_obs):
         raise InputError(f"must have the shape ({n_obs}, {n_obs})", field=field, value=matrix.shape)
-    if not np.all(np.isfinite(matrix)):
+    if not all_finite(matrix):
         raise InputError("must be finite", field=field)
     if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0.0):
         raise InputError("must be symmetric", field=field)

@@ -45,7 +45,7 @@ from typing import get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, all_finite
 from estim.common import InputError, read_with_unit
 from estim.given_numbers import real_number, real_numbers
 from estim.propagation.scores import BOUNDED, POSITIVE, SHAPED, Distribution, half_width_in_u
@@ -210,7 +210,7 @@ class Input:
             raise InputError(
                 "must be a list of at least two", field=f"{name}.readings", value=readings
             )
-        if not np.all(np.isfinite(sample)):
+        if not all_finite(sample):
             raise InputError("must be finite", field=f"{name}.readings", value=readings)
         u = float(sample.std(ddof=1)) / math.sqrt(sample.size)
         return cls(name, float(sample.mean()), u, "t", float(sample.size - 1), unit)

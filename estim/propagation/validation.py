@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray
+from estim.arrays import BoolArray, FloatArray, all_finite
 from estim.common import InputError, phrase
 from estim.propagation.linear import LinearResult, frozen, how_many
 from estim.propagation.monte_carlo import IntervalKind, MonteCarloResult, numerical_tolerance
@@ -165,7 +165,7 @@ def _sentence(
             by=by,
             limit=limit,
         )
-    if not np.all(np.isfinite(difference[:, affected])):
+    if not all_finite(difference[:, affected]):
         return where + phrase(
             "the linear interval cannot be assessed: a result is unknown there (see the "
             "notes of both)"

@@ -21,6 +21,7 @@ from typing import TypeAlias
 import msgspec
 import numpy as np
 
+from estim.arrays import all_finite
 from estim.campaign import Campaign
 from estim.checks import (
     SURE,
@@ -450,7 +451,7 @@ def _undetermined(findings: Iterable[Finding]) -> bool:
 def _farthest(run: Observations, goodness: Goodness) -> Farthest | None:
     """Of robust noise in normal scores, since no standard deviation measures its tails."""
     far = np.abs(goodness.whitened if run.noise.robust else goodness.raw / goodness.sd)
-    if far.size != run.n_obs or not np.all(np.isfinite(far)):
+    if far.size != run.n_obs or not all_finite(far):
         return None
     i = int(np.argmax(far))
     place = with_unit(format_quantity(float(f"{run.x[i]:.4g}")), run.x_unit)

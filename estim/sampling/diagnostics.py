@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from estim.arrays import FloatArray, IntArray
+from estim.arrays import FloatArray, IntArray, all_finite
 
 _LOW, _HIGH = 0.05, 0.95  # quantiles that an effective size in the tails is asked of
 _LEAST_STEPS = 4
@@ -70,7 +70,7 @@ def autocorrelation_time(draws: FloatArray) -> float:
         times = np.array(
             [[_integrated(ensemble[:, :, i]) for i in range(draws.shape[-1])] for ensemble in draws]
         )
-    return float(np.max(np.mean(times, axis=0))) if np.all(np.isfinite(times)) else math.nan
+    return float(np.max(np.mean(times, axis=0))) if all_finite(times) else math.nan
 
 
 def _integrated(series: FloatArray) -> float:

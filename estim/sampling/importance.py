@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from estim.arrays import FloatArray, IntArray
+from estim.arrays import FloatArray, IntArray, all_finite
 
 K_HAT_LIMIT = 0.7  # above it importance weights cannot be trusted (Vehtari et al. 2024)
 _MANY, _LEAST_TAIL = 225, 5  # draws: of fewer the tail is a fifth; that it needs at least
@@ -134,7 +134,7 @@ def spread(values: FloatArray, log_weights: FloatArray) -> float:
         return math.inf
     weights = np.exp(log_weights - np.max(log_weights))
     counting = weights > 1e-6
-    if not np.all(np.isfinite(values[counting])):
+    if not all_finite(values[counting]):
         return math.inf
     weights, values = weights[counting] / np.sum(weights[counting]), values[counting]
     return float(np.sqrt(weights @ (values - weights @ values) ** 2))

@@ -227,7 +227,7 @@ def sampled_columns(fit: Fit) -> IntArray:
     shared = [
         i for i, name in enumerate(problem.names) if users[name] != 1 or len(problem.runs) == 1
     ]
-    sds = np.sqrt(np.diag(fit.cov))
+    sds = fit.scale
     edges, candidates = [], set(range(problem.n_par)).difference(shared)
     for i, (parameter, value, sd) in enumerate(
         zip(problem.parameters, fit.values, sds, strict=True)

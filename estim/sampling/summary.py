@@ -9,7 +9,7 @@ import math
 import msgspec
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, all_finite
 from estim.common import PROBABILITIES, Status
 from estim.fitting import Fit, Limit, limit_of
 
@@ -63,7 +63,7 @@ def summarise_parameter(fit: Fit, name: str, draws: FloatArray) -> Summary:
 def _quantiles(draws: FloatArray) -> list[float | None]:
     tails = [0.5, *sorted(0.5 + sign * 0.5 * p for p in PROBABILITIES for sign in (-1, 1))]
     ordered = np.sort(draws)
-    if np.all(np.isfinite(ordered)):
+    if all_finite(ordered):
         return [number(q) for q in np.quantile(ordered, tails)]
     return [number(ordered[round(q * (ordered.size - 1))]) for q in tails]
 

@@ -28,7 +28,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, all_finite
 from estim.deviation import parts_of_errors
 from estim.fitting import Fit, linear_derived
 from estim.problem import DefaultError, Normal, Observations, Prior, Problem
@@ -97,7 +97,7 @@ def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
     draws : (n_draw, n_par) of the posterior.
     """
     problem, cov = fit.problem, fit.cov
-    if fit.singular or not np.all(np.isfinite(cov)) or np.any(np.diag(cov) <= 0.0):
+    if fit.singular or not all_finite(cov) or np.any(np.diag(cov) <= 0.0):
         return None
     quantities = _quantities(fit)
     along = cov @ np.column_stack([q.gradient for q in quantities])  # S g
@@ -159,11 +159,7 @@ def _quantities(fit: Fit) -> list[_Quantity]:
         wanted = {derived.name for derived in run.sought}
         for derived in linear_derived(run, fit.names, fit.values, fit.cov) if wanted else ():
             of = partial(_derived, problem, run, derived.name)
-            if (
-                derived.name in wanted
-                and np.all(np.isfinite(derived.gradient))
-                and np.any(derived.gradient)
-            ):
+            if derived.name in wanted and all_finite(derived.gradient) and np.any(derived.gradient):
                 by_name.setdefault(derived.name, []).append((run.name, derived.gradient, of))
     for name, each in by_name.items():
         same = all(np.allclose(gradient, each[0][1], rtol=1e-6) for _, gradient, _ in each)

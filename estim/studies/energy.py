@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estim.arrays import FloatArray, Named
+from estim.arrays import FloatArray, Named, all_finite
 from estim.common import Status
 from estim.distributions import chi2_tail
 from estim.fitting import Fit, fit_least_squares
@@ -280,9 +280,7 @@ def _line_estimator(x: FloatArray, cov: FloatArray) -> FloatArray:
 
 
 def _estimate(draws: FloatArray) -> EnergyEstimate:
-    low, high = (
-        np.quantile(draws, [0.025, 0.975]) if np.all(np.isfinite(draws)) else (math.nan, math.nan)
-    )
+    low, high = np.quantile(draws, [0.025, 0.975]) if all_finite(draws) else (math.nan, math.nan)
     return EnergyEstimate(float(draws.mean()), float(draws.std(ddof=1)), float(low), float(high))
 
 
