@@ -1,4 +1,4 @@
-"""The types of arrays that annotations speak of, and whether arrays are finite."""
+"""The types of arrays that annotations speak of, and what is asked of arrays often."""
 
 from __future__ import annotations
 
@@ -17,3 +17,8 @@ Named = Mapping[str, ArrayLike]
 def all_finite(*arrays: ArrayLike) -> bool:
     """Whether every number of the arrays is finite."""
     return all(bool(np.isfinite(array).all()) for array in arrays)
+
+
+def max_abs(array: ArrayLike) -> float:
+    """The largest absolute value."""
+    return float(np.max(np.abs(array)))

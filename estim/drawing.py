@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, max_abs
 from estim.common import mathtext, phrase, signed
 
 if TYPE_CHECKING:
@@ -259,6 +259,6 @@ def draw_pulls(ax: Axes, pulls: FloatArray) -> float:
     for sigma, shade in ((2.0, 0.12), (1.0, 0.20)):
         ax.axhspan(-sigma, sigma, color=GREY, alpha=shade, lw=0)
     ax.axhline(0.0, color=GREY, lw=0.8)
-    reach = max(3.3, 1.1 * float(np.max(np.abs(pulls))))
+    reach = max(3.3, 1.1 * max_abs(pulls))
     ax.set_ylim(-reach, reach)
     return reach

@@ -38,15 +38,16 @@ def namesake_behind(error: BaseException) -> str:
 def in_the_way(file: str) -> str:
     """What to say of a namesake: one line."""
     shown = file if file.isprintable() else ascii(file)
-    name = (
-        os.path.basename(_folder(file))
-        if _is_package(file)
-        else os.path.splitext(os.path.basename(file))[0]
-    )
     return (
-        f"{shown}: is in the way: it is found in place of the module '{name}' that estim needs; "
-        "rename it, or take its folder off Python's path"
+        f"{shown}: is in the way: it is found in place of the module '{_module(file)}' that estim "
+        "needs; rename it, or take its folder off Python's path"
     )
+
+
+def _module(file: str) -> str:
+    """The name under which a file is imported."""
+    path = _folder(file) if _is_package(file) else file
+    return os.path.splitext(os.path.basename(path))[0]
 
 
 def _named(error: BaseException | None) -> Iterator[str]:
@@ -73,11 +74,7 @@ def _in_the_way(file: str) -> bool:
     if _own(file) or file.startswith(os.path.join(standard, "")):
         return False
     folder = os.path.dirname(_folder(file)) if _is_package(file) else _folder(file)
-    name = (
-        os.path.basename(_folder(file))
-        if _is_package(file)
-        else os.path.splitext(os.path.basename(file))[0]
-    )
+    name = _module(file)
     places = [working_folder(), *(os.path.abspath(place) for place in sys.path)]
     if folder not in places:
         return False

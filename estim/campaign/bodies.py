@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
 
-import numpy as np
-
+from estim.arrays import max_abs
 from estim.campaign.between_runs import spreads_of, varied
 from estim.campaign.binding import KINDS_OF_QUANTITIES, Bound, bind_quantities, grip_of, total_mass
 from estim.campaign.blur import blur_cause, blurs
@@ -111,7 +110,7 @@ class RollingCampaign(Campaign):
             levels = self.levels(run.name)
             bound = bind_quantities(levels)
             sources = {q: b.source for q, b in bound.items() if q not in without and not b.usual}
-            reach = float(np.max(np.abs(run.y if run.positions else run.x)))
+            reach = max_abs(run.y if run.positions else run.x)
             known.append(
                 Surroundings(
                     sources,
@@ -349,7 +348,7 @@ def _observations(
         if observed.positions
         else (position, x_unit, speed, y_unit)
     )
-    reach = float(np.max(np.abs(observed.y if observed.positions else observed.x)))
+    reach = max_abs(observed.y if observed.positions else observed.x)
     motion = RollingMotion(angular, mass, observed.positions, setting, reach, grip=grip)
     curve = (MotionCurve if observed.positions else PhaseCurve)(angular, setting)
     return Observations(

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray
+from estim.arrays import BoolArray, FloatArray, IntArray, max_abs
 from estim.campaign.campaign_file import CampaignFile, read_value
 from estim.campaign.curve_tables import (
     CurveRunTable,
@@ -305,9 +305,7 @@ class RowsOfRun:
             return read
         if not read.exact:
             return as_prior(read, low=0.0)
-        if run.curve.noise is None and read.value < PERFECT * float(
-            np.max(np.abs(self.column("y")))
-        ):
+        if run.curve.noise is None and read.value < PERFECT * max_abs(self.column("y")):
             raise run.error(
                 "must be above the last digit that a number of the size of y has here",
                 "u_y",

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, max_abs
 from estim.campaign.levels import StatedNoise
 from estim.common import InputError
 from estim.problem import Observations, Prior, Scale
@@ -54,7 +54,7 @@ def check_speeds(
     radius, gamma, rho, g = (_largest(quantities[name]) for name in ("radius", "gamma", "rho", "g"))
     position = run.y if run.positions else run.x
     unit = _centre(quantities["radius"]) if angular else 1.0
-    reach, speed = float(np.max(np.abs(position))), _typical_speed(run, position)
+    reach, speed = max_abs(position), _typical_speed(run, position)
 
     def said(name: str) -> float:
         return _largest(quantities[name], size=True) if name in quantities else 0.0

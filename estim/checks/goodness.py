@@ -53,7 +53,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, max_abs
 from estim.fitting import MANY, Fit, chi2_p, no_scatter, spreads_by_runs
 from estim.problem import Linear, Observations, Whitened, reading_sd
 from estim.words import TESTS
@@ -349,9 +349,7 @@ def _judged(
 ) -> Goodness:
     """A run with its whitened residuals z (n_obs,) and their tests."""
     n_run = len(fit.problem.runs)
-    empty = run.noise.counted is None and (
-        no_scatter(run, fit) or float(np.max(np.abs(z))) < _NO_ERRORS
-    )
+    empty = run.noise.counted is None and (no_scatter(run, fit) or max_abs(z) < _NO_ERRORS)
     if empty:
         checks = {"zero": Check(0.0, P_FLOOR, TESTS["zero"])}
     speed = None if empty else checks.pop("speed", None)
@@ -570,11 +568,7 @@ def _growing(f: FloatArray, x: FloatArray) -> FloatArray | None:
     """(n, n_obs) standardised curve, its size and abscissa (n_obs,), of those that are not the same
     everywhere.
     """
-    centred = [
-        w - np.mean(w)
-        for w in (f, np.abs(f), x)
-        if float(np.ptp(w)) > _SAME * float(np.max(np.abs(w)))
-    ]
+    centred = [w - np.mean(w) for w in (f, np.abs(f), x) if float(np.ptp(w)) > _SAME * max_abs(w)]
     return np.array([w / np.sqrt(np.mean(np.square(w))) for w in centred]) if centred else None
 
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, max_abs
 from estim.checks import (
     check_goodness,
     check_stated_values,
@@ -423,7 +423,7 @@ def _residual_sd(posed: CurveProblem, values: FloatArray) -> float:
 
 
 def _floor(posed: CurveProblem | JointProblem) -> float:
-    return _PERFECT * (float(np.max(np.abs(posed.y))) or 1.0)
+    return _PERFECT * (max_abs(posed.y) or 1.0)
 
 
 def _concluded(

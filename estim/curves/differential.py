@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from estim.arrays import all_finite
+from estim.arrays import all_finite, max_abs
 from estim.common import InputError
 
 Method = Literal["DOP853", "RK45", "Radau", "BDF"]
@@ -97,7 +97,7 @@ class OdeCurve:
         """(n_state, n_draw, n_obs), forwards and backwards from x0."""
         kind = np.result_type(state.dtype, *(value.dtype for value in own.values()), float)
         state, n_draw = state.astype(kind), state.shape[1]
-        reach = float(np.max(np.abs(x - self.x0))) or 1.0
+        reach = max_abs(x - self.x0) or 1.0
         with np.errstate(all="ignore"):
             size = np.abs(state) + reach * np.abs(self._rate(self.x0, state, own))
         size = np.where(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, max_abs
 from estim.curves.dimensions import Dimension
 from estim.curves.formula import Formula
 
@@ -69,7 +69,7 @@ def scale_of(
     or takes it from x.
     """
     length = float(np.ptp(x)) or abs(float(x[0])) or 1.0
-    step, far = length / max(1, x.size - 1), max(length, float(np.max(np.abs(x))))
+    step, far = length / max(1, x.size - 1), max(length, max_abs(x))
     within = float(x.min()) - 0.2 * length, float(x.max()) + 0.2 * length
     if unit is None:
         return Scale(
@@ -79,9 +79,7 @@ def scale_of(
             high,
         )
     power, power_y = unit
-    height = math.sqrt(
-        (float(np.ptp(y)) or abs(float(y[0])) or 1.0) * (float(np.max(np.abs(y))) or 1.0)
-    )
+    height = math.sqrt((float(np.ptp(y)) or abs(float(y[0])) or 1.0) * (max_abs(y) or 1.0))
     if power == 0.0 and power_y == 0.0:
         return Scale((-math.pi, math.pi, 1.0), ((0.05, 20.0, 1.0),), low, high)
     if power == 1.0 and power_y == 0.0:

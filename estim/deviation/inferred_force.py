@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, max_abs
 from estim.common import QUANTILES
 from estim.deviation.force import FORCE, Response, Track, force_kernel, force_priors
 from estim.deviation.linearised import Linearised, mixture_quantiles
@@ -18,8 +18,24 @@ from estim.deviation.linearised import Linearised, mixture_quantiles
 _LOST = 0.01
 
 
+class WithMean:
+    """What has a mean at each of some places."""
+
+    mean: FloatArray
+
+    @property
+    def typical(self) -> float:
+        """Root mean square of the mean."""
+        return float(np.sqrt(np.mean(np.square(self.mean))))
+
+    @property
+    def most(self) -> float:
+        """Largest size of the mean."""
+        return max_abs(self.mean)
+
+
 @dataclass(frozen=True, eq=False)
-class Force:
+class Force(WithMean):
     """A force along the track, in units of the weight, its mean over the track removed (that is
     part of the rolling resistance).
 
@@ -43,16 +59,6 @@ class Force:
     amplitude: tuple[float, float, float]
     length: tuple[float, float, float]
     material_sd: float
-
-    @property
-    def typical(self) -> float:
-        """Root mean square of the mean along the track."""
-        return float(np.sqrt(np.mean(np.square(self.mean))))
-
-    @property
-    def most(self) -> float:
-        """Largest size of the mean."""
-        return float(np.max(np.abs(self.mean)))
 
 
 def find_force(

@@ -18,13 +18,13 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.deviation.components import Shape
-from estim.deviation.inferred_force import see
+from estim.deviation.inferred_force import WithMean, see
 from estim.deviation.linearised import Linearised
 from estim.problem import Observations
 
 
 @dataclass(frozen=True, eq=False)
-class ResidualPart:
+class ResidualPart(WithMean):
     """The part of a deviation that shows, at the points, unit of y.
 
     x : (n_obs,).
@@ -36,16 +36,6 @@ class ResidualPart:
     quantiles: FloatArray
     mean: FloatArray
     residuals: FloatArray
-
-    @property
-    def typical(self) -> float:
-        """Root mean square of the mean."""
-        return float(np.sqrt(np.mean(np.square(self.mean))))
-
-    @property
-    def most(self) -> float:
-        """Largest size of the mean."""
-        return float(np.max(np.abs(self.mean)))
 
 
 def see_deviation(linear: Linearised, run: Observations, shapes: Sequence[Shape]) -> ResidualPart:

@@ -23,17 +23,16 @@ from estim.deviation.components import Shape
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.grid import noise_grid
 from estim.deviation.joint import Beside, Stack, Together, noises_of, sharing_runs
-from estim.deviation.noise import WithForce, formed_about
+from estim.deviation.noise import Stated, WithForce, formed_about
 from estim.deviation.residuals import stacked
 from estim.deviation.trajectory import Trajectory
-from estim.problem import Named, Noise, Observations, Problem, StackedPoints, Wording, stacked_root
+from estim.problem import Named, Noise, Observations, Problem, StackedPoints, stacked_root
 
 
 class Roomy(WithForce):
     """Stated noise whose size has the room that it has beside a force, and bad frames."""
 
-    def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
-        return self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)
+    describe = Stated.describe
 
 
 def pose_without_force(

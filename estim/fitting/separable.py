@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.arrays import FloatArray, all_finite
+from estim.arrays import FloatArray, all_finite, max_abs
 from estim.common import InputError
 from estim.descent import Squares
 from estim.problem import EXACT, Posterior, Problem
@@ -200,7 +200,7 @@ def _stays_straight(
     moved = start.copy()
     moved[trial] += move
     expected = columns @ move
-    size = max(float(np.max(np.abs(before))), float(np.max(np.abs(expected))))
+    size = max(max_abs(before), max_abs(expected))
     # of the largest residual: a first look, with room for rounding
     if not np.all(np.abs(posterior.residuals(moved) - before - expected) <= 1e-4 * size):
         return False

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from estim.arrays import FloatArray, all_finite
+from estim.arrays import FloatArray, all_finite, max_abs
 from estim.common import Amount, Finding, Kind
 from estim.fitting.gauss_newton import End, inverse_information
 from estim.fitting.least_squares import WITHIN_REACH
@@ -242,7 +242,7 @@ def _same_curve(
     for run in problem.runs:
         x = np.linspace(run.x.min(), run.x.max(), 3 * run.n_obs + 7) if between else run.x
         a, b = (run.drawn(problem.named(point), x) for point in (values, other))
-        if not np.max(np.abs(a - b)) <= 1e-5 * max(float(np.max(np.abs(a))), 1e-300):
+        if not np.max(np.abs(a - b)) <= 1e-5 * max(max_abs(a), 1e-300):
             return False
     return True
 
@@ -281,7 +281,7 @@ def _is_alias(search: SeparableSearch, values: FloatArray, other: FloatArray) ->
         number = np.arange(run.n_obs) - 0.5 * (run.n_obs - 1)
         step = float(number @ run.x) / max(float(number @ number), 1.0)
         even = np.mean(run.x) + step * number
-        off = float(np.max(np.abs(run.x - even)))
+        off = max_abs(run.x - even)
         if run.noise.counted is not None or not _EXACT * step < off <= _ROUNDED * step:
             return False
         # of the scatter of the points about a curve

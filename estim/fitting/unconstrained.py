@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from estim.arrays import max_abs
 from estim.fitting.finish import SILENT
 from estim.fitting.least_squares import Fit
 from estim.problem import Observations
@@ -36,7 +37,7 @@ def no_scatter(run: Observations, fit: Fit) -> bool:
     parameters than the run points.
     """
     curve = run.drawn(fit.problem.named(fit.values))
-    size = max(float(np.max(np.abs(run.y))), float(np.max(np.abs(curve))))
+    size = max(max_abs(run.y), max_abs(curve))
     return run.n_obs > len(run.curve_parameters) and bool(
         np.max(np.abs(run.y - curve)) <= PERFECT * size
     )

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
-
+from estim.arrays import max_abs
 from estim.checks import NOTE_BELOW, P_POOR_FIT
 from estim.common import PhraseTable, format_p, phrase
 from estim.distributions import student_tail
@@ -90,4 +89,4 @@ def recommendation(data: LineData, chi2: float, dof: int, p_value: float) -> tup
 def is_exact(data: LineData, chi2: float) -> bool:
     """Whether the points of an ordinary line scatter by rounding errors alone."""
     # residuals below this share of y are rounding errors
-    return chi2 <= data.x.size * (3e-14 * float(np.max(np.abs(data.y)))) ** 2
+    return chi2 <= data.x.size * (3e-14 * max_abs(data.y)) ** 2

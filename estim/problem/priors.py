@@ -159,6 +159,11 @@ def _finite(value: float, name: str) -> None:
         raise InputError("must be finite", field=name, value=value)
 
 
+def _ordered(prior: Prior) -> None:
+    if not prior.low < prior.high:
+        raise InputError("must be below 'high'", field="low", value=prior.low)
+
+
 def _in_unit(words: str, unit: str) -> str:
     return words if unit == "1" else f"{words} {unit}"
 
@@ -293,8 +298,7 @@ class TruncatedNormal(_CutNormal):
     def __post_init__(self) -> None:
         _finite(self.mean, "mean")
         _positive(self.scale, "sd")
-        if not self.low < self.high:
-            raise InputError("must be below 'high'", field="low", value=self.low)
+        _ordered(self)
         if not self.mass > 1e-12:
             raise InputError(
                 "must leave some of the normal distribution between 'low' and 'high'",
@@ -414,8 +418,7 @@ class Uniform(Prior):
             raise InputError(
                 "must be finite for a uniform prior", field="low, high", value=(self.low, self.high)
             )
-        if not self.low < self.high:
-            raise InputError("must be below 'high'", field="low", value=self.low)
+        _ordered(self)
 
     @property
     def expectation(self) -> float:
@@ -462,8 +465,7 @@ class Flat(Uniform):
         for field, limit in (("low", self.low), ("high", self.high)):
             if math.isnan(limit):
                 raise InputError("must be a number", field=field, value=limit)
-        if not self.low < self.high:
-            raise InputError("must be below 'high'", field="low", value=self.low)
+        _ordered(self)
         if not math.isfinite(self.start):
             raise InputError("must be finite", field="start", value=self.start)
         if not (self.low <= self.start <= self.high):

@@ -20,7 +20,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, max_abs
 from estim.common import QUANTILES, Amount, Finding, Kind, later, phrase
 from estim.distributions import normal_quantile
 from estim.fitting import MAX_PARAMETERS
@@ -125,7 +125,7 @@ class Agreement:
         """Largest difference of a median or of an end of a 68 or 95 % interval, in posterior
         standard deviations.
         """
-        return float(np.max(np.abs(self.differences)))
+        return max_abs(self.differences)
 
 
 def certify(
@@ -338,7 +338,7 @@ def _verdict(
     too_large = hidden[hidden > _COARSE]
     if too_large.size:
         return "missing", Finding(Kind.ERRORS_TOO_LARGE, size=float(np.max(too_large)))
-    largest = float(np.max(np.abs(differences)))
+    largest = max_abs(differences)
     return "agree", Finding(Kind.CHAIN_AGREES, size=largest)
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, max_abs
 from estim.common import later, phrase
 from estim.reading.tracker.ramp import Ramp
 from estim.reading.tracker.track import Track
@@ -105,7 +105,7 @@ def _scale(t: FloatArray, along: FloatArray, usual: float, reach: float) -> list
     largest = 0.0
     for first in range(0, t.size - width + 1, max(1, width // 2)):
         time = t[first : first + width] - np.mean(t[first : first + width])
-        span = float(np.max(np.abs(time)))
+        span = max_abs(time)
         quadratic = np.linalg.lstsq(
             np.vander(time / span, 3), along[first : first + width], rcond=None
         )[0]
