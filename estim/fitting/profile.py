@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import PROBABILITIES, InputError, later, percentage, phrase
+from estim.common import PROBABILITIES, InputError, behind, later, percentage, phrase
 from estim.descent import End, Start, minima, together
 from estim.distributions import chi2_quantile, student_quantile
 from estim.fitting.least_squares import Fit
@@ -308,7 +308,7 @@ _ABOVE = (
 
 def _with_sentence(found: ProfileInterval, parameter: Parameter) -> ProfileInterval:
     label = parameter.label
-    unit = "" if label.unit == "1" else f" {label.unit}"
+    unit = behind(label.unit)
     intervals = [
         f"{percentage(p)} [{found.low[p] * label.factor:.4g}, "
         f"{found.high[p] * label.factor:.4g}]{unit}"

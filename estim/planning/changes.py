@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Literal
 
 from estim.campaign import NewRun
-from estim.common import phrase, split_level
+from estim.common import phrase, split_level, with_unit
 from estim.problem import Parameter, Problem, n_uses
 
 Group = Literal["a quantity measured better", "the same runs, measured otherwise", "more data"]
@@ -87,14 +87,13 @@ def better_words(parameters: Sequence[Parameter], u: Mapping[str, float]) -> str
     label = first.bare_label if len(parameters) > 1 else first.label
     new = sorted({f"{u[p.name] * label.factor:.2g}" for p in parameters})
     old = sorted({f"{p.prior.sd * label.factor:.2g}" for p in parameters if p.prior.measured})
-    unit = "" if label.unit == "1" else label.unit if label.unit == "°" else f" {label.unit}"
     n = len(parameters)
     several = "" if n == 1 else phrase(", both") if n == 2 else phrase(", all {n}", n=n)
-    before = phrase(" (from {size})", size=f"{_range(old)}{unit}") if old else ""
+    before = phrase(" (from {size})", size=with_unit(_range(old), label.unit)) if old else ""
     return phrase(
         "{symbol} to ±{size}{before}{several}",
         symbol=label.symbol,
-        size=f"{_range(new)}{unit}",
+        size=with_unit(_range(new), label.unit),
         before=before,
         several=several,
     )

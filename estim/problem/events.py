@@ -20,7 +20,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from estim.arrays import FloatArray, IntArray, Named
-from estim.common import InputError, phrase
+from estim.common import InputError, behind, phrase
 from estim.problem.count_distributions import BINOMIAL as BINOMIAL
 from estim.problem.count_distributions import POISSON as POISSON
 from estim.problem.count_distributions import Counted as Counted
@@ -171,7 +171,7 @@ class Events(Counts):
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         """The noise in words."""
-        unit = "" if x_unit == "1" else f" {x_unit}"
+        unit = behind(x_unit)
         low, high = self.window
         return phrase(
             "{n} times of single events, unbinned, the curve normalised over the window "

@@ -159,12 +159,14 @@ class Band:
         return diagonal
 
     def whiten(self, rows: FloatArray) -> FloatArray:
-        return rows / self.lower[0] if len(self.lower) == 1 else self._solved(rows, "N")
+        return self._solved(rows, "N")
 
     def turned_back(self, rows: FloatArray) -> FloatArray:
-        return rows / self.lower[0] if len(self.lower) == 1 else self._solved(rows, "T")
+        return self._solved(rows, "T")
 
     def _solved(self, rows: FloatArray, trans: str) -> FloatArray:
+        if len(self.lower) == 1:
+            return rows / self.lower[0]
         flat = np.asarray(rows, dtype=float).reshape(-1, self.n_obs)
         if not flat.size:  # SciPy's wrapper writes beyond an empty array
             return flat.reshape(rows.shape)

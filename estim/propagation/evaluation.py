@@ -111,12 +111,17 @@ def evaluate_draws(
         rule = f"must return {expected} for {n_draw} draws shaped {given}"
         raise InputError(rule, field="function", value=output.shape)
     alone = evaluate_point(function, {name: float(drawn[0]) for name, drawn in draws.items()})
-    size = float(np.max(np.abs(output[np.isfinite(output)]), initial=0.0))
-    if not np.allclose(alone, output[0], rtol=1e-6, atol=1e-6 * size, equal_nan=True):
+    tolerance = 1e-6 * _largest(output)
+    if not np.allclose(alone, output[0], rtol=1e-6, atol=tolerance, equal_nan=True):
         raise InputError(
             "must treat every draw by itself, and give the same value again", field="function"
         )
     return output
+
+
+def _largest(values: FloatArray) -> float:
+    """The largest size of what is finite."""
+    return float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
 
 
 def check_size(values: FloatArray, spreads: FloatArray) -> None:
@@ -127,7 +132,7 @@ def check_size(values: FloatArray, spreads: FloatArray) -> None:
     spreads : how far they scatter, or what inputs contribute to their uncertainties.
     """
     for sizes in (values, spreads):
-        largest = float(np.max(np.abs(sizes[np.isfinite(sizes)]), initial=0.0))
+        largest = _largest(sizes)
         if largest != 0.0 and not 1.0 / _LARGEST <= largest <= _LARGEST:
             raise InputError(
                 f"and its uncertainty must be 0 or between {1.0 / _LARGEST:g} and {_LARGEST:g} "
@@ -185,11 +190,9 @@ def gradient(function: MeasurementFunction, inputs: Sequence[Input]) -> Gradient
         )
         steps = np.asarray(scale * 0.5 ** np.arange(3, 3 + _N_STEP), dtype=np.float64)
         above, below = quantity.value + steps, quantity.value - steps
-        right = np.array(
-            [evaluate_point(function, point | {quantity.name: float(x)}) for x in above]
-        )
-        left = np.array(
-            [evaluate_point(function, point | {quantity.name: float(x)}) for x in below]
+        right, left = (
+            np.array([evaluate_point(function, point | {quantity.name: float(x)}) for x in side])
+            for side in (above, below)
         )
         with np.errstate(all="ignore"):
             difference = (right - left) / (above - below).reshape(-1, *(1,) * value.ndim)

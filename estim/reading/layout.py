@@ -86,9 +86,11 @@ def read_layout(path: Path, dialect: Dialect = PLAIN, *, needed: Sequence[str] =
             else shown_delimiter(*(line for _, line in plain[-2:]))
         )
     )
-    split = [Row(number, line, _cells(line, delimiter)[columns]) for number, line in plain]
+    split, ends = (
+        [Row(number, line, _cells(line, delimiter)[columns]) for number, line in part]
+        for part in (plain, footer)
+    )
     facts = list(source.facts)
-    ends = [Row(number, line, _cells(line, delimiter)[columns]) for number, line in footer]
     if any(_is_a_row(row, like=split[-1]) for row in ends):
         split += ends
     elif ends:

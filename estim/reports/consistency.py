@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -81,33 +82,16 @@ def forest_figure(
         for place, run in enumerate(runs):
             others, alone = consistency.others[run], consistency.alone[run]
             colour = VERMILION if run in wrong else BLUE
-            value, bar = _within(
-                others.mean[i] * label.factor, others.sd[i] * label.factor, low, high
-            )
-            ax.errorbar(
-                value,
-                place + 0.17,
-                xerr=bar,
-                fmt="o",
-                mfc="white",
-                ms=3.5,
-                color=INK,
-                lw=0.9,
-                label=phrase("all but this run"),
-            )
-            value, bar = _within(
-                alone.mean[i] * label.factor, alone.sd[i] * label.factor, low, high
-            )
-            ax.errorbar(
-                value,
-                place - 0.17,
-                xerr=bar,
-                fmt="o",
-                ms=3.5,
-                color=colour,
-                lw=1.4,
-                label=phrase("this run and the stated values"),
-            )
+            without: dict[str, Any] = {"mfc": "white", "color": INK, "lw": 0.9}
+            beside: dict[str, Any] = {"color": colour, "lw": 1.4}
+            for said, up, style, words in (
+                (others, 0.17, without, phrase("all but this run")),
+                (alone, -0.17, beside, phrase("this run and the stated values")),
+            ):
+                value, bar = _within(
+                    said.mean[i] * label.factor, said.sd[i] * label.factor, low, high
+                )
+                ax.errorbar(value, place + up, xerr=bar, fmt="o", ms=3.5, label=words, **style)
         name_ticks(ax.yaxis, range(len(runs)), runs)
         for tick, run in zip(ax.get_yticklabels(), runs, strict=True):
             tick.set_fontweight("bold" if run in wrong else "normal")

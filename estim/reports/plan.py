@@ -7,7 +7,16 @@ from functools import partial
 
 import numpy as np
 
-from estim.common import FigureChoice, Status, as_json, bracketed, decide, format_quantity, phrase
+from estim.common import (
+    FigureChoice,
+    Status,
+    as_json,
+    bracketed,
+    decide,
+    format_quantity,
+    phrase,
+    with_unit,
+)
 from estim.drawing import COLOURS, GREY, INK, MARKS, Figure, legend_below, name_ticks, new_figure
 from estim.planning import FAR, MORE, Halving, Option, Plan
 from estim.problem import Parameter
@@ -250,9 +259,7 @@ def _idle(plan: Plan, i: int) -> str:
 
 def _size(p: Parameter, u: float) -> str:
     label = p.label
-    return f"{u * label.factor:.2g}" + (
-        "" if label.unit == "1" else label.unit if label.unit == "°" else f" {label.unit}"
-    )
+    return with_unit(f"{u * label.factor:.2g}", label.unit)
 
 
 def value_alone(value: float, u: float) -> str:

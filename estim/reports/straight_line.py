@@ -318,14 +318,14 @@ def straight_line_figure(line: StraightLine) -> Figure:
         style: dict[str, Any] = {"mec": INK, "ms": 6, "lw": 2, "zorder": 5}
         label = phrase("prediction, {percent}", percent=percent)
         for p in line.predictions:
-            ends = np.reshape([p.value - p.low, p.high - p.value], (2, 1))
+            ends = np.array([[p.value - p.low], [p.high - p.value]])
             upper.errorbar(
                 p.given, p.value, ends, p.u_given or None, "s", color=ORANGE, label=label, **style
             )
         label = phrase("inverse prediction, {percent}", percent=percent)
         for q in line.inverses:
             if math.isfinite(q.low):
-                ends = np.reshape([q.value - q.low, q.high - q.value], (2, 1))
+                ends = np.array([[q.value - q.low], [q.high - q.value]])
                 upper.errorbar(q.value, q.given, None, ends, "D", color=GREEN, label=label, **style)
     units = line.units
     upper.set(ylabel=line.axes.y_name + bracketed(units["y"]))
