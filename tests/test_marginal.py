@@ -368,7 +368,6 @@ def test_eight_runs_take_a_moment_and_the_exact_weights_agree(
     assert found.ess > 3000.0
     assert found.k_hat_all < 0.7
     assert found.shift < 0.1
-    assert found.expansion_error < 0.3
     assert found.log_evidence_all == pytest.approx(found.log_evidence, abs=0.1)
 
 

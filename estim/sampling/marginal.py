@@ -85,8 +85,6 @@ class MarginalPosterior:
         posterior standard deviations.
     refined : runs whose own parameters were not normal enough given the shared ones and were
         brought to their exact distribution.
-    u_shift : its Monte-Carlo error.
-    expansion_error : see `Expansion.error`, the worst run.
     trusted : whether the draws may be used.
     told : why or why not.
     """
@@ -103,8 +101,6 @@ class MarginalPosterior:
     ess_all: float
     log_evidence_all: float
     shift: float
-    u_shift: float
-    expansion_error: float
     refined: tuple[str, ...]
     trusted: bool
     told: tuple[Finding, ...]
@@ -184,7 +180,6 @@ def sample_marginal(
     check, k_hat_all, log_evidence_all = pareto_smoothed(raw_all)
     shift, u_shift = difference(shared[: check.size], log_weights[: check.size], check)
     ess, ess_all = kish_size(log_weights), kish_size(check)
-    error = max((each.error for each in target.expansions if not each.rough), default=0.0)
     trusted, findings = _judge(
         k_hat,
         ess,
@@ -208,8 +203,6 @@ def sample_marginal(
         ess_all=ess_all,
         log_evidence_all=log_evidence_all,
         shift=shift,
-        u_shift=u_shift,
-        expansion_error=error,
         refined=tuple(refined),
         trusted=trusted,
         told=findings,
