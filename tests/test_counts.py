@@ -834,3 +834,19 @@ def test_no_shown_interval_reaches_beyond_the_end_of_a_likelihood_that_many_coun
     for low, high in fit.intervals["c"].values():
         assert 0.0 >= low > -0.005 * high
     assert "\N{MINUS SIGN}" not in next(line for line in str(fit).splitlines() if line[0] == "c")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_density_found_from_the_points_is_positive(seed: int) -> None:
+    """1 + a*x is found up to a factor, which may not be negative: this one grows from nearly 0."""
+    rng = np.random.default_rng(seed)
+    times = np.sqrt(rng.random(200) * (0.95 * (1.0 - 0.05**2)) + 0.05**2)
+    fit = fit_curve("1 + a*x", times, None, noise=EventTimes(0.0, 1.0))
+
+    def minus_log(a: float) -> float:
+        return times.size * math.log(1.0 + 0.5 * a) - float(np.sum(np.log1p(a * times)))
+
+    best = optimize.minimize_scalar(minus_log, bounds=(0.1, 1e6), method="bounded")
+    rise = minus_log(fit.values["a"]) - best.fun
+    assert fit.values["a"] > 1.0
+    assert rise < 1e-3 or fit.status != "ok"
