@@ -204,7 +204,7 @@ def test_more_bad_frames_than_good_ones_defeat_robust_noise_and_are_reported(
     assert whole.values[at[0]] > trimmed.values[at[1]] + 10.0 * np.sqrt(trimmed.cov[at[1], at[1]])
     (finding,) = too_many_outliers(whole)
     assert finding.status == "poor-fit"
-    assert "of the frames would be outliers" in tell(finding)
+    assert "of the readings would be outliers" in tell(finding)
     # with the few frames until the wheel is at rest there is nothing to report
     until_rest = fit_least_squares(
         spoiled(wheel("mixture", run), run)[0].problem([run]),

@@ -44,6 +44,7 @@ from estim.checks.diagnosis import (
     same_curve,
     sampling_findings,
     several_solutions,
+    too_many_outliers,
     unidentified,
 )
 from estim.checks.fitted_curve import (

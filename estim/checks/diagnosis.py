@@ -348,8 +348,8 @@ def marginal_tests(run: Goodness) -> list[Finding]:
 
 
 def too_many_outliers(fit: Fit) -> list[Finding]:
-    """Runs of which so many frames would be outliers that nothing tells which of the two groups is
-    the motion.
+    """Runs of which so many readings would be outliers that nothing tells which of the two groups
+    belongs to the curve.
     """
     findings = []
     for run in fit.problem.runs:

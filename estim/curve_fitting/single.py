@@ -29,6 +29,7 @@ from estim.checks import (
     same_curve,
     several_solutions,
     stated_values,
+    too_many_outliers,
     values_outside,
     wrong_curves,
 )
@@ -51,6 +52,7 @@ from estim.curves import (
     with_defaults,
     without_units,
 )
+from estim.distributions import student_quantile
 from estim.fitting import (
     N_START,
     Ends,
@@ -190,7 +192,9 @@ def fit_curve(
     )
     points = DataSet(x, y, u_y, cov_y, u_x, noise, curve, axes, jitter, robust, cov_x, r_xy)
     posed = pose_points(points, said, errors, deviation=deviation, correlated=correlated)
-    require_points(posed.parameters, posed.x.size, stated=posed.stated)
+    require_points(
+        posed.parameters, posed.x.size, stated=posed.stated, of_errors=len(posed.further)
+    )
     if posed.infers_errors:
         return fit_errors(posed, rng, n_start)
     complete = (fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)
@@ -317,6 +321,7 @@ def fit_errors(
     values = dict(zip(fit.names, fit.values.tolist(), strict=True))
     nothing = dict.fromkeys(PROBABILITIES, (math.nan, math.nan))
     intervals: Mapping[str, Ends] = dict.fromkeys(fit.names, nothing)
+    sds, cov = fit.sds, fit.cov
     findings: list[Finding | None] = []
     if fit.singular:
         findings.append(Finding(Kind.UNDETERMINED, names=silent_parameters(fit)))
@@ -324,8 +329,11 @@ def fit_errors(
         amount = Amount(fit.mover or fit.names[0])
         findings.append(Finding(Kind.STEP_UNSETTLED, size=fit.moved, parameters=(amount,)))
     else:
-        intervals, left_open = profiled(fit, dof_of_size(fit))
+        dof = dof_of_size(fit)
+        intervals, left_open = profiled(fit, dof)
         findings += [*left_open, *values_outside(values, intervals)]
+        wider = _profiled_over_curvature(fit, intervals, dof)
+        sds, cov = sds * wider, cov * np.outer(wider, wider)
     goodness = () if fit.singular else check_goodness(fit, rng=rng)
     if fit.others.size:
         findings += several_solutions(fit, laplace_modes(fit))
@@ -336,15 +344,16 @@ def fit_errors(
             replace(f, run=f.run if len(goodness) > 1 else "")
             for f in failed_tests(goodness, dof=fit.dof)
         ),
+        *(replace(f, run="") for f in too_many_outliers(fit)),
         None if fit.singular else stated_values(fit, check_stated_values(fit)),
     ]
     found = wrong([finding for finding in findings if finding is not None])
     return CurveFit(
         names=fit.names,
         values=values,
-        sds=dict(zip(fit.names, fit.sds.tolist(), strict=True)),
+        sds=dict(zip(fit.names, sds.tolist(), strict=True)),
         intervals=intervals,
-        cov=fit.cov,
+        cov=cov,
         chi2=fit.chi2,
         dof=fit.dof,
         p_value=fit.p_value,
@@ -361,6 +370,22 @@ def fit_errors(
         fixed=posed.fixed,
         called=posed.called or posed.text,
     )
+
+
+def _profiled_over_curvature(fit: Fit, intervals: Mapping[str, Ends], dof: float) -> FloatArray:
+    """(n_par,) how much wider a standard deviation is by the 68 % interval of its parameter, which
+    is Student's, than by the curvature at the mode; 1 for parameters of the errors.
+
+    The curvature knows nothing of the degrees of freedom that the curve's parameters take from the
+    size of the errors (of a line through five points: 0.77 of its standard deviation), nor of
+    readings that change between good ones and outliers.
+    """
+    one = float(student_quantile(0.5 + 0.5 * PROBABILITIES[0], dof))
+    low, high = np.array([intervals[name][PROBABILITIES[0]] for name in fit.names]).T
+    with np.errstate(all="ignore"):
+        ratio = 0.5 * (high - low) / (one * fit.sds)
+    of_curve = [name not in fit.problem.noise_names for name in fit.names]
+    return np.where(np.isfinite(ratio) & (ratio > 0.0) & of_curve, ratio, 1.0)
 
 
 def _fit_discrepancy(posed: CurveProblem, complete: CurveFit, rng: np.random.Generator) -> CurveFit:

@@ -164,8 +164,8 @@ def _few(f: Finding) -> str:
 def _crowd(f: Finding) -> str:
     return said(
         f,
-        "run {run}: {share} of the frames would be outliers: perhaps it is the other frames "
-        "that do not belong to the motion",
+        "{of_run}{share} of the readings would be outliers: perhaps it is the others that do "
+        "not belong to the curve",
         share=percentage(f.size),
     )
 

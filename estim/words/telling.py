@@ -189,9 +189,9 @@ ADVICE: Mapping[Kind, str] = {
         "actual error of a reading"
     ),
     Kind.OUTLIERS_CROWD: (
-        "exclude by a window the frames that do not belong to the motion; robust noise "
-        "is meant for a "
-        "minority of bad frames"
+        "exclude by a window the readings that do not belong to the curve; robust errors "
+        "are meant for a minority of bad readings, and where there are few readings, their "
+        "uncertainty must be stated"
     ),
     Kind.RUNS_DISAGREE: _ONE_RUN,
     Kind.RUN_DISAGREES: _ONE_RUN,
