@@ -20,7 +20,7 @@ import math
 import unicodedata
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -77,6 +77,7 @@ class CurveCampaign(Campaign):
     runs: tuple[CurveRunTable, ...]
     asked: Unstarted
     run_axes: Mapping[str, AxisNames]
+    _problems: dict[tuple[str, ...], Problem] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def formula(self) -> str:
@@ -111,6 +112,11 @@ class CurveCampaign(Campaign):
         """
         if noise is not None:
             raise self._only_noise()
+        if (key := tuple(names)) not in self._problems:  # a search for starts may take seconds
+            self._problems[key] = self._pose(names)
+        return self._problems[key]
+
+    def _pose(self, names: Sequence[str]) -> Problem:
         components = self._components()
         shared = {
             entry.parameter_name: entry.parameter(x_unit=self.axes.x_unit, y_unit=self.axes.y_unit)
