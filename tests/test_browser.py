@@ -123,9 +123,11 @@ def test_a_dropped_file_becomes_a_report(page: Any) -> None:
     assert page.inner_text(".state") == "Done"
     assert fits_the_width(page)
     wait_until(page, "document.querySelector('figure img')?.naturalWidth > 0")
-    page.click("text=Read the report")
-    assert page.locator("h2").first.inner_text(timeout=MINUTES)
-    page.go_back()
+    with page.expect_popup() as opened:
+        page.click("text=Read the report (in a new tab)")
+    assert opened.value.locator("h2").first.inner_text(timeout=MINUTES)
+    opened.value.close()
+    assert page.inner_text(".state") == "Done"  # where the reader was
     page.click("text=Ask something else")
     assert page.is_checked("#asked-line")
     page.go_back()
@@ -358,9 +360,10 @@ def test_a_report_runs_no_script_and_reaches_no_page(page: Any, address: str) ->
     page.check("text=A straight line")
     page.click(".end button")
     page.wait_for_selector(".state", timeout=MINUTES)
-    page.click("text=Read the report")
-    wait_until(page, "self.origin === 'null'")
-    assert "cookie" in page.evaluate(
+    with page.expect_popup() as opened:
+        page.click("text=Read the report")
+    wait_until(opened.value, "self.origin === 'null'")
+    assert "cookie" in opened.value.evaluate(
         "(() => { try { document.cookie } catch (e) { return '' + e } })()"
     )
 

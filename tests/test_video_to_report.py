@@ -146,7 +146,8 @@ def test_neighbouring_frames_of_a_whole_fall_are_not_independent_and_the_report_
     done, result, _ = fitted(tmp_path, WHOLE)
     assert (done.exit_code, result["status"]) == (3, "poor-fit")
     assert any(
-        "neighbouring residuals are correlated" in reason and "p < 5e-5" in reason
+        "neighbouring points lie off the curve by similar amounts" in reason
+        and "p < 5e-5" in reason
         for reason in result["reasons"]
     )
     (tmp_path / "a1.csv").write_text(
@@ -210,7 +211,7 @@ def test_damped_cosine_does_not_explain_a_half_pipe_and_the_report_says_so(
     done, result, report = fitted(tmp_path, SWING)
     assert (done.exit_code, result["status"]) == (3, "poor-fit"), done.output
     assert result["parameters"]["f"]["mean"] is None
-    assert "neighbouring residuals are correlated" in report
+    assert "neighbouring points lie off the curve by similar amounts" in report
     assert "osition (m) against time t (s)" in report
 
 

@@ -196,6 +196,129 @@ def test_what_is_not_reliable_says_so_and_has_its_report(browser: Browser) -> No
     assert browser.get(f"{answer.place}/report/report.md?download=1").status == 200
 
 
+GALLERY = Path(__file__).parents[1] / "data" / "gallery"
+BOILING = "1.8/(1/(T0 + 273.15) - 8.314462618/(1000*L)*log(pressure_inHg/29.9213)) - 459.67"
+DRAG = "bias - D*(time_s/0.621)**{power}"
+
+
+@pytest.mark.parametrize(
+    ("file", "fields", "told", "choice", "further"),
+    [
+        (  # a blunder
+            "forbes_1857.csv",
+            {
+                "formula": BOILING,
+                "x": "pressure_inHg",
+                "y": "boiling_F",
+                "start": "L = 40\nT0 = 100",
+            },
+            "one point lies much farther from the curve than the others",
+            "robust",
+            {},
+        ),
+        (  # errors that were stated too small
+            "table_30cm.csv",
+            {"formula": "L", "x": "student", "y": "length_m", "u-y": "u_m"},
+            "the points lie 8.7 times as far from the curve as their stated errors explain",
+            "jitter",
+            {},
+        ),
+        (  # determinations that follow each other are alike
+            "michelson_1879.csv",
+            {"formula": "c", "x": "determination", "y": "speed_Mm_s"},
+            "neighbouring points lie off the curve by similar amounts",
+            "correlated",
+            {},
+        ),
+        (  # counts, of which those of the start are the less certain
+            "muon.csv",
+            {"formula": "A*exp(-t_us/tau) + B", "x": "t_us", "y": "N"},
+            "the points scatter more about one part of the curve than about another",
+            "u-y",
+            {"u-y": "sN"},
+        ),
+        (  # the moment of release and the power of the time are told apart by neither
+            "falling_phone.csv",
+            {
+                "formula": "bias - D*((time_s - t0)/0.621)**n",
+                "x": "time_s",
+                "y": "az_m_s2",
+                "window": "0.019:0.618",
+                "start": "n = 3\nt0 = 0",
+                "low": "n = 0\nt0 = -0.5",
+                "high": "n = 30\nt0 = 0.015",
+            },
+            "data and priors do not determine the parameters",
+            "value",
+            {"value": "t0 = 0.0000(25)", "low": "n = 0", "high": "n = 30", "start": "n = 3"},
+        ),
+        (  # a wrong curve: the reader writes another
+            "falling_phone.csv",
+            {
+                "formula": DRAG.format(power=2),
+                "x": "time_s",
+                "y": "az_m_s2",
+                "window": "0.019:0.618",
+            },
+            "the points drift slowly from one side of the curve to the other",
+            "formula",
+            {"formula": DRAG.format(power="n"), "start": "n = 3", "low": "n = 0", "high": "n = 30"},
+        ),
+    ],
+)
+def test_what_is_advised_is_one_click_and_cures(
+    browser: Browser,
+    file: str,
+    fields: dict[str, str],
+    told: str,
+    choice: str,
+    further: dict[str, str],
+) -> None:
+    """Real data that are not ok as they were asked, and are with the one field that the page offers
+    to change.
+    """
+    data = muon_counts() if file == "muon.csv" else (GALLERY / file).read_bytes()
+    asked = browser.hand_in({file: data})
+    first = browser.ended(browser.fill_in(asked.place, asked="formula", **fields).place)
+    assert told in words(first.text)
+    places = re.findall('class="button" href="(/files/[^"]*)#([^"]*)"', first.text)
+    place = next(unescape(at) for at, name in places if name == choice)
+    form = browser.get(place).text
+    assert re.search(f'id="{choice}"', form)  # where the address leads
+    filled = filled_in(form)
+    kept = {name: text for name, text in filled.items() if name in fields and name != choice}
+    assert kept == {name: text for name, text in fields.items() if name != choice}
+    changed = {name for name in CURES if filled.get(name, "") != fields.get(name, "")}
+    assert changed == {choice} & {*CURES}
+    again = browser.fill_in(place.partition("?")[0], **filled | further)
+    assert re.search('class="state ok"', browser.ended(again.place).text)
+    assert "What you can try" not in browser.get(again.place).text
+
+
+CURES = ("robust", "jitter", "correlated", "value")
+
+
+def muon_counts() -> bytes:
+    """The bins of the muon decays as a table of readings with their square roots."""
+    low, high, n = np.loadtxt(
+        GALLERY / "muon_binned.csv", delimiter=",", skiprows=1, unpack=True, comments="#"
+    )
+    rows = zip((low + high) / 2, n, np.sqrt(n), strict=True)
+    return "\n".join(["t_us,N,sN", *(f"{x:.3f},{y:.0f},{u:.2f}" for x, y, u in rows)]).encode()
+
+
+def filled_in(form: str) -> dict[str, str]:
+    """The fields of a page of a question as a browser sends them."""
+    found = re.findall('<input id="([^"]*)" name="[^"]*" value="([^"]*)"', form)
+    found += re.findall('<textarea id="([^"]*)"[^>]*>([^<]*)<', form)
+    for name, options in re.findall('<select id="([^"]*)".*?>(.*?)</select>', form, re.DOTALL):
+        found += [(name, value) for value in re.findall('value="([^"]*)" selected', options)]
+    for ticked in re.findall("<input[^>]* checked>", form):
+        name = re.findall('name="([^"]*)"', ticked)[0]
+        found.append((name, (re.findall('value="([^"]*)"', ticked) or ["on"])[0]))
+    return {name: unescape(value) for name, value in found if value}
+
+
 def test_a_refused_question_comes_back_with_its_fields_and_the_message_beside_one(
     browser: Browser,
 ) -> None:

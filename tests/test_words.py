@@ -218,7 +218,10 @@ def test_one_finding_is_said_in_the_units_of_a_reader() -> None:
     failed = Finding(
         Kind.RESIDUALS_NOT_RANDOM, run="r", test="runs", p=5e-5, numbers={"least": 5e-5}
     )
-    assert tell(failed) == "run r: the residuals change sign too rarely (test 'runs', p < 5e-5)"
+    assert (
+        tell(failed)
+        == "run r: the points stay on one side of the curve for too long (test 'runs', p < 5e-5)"
+    )
 
 
 def test_tests_of_the_residuals_have_names_in_the_language_and_keys_in_english() -> None:

@@ -193,7 +193,7 @@ TROUBLES = {
         Disk(gamma="0.0", **DOWN),
         Disk(**DOWN),
         "poor-fit",
-        "neighbouring residuals are correlated",
+        "neighbouring points lie off the curve by similar amounts",
         "an effect that the curve does not model",
     ),
 }

@@ -4,6 +4,7 @@ status follows (`estim.common.statuses`).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -277,10 +278,13 @@ def failed_tests(goodness: Sequence[Goodness], *, dof: int) -> list[Finding]:
     dof : of all runs together.
     """
     findings = []
+    expected = max(dof, 1) / sum(run.whitened.size for run in goodness)  # of a squared residual
     for run in goodness:
         for name in run.failed:
             pattern = Kind.CURVE_LACKS if run.curve else Kind.RESIDUALS_NOT_RANDOM
-            larger = Kind.COUNTS_SCATTER if run.counted else Kind.RESIDUALS_TOO_LARGE
+            larger = _larger([run])
+            squared = run.checks[name].statistic / run.whitened.size / expected
+            times = {"times": math.sqrt(squared)} if name == "chi2" else {}
             kind = (
                 Kind.RESIDUALS_ZERO if name == "zero" else larger if run.only_too_large else pattern
             )
@@ -290,7 +294,7 @@ def failed_tests(goodness: Sequence[Goodness], *, dof: int) -> list[Finding]:
                     run=run.run,
                     test=name,
                     p=run.checks[name].p_value,
-                    numbers={"least": P_FLOOR},
+                    numbers={"least": P_FLOOR, **times},
                 )
             )
         if run.scatter_ratio > SCATTER_LIMIT:
@@ -301,13 +305,17 @@ def failed_tests(goodness: Sequence[Goodness], *, dof: int) -> list[Finding]:
         and chi2_p(sum(sizes), dof) < P_POOR_FIT
         and not any(finding.test == "chi2" for finding in findings)
     ):
-        kind = (
-            Kind.COUNTS_SCATTER
-            if all(run.counted for run in goodness)
-            else Kind.RESIDUALS_TOO_LARGE
-        )
-        findings.append(Finding(kind, test="chi2", p=chi2_p(sum(sizes), dof)))
+        times = {"times": math.sqrt(sum(sizes) / dof)}
+        p = chi2_p(sum(sizes), dof)
+        findings.append(Finding(_larger(goodness), test="chi2", p=p, numbers=times))
     return findings
+
+
+def _larger(runs: Sequence[Goodness]) -> Kind:
+    """What it is where nothing but the size of the residuals is wrong."""
+    if all(run.counted for run in runs):
+        return Kind.COUNTS_SCATTER
+    return Kind.CHI2_TOO_LARGE if all(run.curve for run in runs) else Kind.RESIDUALS_TOO_LARGE
 
 
 def tolerated_pattern(run: Goodness) -> list[Finding]:

@@ -96,7 +96,7 @@ from estim.sampling import number, summarise, trusted
 from estim.studies.budget import PRIOR, READINGS, STATED, Budget
 from estim.studies.determination import Determination
 from estim.versions import engine_versions, version
-from estim.words import advice_for, common_error, tell
+from estim.words import Choice, advice_for, choices_for, common_error, tell
 
 SCHEMA = "estim-result/1"
 _WHERE = {
@@ -172,6 +172,8 @@ class Result(Report, dict=True):
     turning_point: dict[str, TurningPoint]
     runs: dict[str, RunSummary]
     provenance: Provenance
+    # what the advice would have chosen, each by itself; files of older versions have none
+    choices: tuple[Choice, ...] = ()
 
     @cached_property
     def labels(self) -> Labels:
@@ -335,6 +337,7 @@ def result_of(
         },
         runs={run.name: _run(campaign, analysis, i) for i, run in enumerate(problem.runs)},
         provenance=provenance(campaign, [run.name for run in problem.runs], analysis.seed),
+        choices=choices_for(diagnosis.findings),
     )
     result.__dict__["labels"] = labels_of(problem, fit.values)
     return result

@@ -58,6 +58,17 @@ LABELS = PhraseTable(
     }
 )
 """Name of a field, which is that of the option or of the key of a rolling disk -> its label."""
+AGAIN = PhraseTable(
+    {
+        "formula": "Fit again with another formula",
+        "value": "Fit again with a known value of {name}",
+        "u-y": "Fit again with other uncertainties of y",
+        "robust": "Fit again and allow for points that are far off",
+        "correlated": "Fit again with correlated errors, if the formula is known to be right",
+        "jitter": "Fit again with further errors of y, of a size that the points show",
+    }
+)
+"""A choice that a result advises -> what the way to it is called."""
 _AS_OPTIONS = {"ux": "u-x", "uy": "u-y"}  # of `estim line`
 _NAME = r"[a-z]\w*(?:-[a-z]+)*"
 _OPTION = re.compile(

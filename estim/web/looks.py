@@ -9,6 +9,7 @@ from starlette.responses import HTMLResponse
 
 from estim.common import LANGUAGES, format_quantity, format_rounded, language, phrase
 from estim.web.labels import LABELS, on_page
+from estim.words import status_words
 
 if TYPE_CHECKING:
     import jinja2
@@ -59,5 +60,6 @@ def _environment() -> jinja2.Environment:
         "rounded": format_rounded,
         "labels": LABELS,
         "on_page": on_page,
+        "status_words": status_words,
     }
     return environment

@@ -10,7 +10,7 @@ import asyncio
 import io
 import json
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
 from importlib.resources import files
@@ -19,7 +19,7 @@ from itertools import pairwise
 from mimetypes import guess_type
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from urllib.parse import urlsplit
+from urllib.parse import urlencode, urlsplit
 
 from starlette.applications import Starlette
 from starlette.datastructures import UploadFile
@@ -30,9 +30,18 @@ from starlette.staticfiles import StaticFiles
 
 from estim.common import LANGUAGES, EstimError, InputError, language, phrase
 from estim.reading import read_suffixes
+from estim.web.labels import AGAIN
 from estim.web.looks import LANGUAGE, closed, page
 from estim.web.preview import picture_name, preview_name, start_name
-from estim.web.question import MODELS, arguments_of, command_line, field_of, fields_of, with_columns
+from estim.web.question import (
+    MODELS,
+    arguments_of,
+    command_line,
+    field_of,
+    fields_of,
+    lines_of,
+    with_columns,
+)
 from estim.web.rows import answers_of, rows_of, summary_of
 from estim.web.store import MOST_BYTES, MOST_FILES, Answer, Batch, Kept, Shelf, Store, Upload
 from estim.web.work import Job, Workers
@@ -172,7 +181,8 @@ class Pages:
         if (row := self._row(fields, upload)) is not None:
             return await self._form(upload, row.fields, row.error, row.field, row=row)
         if before is not None:
-            return await self._form(upload, before.fields, before.error, before.field)
+            changed = {**before.fields, **fields}
+            return await self._form(upload, changed, before.error, before.field)
         if "model" in fields:
             fields["formula"] = fields.pop("model")
         if upload and fields.pop("show", ""):
@@ -338,10 +348,13 @@ class Pages:
         if answer.standing == "refused" and not answer.batch:
             place = f"/files/{answer.upload}" if answer.upload else "/propagate"
             return _to(f"{place}?answer={answer.id}")
+        result = json.loads(self._store.answers.read(answer.id, "report/result.json") or b"{}")
         return page(
             "answer",
             answer=answer,
             progress=self._progress(answer),
+            ended=result.get("status", ""),
+            again=_again(answer, result.get("choices", [])),
             files=self._store.report_files(answer),
             pdf=find_spec("weasyprint") is not None,
             command=command_line(answer.arguments),
@@ -483,6 +496,20 @@ def _found(shelf: Shelf[Kept], request: Request, at: str = "") -> Kept:
     if (record := shelf.records.get(at or request.path_params["id"])) is None:
         raise HTTPException(404)
     return record
+
+
+def _again(answer: Answer, choices: Iterable[Mapping[str, str]]) -> list[tuple[str, str]]:
+    """Addresses of the question with one field changed, as a result advises, and their names."""
+    found = []
+    for choice in choices if answer.is_curve and answer.upload else ():
+        name, value = choice["option"], choice["value"]
+        parameter, of_one, _ = value.partition("=")
+        if of_one:
+            value = "\n".join([*lines_of(answer.fields.get(name, "")), f"{parameter} = "])
+        asked = {"answer": answer.id} | ({name: value} if value else {})
+        place = f"/files/{answer.upload}?{urlencode(asked)}#{name}"
+        found.append((place, AGAIN[name].format(name=parameter)))
+    return found
 
 
 def _picture(data: bytes | None) -> Response:

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from estim.common import Finding, Kind, phrase
-from estim.words.telling import advice
+from estim.words.telling import advice, one_is_far_off
 
 
 def _short() -> dict[Kind, str]:
@@ -16,14 +16,14 @@ def _short() -> dict[Kind, str]:
         "look at the residuals for a bad reading, a wrong window, or an effect that the curve "
         "does not model"
     )
+    larger = phrase("check the file for a reason why the errors are larger than stated")
     another = phrase("try another curve: if the curve is wrong, none of the intervals is reliable")
     return {
         Kind.SEVERAL_SOLUTIONS: phrase(
             "choose between the solutions by a prior or by a further measurement, and fit again"
         ),
-        Kind.RESIDUALS_TOO_LARGE: phrase(
-            "check the file for a reason why the errors are larger than stated"
-        ),
+        Kind.RESIDUALS_TOO_LARGE: larger,
+        Kind.CHI2_TOO_LARGE: larger,
         Kind.RESIDUALS_NOT_RANDOM: look,
         Kind.CURVE_LACKS: look,
         Kind.STATED_AND_CURVE: look,
@@ -57,12 +57,8 @@ def first_step(findings: Sequence[Finding]) -> str:
     """What to do first about `findings`, gravest first; "" where there are none."""
     if not findings:
         return ""
-    tests = {
-        finding.test
-        for finding in findings
-        if finding.kind in (Kind.CURVE_LACKS, Kind.RESIDUALS_TOO_LARGE)
-    }
-    if findings[0].test in tests and "largest" in tests and tests <= {"chi2", "largest"}:
+    tests = {finding.test for finding in findings if finding.kind is Kind.CURVE_LACKS}
+    if findings[0].test in ("chi2", "largest") and one_is_far_off(findings):
         return phrase("look at the outlying reading")
     if findings[0].test in tests <= {"uneven", "repeated"}:
         return advice(findings[0])

@@ -11,12 +11,12 @@ from estim.words.table import Table, facts, said
 
 TESTS = PhraseTable(
     {
-        "chi2": "the residuals are larger than the noise",
-        "runs": "the residuals change sign too rarely",
-        "autocorrelation": "neighbouring residuals are correlated",
-        "trend": "the residuals drift along the run",
-        "largest": "one residual is far larger than the others",
-        "uneven": "the residuals are larger in one part of the curve than in another",
+        "chi2": "the points lie farther from the curve than their stated errors explain",
+        "runs": "the points stay on one side of the curve for too long",
+        "autocorrelation": "neighbouring points lie off the curve by similar amounts",
+        "trend": "the points drift slowly from one side of the curve to the other",
+        "largest": "one point lies much farther from the curve than the others",
+        "uneven": "the points scatter more about one part of the curve than about another",
         "repeated": (
             "the means of readings at the same x scatter more about the curve than the "
             "scatter of the readings about their "
@@ -50,8 +50,24 @@ def name_of_test(test: str) -> str:
 
 
 def _failed(f: Finding) -> str:
+    what = _times_too_far(f.numbers["times"]) if "times" in f.numbers else TESTS[f.test]
+    return said(f, "{of_run}{what} (test '{test}', {p})", what=what, test=name_of_test(f.test))
+
+
+def _larger(f: Finding) -> str:
+    if "dof" not in f.numbers:
+        return _failed(f)
     return said(
-        f, "{of_run}{what} (test '{test}', {p})", what=TESTS[f.test], test=name_of_test(f.test)
+        f,
+        "{what}: chi2 = {size:.4g} for {dof:.0f} degrees of freedom, {p}",
+        what=_times_too_far(math.sqrt(f.size / f.numbers["dof"])),
+    )
+
+
+def _times_too_far(times: float) -> str:
+    return phrase(
+        "the points lie {times} times as far from the curve as their stated errors explain",
+        times=f"{times:.2g}" if times < 100.0 else f"{times:.0f}",
     )
 
 
@@ -200,10 +216,7 @@ WORDS: Table = {
     Kind.NOISE_WITH_SPEED: _with_speed,
     Kind.PATTERN_COVERED: _covered,
     Kind.NEIGHBOURS_ALIKE: _alike,
-    Kind.CHI2_TOO_LARGE: (
-        "the residuals are larger than u_y allows: chi2 = {size:.4g} for "
-        "{dof:.0f} degrees of freedom, {p}"
-    ),
+    Kind.CHI2_TOO_LARGE: _larger,
     Kind.CHI2_SMALL: _small,
     Kind.COUNTS_SCATTER: _counts_scatter,
     Kind.COUNTS_EVEN: _counts_even,

@@ -7,6 +7,7 @@ for an option, a key of a campaign and a field of the page (`estim.common.spoken
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 
 from estim.common import Finding, Kind, at_commands, later, phrase
 from estim.words import (
@@ -36,9 +37,8 @@ _ONE_RUN = later(
     "fit the disagreeing run alone, and check its file and its stated values; leave it out "
     "only for a reason found there"
 )
-_SEED, _STEPS, _CORRELATED, _ROBUST = "{seed}", "{steps}", "{correlated}", "{robust}"
 _ANOTHER = later(
-    "try another curve: in simulations with a wrong curve, intervals that allow for a "
+    "try {curve}: in simulations with a wrong curve, intervals that allow for a "
     "deviation seldom contained the true value"
 )
 _ONE_FAR_OFF = later(
@@ -48,7 +48,7 @@ _ONE_FAR_OFF = later(
 _OF_TEST: Mapping[str, str] = {
     "largest": _ONE_FAR_OFF,
     "uneven": later(
-        "state the standard deviation of each reading (a column of u_y), for example "
+        "state the standard deviation of each reading ({u_y}), for example "
         "as a fraction of the reading; if it is "
         "proportional to y, fitting the logarithm of y makes it uniform"
     ),
@@ -59,15 +59,43 @@ _OF_TEST: Mapping[str, str] = {
         "curve determines the size of their errors"
     ),
 }  # what to do about a curve whose residuals fail one test
+_OF_RESIDUALS = (Kind.CURVE_LACKS, Kind.RESIDUALS_TOO_LARGE, Kind.CHI2_TOO_LARGE)
 
 
-_CHOICES = {
-    _SEED: ("seed=", later("seed (--seed)")),
-    _STEPS: ("target=Target(max_step=...)", later("the number of steps (--max-steps)")),
-    _CORRELATED: ("correlated=True", later("correlated errors (correlated)")),
-    _ROBUST: ('robust="mixture"', "robust: mixture"),
-}  # what is chosen -> how in Python, and at the command line, in a campaign and on the page
+@dataclass(frozen=True)
+class Choice:
+    """What a reader may choose anew for another fit: an option of `estim fit`, without its hyphens,
+    and its value; "" where the reader must say it, NAME= where that of a parameter.
+    """
 
+    option: str
+    value: str
+
+
+_CHOICES: Mapping[str, tuple[str, str, Choice | None]] = {
+    "{seed}": ("seed=", later("seed (--seed)"), None),
+    "{steps}": ("target=Target(max_step=...)", later("the number of steps (--max-steps)"), None),
+    "{curve}": (later("another curve"), later("another curve"), Choice("formula", "")),
+    "{correlated}": (
+        "correlated=True",
+        later("correlated errors (correlated)"),
+        Choice("correlated", "true"),
+    ),
+    "{robust}": ('robust="mixture"', "robust: mixture", Choice("robust", "mixture")),
+    "{jitter}": (
+        "jitter=True",
+        later("further errors of y, beside those stated (jitter)"),
+        Choice("jitter", "true"),
+    ),
+    "{u_y}": (later("a column of u_y"), later("a column of u_y"), Choice("u-y", "")),
+    "{value}": (
+        later("a measured value with its uncertainty"),
+        later("a measured value with its uncertainty"),
+        Choice("value", "{name}="),
+    ),
+}
+"""What is chosen, as it stands in advice -> how in Python, how in words for an option, a key of a
+campaign and a field of the page, and as an option."""
 
 WORDS: Table = {
     **parameters.WORDS,
@@ -97,8 +125,8 @@ ADVICE: Mapping[Kind, str] = {
     ),
     Kind.VALUE_OUTSIDE: "try other starting values",
     Kind.CHAIN_SHORT: (
-        "look at the trace plots: where parameters drift, drop or state one of them, or take "
-        "data over a longer range; otherwise increase {steps}"
+        "look at the trace plots: where parameters drift, drop one of them or state {value} for "
+        "it, or take data over a longer range; otherwise increase {steps}"
     ),
     Kind.WALKERS_STUCK: "repeat with another {seed}, and look at the trace plots",
     Kind.METHODS_DIFFER: (
@@ -112,20 +140,19 @@ ADVICE: Mapping[Kind, str] = {
         "or by a further measurement, and fit again"
     ),
     Kind.DIRECTION_FLAT: (
-        "state one of these parameters as a measured value with its uncertainty (a "
-        "uniform range does not count)"
+        "state one of these parameters as {value} (a uniform range does not count)"
     ),
     Kind.SINGULAR: (
-        "state at least one of the parameters with an uncertainty; the table of "
+        "state {value} for at least one of the parameters; the table of "
         "correlations shows which are correlated"
     ),
-    Kind.UNDETERMINED: "state one of the parameters with an uncertainty, or fix it",
+    Kind.UNDETERMINED: "state {value} for one of the parameters, or fix it",
     Kind.HARDLY_HELD: (
-        "give it limits, or a prior, or leave out the term that the data do not show; a "
+        "give it limits, or state {value}, or leave out the term that the data do not show; a "
         "swing is better written with a phase, sin(w*x + p)"
     ),
     Kind.OPEN_SIDE: (
-        "state its value, or that of one that compensates, or fit a curve without the term "
+        "state {value} for it, or for one that compensates, or fit a curve without the term "
         "that the data do not show, or take data over a longer range"
     ),
     Kind.LINE_NOT_RISING: (
@@ -141,12 +168,12 @@ ADVICE: Mapping[Kind, str] = {
         "explains this, let the data determine the size of "
         "the errors, by a prior in place of the number, for example sigma_x_m = {prior "
         '= "log-normal", median = 0.001, log_sd = '
-        "1.0} (of a curve of your own, leave u_y out)"
+        "1.0}"
     ),
     Kind.RESIDUALS_NOT_RANDOM: _NOT_RANDOM,
     Kind.CURVE_LACKS: (
         "look at the residuals for a bad reading or a wrong window; otherwise try "
-        "another curve, because this one does not fit. Keep "
+        "{curve}, because this one does not fit. Keep "
         "it only if the formula is known to be right: if successive readings are "
         "correlated, use {correlated}; if something "
         "irregular disturbs y and its size is known from elsewhere, not from these "
@@ -164,8 +191,8 @@ ADVICE: Mapping[Kind, str] = {
         "or for a stated reading error that is too small"
     ),
     Kind.CHI2_TOO_LARGE: (
-        "look at the residuals; if they are random, leave u_y out, and their size "
-        "determines how large the errors are"
+        "look at the figure: if the points scatter at random about the curve, allow for {jitter}, "
+        "or leave u_y out; their scatter then determines how large the errors are"
     ),
     Kind.COUNTS_SCATTER: (
         "look at the pulls: possible causes are a wrong curve, a bin that is too wide "
@@ -246,8 +273,7 @@ def tell(finding: Finding) -> str:
 
 def advice(finding: Finding) -> str:
     """What to do about a finding with which a result is not ok."""
-    by_test = _OF_TEST.get(finding.test) if finding.kind is Kind.CURVE_LACKS else None
-    words = phrase(by_test or ADVICE[finding.kind])
+    words = phrase(_advice(finding))
     for choice, names in _CHOICES.items():
         words = words.replace(choice, phrase(names[at_commands()]))
     return words
@@ -255,4 +281,41 @@ def advice(finding: Finding) -> str:
 
 def advice_for(findings: Iterable[Finding]) -> list[str]:
     """What to do about several findings, each piece of advice once."""
-    return list(dict.fromkeys(map(advice, findings)))
+    return list(dict.fromkeys(map(advice, _decisive(findings))))
+
+
+def choices_for(findings: Iterable[Finding]) -> tuple[Choice, ...]:
+    """The choices that the advice about `findings` names, each once, for a fit with that one."""
+    return tuple(
+        dict.fromkeys(
+            replace(choice, value=choice.value.format(name=name))
+            for finding in _decisive(findings)
+            for token, (_, _, choice) in _CHOICES.items()
+            if choice and token in _advice(finding)
+            for name in (_parameters(finding) if "{" in choice.value else [""])
+        )
+    )
+
+
+def _advice(finding: Finding) -> str:
+    by_test = _OF_TEST.get(finding.test) if finding.kind is Kind.CURVE_LACKS else None
+    return by_test or ADVICE[finding.kind]
+
+
+def _decisive(findings: Iterable[Finding]) -> list[Finding]:
+    """Those that say what to do: one reading far off explains the size of all."""
+    found = list(findings)
+    return [f for f in found if f.test != "chi2"] if one_is_far_off(found) else found
+
+
+def one_is_far_off(findings: Iterable[Finding]) -> bool:
+    """Whether the residuals fail no test but by one reading, and by the size that follows."""
+    tests = {finding.test for finding in findings if finding.kind in _OF_RESIDUALS}
+    return "largest" in tests <= {"chi2", "largest"}
+
+
+def _parameters(finding: Finding) -> list[str]:
+    """Those whose value a reader may state: of no run, and no noise."""
+    found = (finding, *finding.parts)
+    names = [name for f in found for name in (*(a.name for a in f.parameters), *f.names)]
+    return [name for name in names if name.isidentifier()]
