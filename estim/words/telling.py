@@ -274,8 +274,8 @@ def tell(finding: Finding) -> str:
 def advice(finding: Finding) -> str:
     """What to do about a finding with which a result is not ok."""
     words = phrase(_advice(finding))
-    for choice, names in _CHOICES.items():
-        words = words.replace(choice, phrase(names[at_commands()]))
+    for token, (in_python, in_words, _) in _CHOICES.items():
+        words = words.replace(token, phrase(in_words if at_commands() else in_python))
     return words
 
 
