@@ -424,8 +424,8 @@ def explained(
     """The analysis with candidates for what its curve lacks, each refit by least squares, and the
     first of them as the campaign would be with it.
 
-    progress : told how many of how many are done.  Without any candidates where the curve alone
-        cannot be refit.
+    progress : told how many of how many are done.  As it is where there are no candidates, or the
+        curve alone cannot be refit.
     """
     suspects = campaign.suspects([run.name for run in analysis.problem.runs])
     names = suspects.plain.names
@@ -435,6 +435,8 @@ def explained(
     try:
         found = explain(suspects, rng=rng, values=values, progress=progress)
     except NumericalError:
+        return analysis
+    if not found.candidates:
         return analysis
     return replace(
         analysis, explanation=found.with_outcomes(partial(outcome_of, seed=analysis.seed))

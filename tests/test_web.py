@@ -219,7 +219,7 @@ DRAG = "bias - D*(time_s/0.621)**{power}"
         (  # errors that were stated too small
             "table_30cm.csv",
             {"formula": "L", "x": "student", "y": "length_m", "u-y": "u_m"},
-            "the points lie 8.7 times as far from the curve as their stated errors explain",
+            "the points lie 8.7 times as far from the curve as their errors explain",
             "jitter",
             {},
         ),
@@ -250,7 +250,7 @@ DRAG = "bias - D*(time_s/0.621)**{power}"
             },
             "data and priors do not determine the parameters",
             "value",
-            {"value": "t0 = 0.0000(25)", "low": "n = 0", "high": "n = 30", "start": "n = 3"},
+            {"value": "t0 = 0.0000(25)"},
         ),
         (  # a wrong curve: the reader writes another
             "falling_phone.csv",
@@ -282,17 +282,54 @@ def test_what_is_advised_is_one_click_and_cures(
     first = browser.ended(browser.fill_in(asked.place, asked="formula", **fields).place)
     assert told in words(first.text)
     places = re.findall('class="button" href="(/files/[^"]*)#([^"]*)"', first.text)
-    place = next(unescape(at) for at, name in places if name == choice)
+    of_t0 = "t0+%3D+" if choice == "value" else ""
+    place = next(unescape(at) for at, name in places if name == choice and at.endswith(of_t0))
     form = browser.get(place).text
     assert re.search(f'id="{choice}"', form)  # where the address leads
     filled = filled_in(form)
     kept = {name: text for name, text in filled.items() if name in fields and name != choice}
-    assert kept == {name: text for name, text in fields.items() if name != choice}
+    assert kept == {
+        name: re.sub("\nt0 = .*", "", text)  # what is known stands in the place of a start
+        for name, text in fields.items()
+        if name != choice
+    }
     changed = {name for name in CURES if filled.get(name, "") != fields.get(name, "")}
     assert changed == {choice} & {*CURES}
     again = browser.fill_in(place.partition("?")[0], **filled | further)
     assert re.search('class="state ok"', browser.ended(again.place).text)
     assert "What you can try" not in browser.get(again.place).text
+
+
+@pytest.mark.parametrize(
+    ("fields", "offered"),
+    [
+        ({}, ["formula", "correlated"]),  # first what is most likely
+        ({"u-y": "5%"}, ["formula"]),
+        ({"u-y": "1", "u-x": "0.1"}, ["formula"]),
+        ({"u-y": "1", "robust": "student-t"}, ["formula"]),
+        ({"u-y": "1", "jitter": "on"}, ["formula"]),
+    ],
+)
+def test_no_cure_is_offered_that_the_question_would_refuse(
+    browser: Browser, fields: dict[str, str], offered: list[str]
+) -> None:
+    rows = (f"{x},{100 + x**2 + x % 2}" for x in range(40))
+    asked = browser.hand_in({"parabola.csv": "\n".join(["x,y", *rows]).encode()})
+    said = {"asked": "formula", "formula": "a + b*x", "x": "x", "y": "y"} | fields
+    answer = browser.ended(browser.fill_in(asked.place, **said).place)
+    assert re.findall('class="button" href="/files/[^"]*#([^"]*)"', answer.text) == offered
+
+
+def test_where_no_causes_are_known_none_are_told_of(browser: Browser) -> None:
+    rows = (f"{x},{300 + (x - 20) ** 2 // 5 + x % 2 * 3}" for x in range(40))
+    asked = browser.hand_in({"counts.csv": "\n".join(["x,y", *rows]).encode()})
+    said = {"asked": "formula", "formula": "a + b*x", "x": "x", "y": "y", "noise": "poisson"}
+    place = browser.fill_in(asked.place, **said).place
+    answer = words(browser.ended(place).text)
+    assert "counts: poor-fit" in answer
+    assert "causes" not in answer
+    report = browser.get(f"{place}/report/report.html").text
+    assert "Possible missing effects" not in words(report)
 
 
 CURES = ("robust", "jitter", "correlated", "value")

@@ -220,7 +220,7 @@ def test_one_finding_is_said_in_the_units_of_a_reader() -> None:
     )
     assert (
         tell(failed)
-        == "run r: the points stay on one side of the curve for too long (test 'runs', p < 5e-5)"
+        == "run r: the points stay on one side of the curve too long (test 'runs', p < 5e-5)"
     )
 
 

@@ -35,6 +35,7 @@ from estim.web.looks import LANGUAGE, closed, page
 from estim.web.preview import picture_name, preview_name, start_name
 from estim.web.question import (
     MODELS,
+    NAMED,
     arguments_of,
     command_line,
     field_of,
@@ -55,6 +56,8 @@ _LOOKS = 10  # s between two looks at the table of a batch
 _REPORT_POLICY = (
     "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'"
 )
+# a choice -> fields with which it cannot be combined, or has been made
+_AGAINST = {"robust": {"robust"}, "correlated": {"robust", "jitter", "u-x"}}
 EXAMPLES = {  # name of a table in examples/ -> fields with which its question begins
     "cooling": {"formula": "room + excess*exp(-t/tau)", "kind": "synthetic"},
     "spring": {"asked": "line"},
@@ -181,8 +184,7 @@ class Pages:
         if (row := self._row(fields, upload)) is not None:
             return await self._form(upload, row.fields, row.error, row.field, row=row)
         if before is not None:
-            changed = {**before.fields, **fields}
-            return await self._form(upload, changed, before.error, before.field)
+            return await self._form(upload, before.fields, before.error, before.field)
         if "model" in fields:
             fields["formula"] = fields.pop("model")
         if upload and fields.pop("show", ""):
@@ -499,16 +501,25 @@ def _found(shelf: Shelf[Kept], request: Request, at: str = "") -> Kept:
 
 
 def _again(answer: Answer, choices: Iterable[Mapping[str, str]]) -> list[tuple[str, str]]:
-    """Addresses of the question with one field changed, as a result advises, and their names."""
+    """Addresses of the question with one field changed, as a result advises, and their names;
+    without those that the question would refuse.
+    """
     found = []
     for choice in choices if answer.is_curve and answer.upload else ():
-        name, value = choice["option"], choice["value"]
+        fields, name, value = dict(answer.fields), choice["option"], choice["value"]
         parameter, of_one, _ = value.partition("=")
-        if of_one:
-            value = "\n".join([*lines_of(answer.fields.get(name, "")), f"{parameter} = "])
-        asked = {"answer": answer.id} | ({name: value} if value else {})
-        place = f"/files/{answer.upload}?{urlencode(asked)}#{name}"
-        found.append((place, AGAIN[name].format(name=parameter)))
+        if fields.keys() & _AGAINST.get(name, set()) or (
+            name in ("robust", "correlated") and "%" in fields.get("u-y", "")
+        ):
+            continue
+        if of_one:  # what is known of a parameter stands in the place of its start and limits
+            for field in NAMED.split():
+                lines = (line.partition("=") for line in lines_of(fields.get(field, "")))
+                kept = (f"{n} {mark} {text}" for n, mark, text in lines if n != parameter)
+                fields[field] = "\n".join(kept)
+            value = f"{fields[name]}\n{parameter} = "
+        place = f"/files/{answer.upload}?{urlencode(fields | ({name: value} if value else {}))}"
+        found.append((f"{place}#{name}", AGAIN[name].format(name=parameter)))
     return found
 
 

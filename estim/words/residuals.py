@@ -11,8 +11,8 @@ from estim.words.table import Table, facts, said
 
 TESTS = PhraseTable(
     {
-        "chi2": "the points lie farther from the curve than their stated errors explain",
-        "runs": "the points stay on one side of the curve for too long",
+        "chi2": "the points lie farther from the curve than their errors explain",
+        "runs": "the points stay on one side of the curve too long",
         "autocorrelation": "neighbouring points lie off the curve by similar amounts",
         "trend": "the points drift slowly from one side of the curve to the other",
         "largest": "one point lies much farther from the curve than the others",
@@ -66,7 +66,7 @@ def _larger(f: Finding) -> str:
 
 def _times_too_far(times: float) -> str:
     return phrase(
-        "the points lie {times} times as far from the curve as their stated errors explain",
+        "the points lie {times} times as far from the curve as their errors explain",
         times=f"{times:.2g}" if times < 100.0 else f"{times:.0f}",
     )
 
