@@ -568,7 +568,7 @@ def first_reasons(reasons: Sequence[str]) -> list[str]:
     """Those of `reasons`, gravest first, that the first screen has room for: one at least."""
     length = np.cumsum([len(words) for words in reasons])
     # of reasons why there is no result
-    return list(reasons[: max(1, min(3, int(np.sum(length <= 280))))])
+    return list(reasons[: max(1, min(3, int(np.sum(length <= 240))))])
 
 
 def opened_by(result: Result) -> frozenset[str]:

@@ -125,8 +125,8 @@ ADVICE: Mapping[Kind, str] = {
     ),
     Kind.VALUE_OUTSIDE: "try other starting values",
     Kind.CHAIN_SHORT: (
-        "look at the trace plots: where parameters drift, drop one of them or state {value} for "
-        "it, or take data over a longer range; otherwise increase {steps}"
+        "look at the trace plots: where parameters drift, drop or state one of them, or take "
+        "data over a longer range; otherwise increase {steps}"
     ),
     Kind.WALKERS_STUCK: "repeat with another {seed}, and look at the trace plots",
     Kind.METHODS_DIFFER: (
@@ -148,12 +148,12 @@ ADVICE: Mapping[Kind, str] = {
     ),
     Kind.UNDETERMINED: "state {value} for one of the parameters, or fix it",
     Kind.HARDLY_HELD: (
-        "give it limits, or state {value}, or leave out the term that the data do not show; a "
-        "swing is better written with a phase, sin(w*x + p)"
+        "give it limits or {value}, or leave out the term that the data do not show; a swing is "
+        "better written as sin(w*x + p)"
     ),
     Kind.OPEN_SIDE: (
-        "state {value} for it, or for one that compensates, or fit a curve without the term "
-        "that the data do not show, or take data over a longer range"
+        "state {value} for it or one that compensates, leave out the term that the data do not "
+        "show, or take data over a longer range"
     ),
     Kind.LINE_NOT_RISING: (
         "gamma = 1/slope requires a slope that is definitely positive: measure at more "
