@@ -163,7 +163,7 @@ def _cause(
         words = phrase("one bad reading, number {n} of the fitted points", n=n)
         if rows:
             words = phrase("one bad reading, in row {n}", n=n)
-        remark = phrase("look at that frame, and put # before its line if it is bad")
+        remark = phrase("look at that reading, and put # before its line if it is bad")
     words += phrase(" of run {run}", run=run.name) if len(problem.runs) > 1 else ""
     return Cause(
         f"bad_frame[{run.name}]",

@@ -38,8 +38,7 @@ from estim.problem import Problem
 FOUND = 10.0  # gain
 TIED = 10.0  # difference of gains
 _UMBRELLA = later(
-    "a smooth disturbance without a key of its own (an uneven track, correlated errors of "
-    "successive readings)"
+    "a smooth disturbance (an uneven track, correlated errors of successive readings)"
 )
 _SIZE = "chi2"  # the one test that is not of order
 # standard deviations of the prior of what cannot be negative: where a search starts, and where its

@@ -407,7 +407,7 @@ def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness]) 
             color=INK,
             lw=1,
         )
-        left.set(xlabel=run.x_label, ylabel=phrase("whitened residual"))
+        left.set(xlabel=run.x_label, ylabel=phrase("residual in standard deviations"))
         left.set_title(run.name)
         right.set(xlabel=phrase(run.words.rows))
     axes[0, 1].set_title(phrase("line: expected"))
@@ -429,7 +429,7 @@ def together_figure(problem: Problem, goodness: Sequence[Goodness]) -> Figure:
         _overlay(left, runs, [by_run[run.name].raw for run in runs])
         _overlay(right, runs, [by_run[run.name].whitened for run in runs])
         left.set_ylabel(phrase("data − curve") + bracketed(runs[0].y_unit))
-        right.set_ylabel(phrase("whitened residual"))
+        right.set_ylabel(phrase("residual in standard deviations"))
         left.set_title(phrase("{n} runs", n=len(runs)) if len(runs) > 1 else phrase("1 run"))
         right.set_title(phrase("remaining residual"))
         legend_below(part)

@@ -94,6 +94,7 @@ def explanation_text(explanation: Explanation) -> Markdown:
         tied=f"{TIED:g}",
         more=len(explanation.found) - len(candidates),
         best=next(iter(explanation.candidates), None),
+        in_campaign=any(row.outcome is not None or row.lines for row in candidates),
         offered=explanation.offered is not None,
         n_tried=len(explanation.candidates),
         left=_left(explanation.plain),

@@ -217,9 +217,12 @@ def straight_line_lines(line: StraightLine) -> list[str]:
     slope = with_unit(_pair(fit.slope, error.u_slope), units["slope"])
     lines = [
         phrase(
-            "intercept {intercept}, slope {slope} ({convention})",
+            "intercept {intercept}, slope {slope} ({errors}: {convention})",
             intercept=intercept,
             slope=slope,
+            errors=phrase("errors from the scatter of the points")
+            if fit.recommended == "scaled"
+            else phrase("errors as stated"),
             convention=fit.recommended,
         )
     ]

@@ -7,8 +7,8 @@ from estim.words.table import Table, said
 
 WORDS: Table = {
     Kind.CAUSE_NAMED: (
-        "the most likely missing effect is {name}: AIC falls by {size:.0f}, and "
-        "no discrepancy remains to be explained"
+        "the most likely missing effect is {name}: with it, no discrepancy remains to be "
+        "explained (AIC falls by {size:.0f})"
     ),
     Kind.CAUSES_ALIKE: lambda f: said(
         f,
