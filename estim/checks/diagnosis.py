@@ -278,13 +278,15 @@ def failed_tests(goodness: Sequence[Goodness], *, dof: int) -> list[Finding]:
     dof : of all runs together.
     """
     findings = []
-    expected = max(dof, 1) / sum(run.whitened.size for run in goodness)  # of a squared residual
+    n_obs = sum(run.whitened.size for run in goodness)
     for run in goodness:
         for name in run.failed:
             pattern = Kind.CURVE_LACKS if run.curve else Kind.RESIDUALS_NOT_RANDOM
             larger = _larger([run])
-            squared = run.checks[name].statistic / run.whitened.size / expected
-            times = {"times": math.sqrt(squared)} if name == "chi2" else {}
+            times = {}
+            if name == "chi2":  # mean square by what it should be
+                share = run.whitened.size / n_obs * max(dof, 1)
+                times = {"times": math.sqrt(run.checks[name].statistic / share)}
             kind = (
                 Kind.RESIDUALS_ZERO if name == "zero" else larger if run.only_too_large else pattern
             )
