@@ -216,9 +216,8 @@ ADVICE: Mapping[Kind, str] = {
         "actual error of a reading"
     ),
     Kind.OUTLIERS_CROWD: (
-        "exclude by a window the readings that do not belong to the curve; robust errors "
-        "are meant for a minority of bad readings, and where there are few readings, their "
-        "uncertainty must be stated"
+        "exclude by a window readings that do not belong to the curve; robust errors are meant "
+        "for a minority of bad readings, and few readings need a stated uncertainty"
     ),
     Kind.RUNS_DISAGREE: _ONE_RUN,
     Kind.RUN_DISAGREES: _ONE_RUN,
