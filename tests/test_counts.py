@@ -850,3 +850,18 @@ def test_a_density_found_from_the_points_is_positive(seed: int) -> None:
     rise = minus_log(fit.values["a"]) - best.fun
     assert fit.values["a"] > 1.0
     assert rise < 1e-3 or fit.status != "ok"
+
+
+@pytest.mark.parametrize("y", [[3, 0, 2, 2, 4, 4, 7, 6, 10, 10], [0, 1, 5, 2, 6, 5, 6, 7, 8, 10]])
+def test_a_line_that_ends_at_a_sure_success_is_found(y: list[int]) -> None:
+    """The best line has a probability of 0 or 1 where that was seen: steps go to and fro there."""
+    x = np.linspace(0.0, 1.0, 10)
+    fit = fit_curve("a*x + b", x, y, noise=Binomial(trials=10))
+
+    def minus_log(values: list[float] | np.ndarray) -> float:
+        p = np.clip(values[0] * x + values[1], 0.0, 1.0)
+        return -float(np.sum(special.xlogy(y, p) + special.xlogy(10.0 - np.array(y), 1.0 - p)))
+
+    best = optimize.minimize(minus_log, [0.8, 0.1], method="Nelder-Mead", options={"fatol": 1e-12})
+    assert fit.status == "ok"
+    assert minus_log([fit.values["a"], fit.values["b"]]) == pytest.approx(best.fun, abs=2e-3)

@@ -551,7 +551,8 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
         chi2,
         rounded,
         step_size,
-        max(1e-7, floor),
+        # where a likelihood ends at the optimum, steps go to and fro across the end
+        max(1e-3 if search.creeps else 1e-7, floor),
         problem.names[mover],
         condition,
         resolved,
