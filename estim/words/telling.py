@@ -29,7 +29,7 @@ from estim.words import (
 from estim.words.table import Table, filled
 
 _NOT_RANDOM = later(
-    "look at the residuals: a bad frame, a wrong window, or an effect that the curve does "
+    "look at the residuals: a bad reading, a wrong window, or an effect that the curve does "
     "not model; the uncertainties "
     "assume random errors"
 )
