@@ -16,7 +16,7 @@ from stand_ins import DOWN, SLOWING, frequency
 
 from estim.campaign import Campaign, load_campaign
 from estim.cli.commands import cli
-from estim.common.errors import InputError
+from estim.common import InputError, spoken
 from estim.fitting.optimum import fit_optimum
 from estim.pipeline import analyse
 from estim.sampling.chain import Target
@@ -555,3 +555,12 @@ def test_warnings_that_concern_a_rolling_disk_are_not_repeated_for_another_curve
     warnings = load(folder).tables["first"].warnings
     assert not any("release" in words or "speeds are made" in words for words in warnings)
     assert any("frames are missing" in words for words in warnings)
+
+
+def test_a_problem_that_is_kept_speaks_the_language_of_whoever_asks(folder: Path) -> None:
+    campaign = only(folder, "a*x + b", "a = {start = 1.0}\nb = {start = 0.0}")
+    with spoken("es"):
+        spanish = campaign.problem(["first"]).parameters[0].meaning
+    english = campaign.problem(["first"]).parameters[0].meaning
+    assert (english, spanish) == ("parameter of the curve", "parámetro de la curva")
+    assert campaign.problem(["first"]).runs[0] is campaign.problem(["first"]).runs[0]

@@ -14,9 +14,10 @@ from scipy import stats
 from estim import DataSet, fit_curve, fit_curves, fit_line
 from estim.checks import P_POOR_FIT, check_linear
 from estim.cli.commands import cli
+from estim.common import Finding, Kind
 from estim.line import Columns, straight_line
 from estim.line.findings import line_goodness, points_findings
-from estim.words import advice_for
+from estim.words import advice_for, choices_for
 
 X = np.arange(12.0)
 TWO = np.column_stack([np.ones(12), X])
@@ -260,3 +261,18 @@ def test_what_hardly_passes_is_told() -> None:
             )
             told.append(p < 0.01)
     assert any(told)
+
+
+def test_a_blunder_of_one_run_leaves_the_advice_about_another() -> None:
+    blunder = [
+        Finding(Kind.CURVE_LACKS, run="A", test=test, p=1e-6, numbers={"least": 1e-4, "times": 5.0})
+        for test in ("largest", "chi2")
+    ]
+    too_small = Finding(
+        Kind.CHI2_TOO_LARGE, run="B", test="chi2", p=1e-6, numbers={"least": 1e-4, "times": 8.0}
+    )
+    alone = [choice.option for choice in choices_for(blunder)]
+    both = [choice.option for choice in choices_for([*blunder, too_small])]
+    assert "robust" in alone
+    assert "jitter" not in alone
+    assert {"robust", "jitter"} <= {*both}

@@ -85,6 +85,18 @@ def test_standard_deviations_and_band_beside_a_large_jitter_are_those_of_its_res
     assert bands[1].high - bands[1].low == pytest.approx(bands[0].high - bands[0].low, rel=2e-3)
 
 
+def test_no_limit_or_prior_makes_a_standard_deviation_beside_a_jitter_other_than_it_is() -> None:
+    x = np.linspace(0.0, 1.0, 15)
+    y = 2.0 * x + 1.0 + 0.1 * np.random.default_rng(4).standard_normal(15)
+    given = {"u_y": 0.01, "jitter": True}
+    free, cut, held = (
+        fit_curve("a*x + b", x, y, **given, **more)
+        for more in ({}, {"bounds": {"b": (0.99, 1.01)}}, {"priors": {"b": "1.00(1)"}})
+    )
+    assert held.sds["b"] <= 0.01
+    assert cut.sds["a"] > 0.9 * free.sds["a"] * np.sqrt(0.25)  # the slope beside a known b
+
+
 def test_a_few_readings_on_a_line_are_not_the_good_ones_of_a_mixture() -> None:
     """Normal errors: of 60 sets of eight readings, several have four or five that happen to lie
     on a line; the others are no outliers.

@@ -884,6 +884,13 @@ def test_a_row_is_replaced_and_the_table_says_so(browser: Browser) -> None:
     assert f'href="{first}"' in browser.get(f"{batch}/table").text
     assert f'href="{first}"' in browser.get("/").text
     assert browser.get(f"{first}/report/report.html").status == 200
+    # twice, from a page that was open before: the newest stands there
+    third = browser.hand_in({"newest.csv": decay(2.0)}, fields=handed | {"row": at}).place
+    browser.ended(third)
+    assert [row.partition(" ok")[0] for row in rows_of(browser, batch)] == [
+        "Ana & Luis: wrong.csv",
+        "Ana & Luis: newest.csv",
+    ]
     # of another class nothing can be replaced
     another = class_of(browser)
     fields = handed | {"batch": another.rpartition("/")[2], "row": second.rpartition("/")[2]}

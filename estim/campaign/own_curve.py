@@ -47,7 +47,7 @@ from estim.campaign.curve_tables import (
 )
 from estim.campaign.noise_models import NoiseModel
 from estim.campaign.own_curve_run import MAX_ROWS, RunOfCurve, rows_of
-from estim.common import InputError, phrase, same_unit
+from estim.common import InputError, language, phrase, same_unit
 from estim.curves import (
     AxisNames,
     BareFormula,
@@ -112,7 +112,8 @@ class CurveCampaign(Campaign):
         """
         if noise is not None:
             raise self._only_noise()
-        if (key := tuple(names)) not in self._problems:  # a search for starts may take seconds
+        key = (language(), *names)  # of its labels
+        if key not in self._problems:  # a search for starts may take seconds
             self._problems[key] = self._pose(names)
         return self._problems[key]
 

@@ -192,9 +192,7 @@ def fit_curve(
     )
     points = DataSet(x, y, u_y, cov_y, u_x, noise, curve, axes, jitter, robust, cov_x, r_xy)
     posed = pose_points(points, said, errors, deviation=deviation, correlated=correlated)
-    require_points(
-        posed.parameters, posed.x.size, stated=posed.stated, of_errors=len(posed.further)
-    )
+    require_points(posed.parameters, posed.x.size, stated=posed.stated)
     if posed.infers_errors:
         return fit_errors(posed, rng, n_start)
     complete = (fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)
@@ -344,7 +342,10 @@ def fit_errors(
             replace(f, run=f.run if len(goodness) > 1 else "")
             for f in failed_tests(goodness, dof=fit.dof)
         ),
-        *(replace(f, run="") for f in too_many_outliers(fit)),
+        *(
+            replace(f, run=f.run if len(fit.problem.runs) > 1 else "")
+            for f in too_many_outliers(fit)
+        ),
         None if fit.singular else stated_values(fit, check_stated_values(fit)),
     ]
     found = wrong([finding for finding in findings if finding is not None])
@@ -374,7 +375,8 @@ def fit_errors(
 
 def _profiled_over_curvature(fit: Fit, intervals: Mapping[str, Ends], dof: float) -> FloatArray:
     """(n_par,) how much wider a standard deviation is by the 68 % interval of its parameter, which
-    is Student's, than by the curvature at the mode; 1 for parameters of the errors.
+    is Student's, than by the curvature at the mode; 1 for parameters of the errors, where a limit
+    cuts the interval short, and never beyond what a prior says alone.
 
     The curvature knows nothing of the degrees of freedom that the curve's parameters take from the
     size of the errors (of a line through five points: 0.77 of its standard deviation), nor of
@@ -384,8 +386,10 @@ def _profiled_over_curvature(fit: Fit, intervals: Mapping[str, Ends], dof: float
     low, high = np.array([intervals[name][PROBABILITIES[0]] for name in fit.names]).T
     with np.errstate(all="ignore"):
         ratio = 0.5 * (high - low) / (one * fit.sds)
+        alone = np.array([p.prior.sd for p in fit.problem.parameters]) / fit.sds
     of_curve = [name not in fit.problem.noise_names for name in fit.names]
-    return np.where(np.isfinite(ratio) & (ratio > 0.0) & of_curve, ratio, 1.0)
+    ratio = np.minimum(ratio, np.where(np.isfinite(alone), alone, math.inf))
+    return np.where(np.isfinite(ratio) & (ratio > 1.0) & of_curve, ratio, 1.0)
 
 
 def _fit_discrepancy(posed: CurveProblem, complete: CurveFit, rng: np.random.Generator) -> CurveFit:

@@ -186,10 +186,14 @@ def started(posed: CurveProblem, asked: Unstarted, *, held: Collection[str]) -> 
     formula = asked.formula
     if counted is not None and counted.total is not None:  # the size of a density does not matter
         formula = read_formula(f"{_SIZE}*({formula.text})")
-    signed = {**limits, _SIZE: (0.0, None)}  # below it densities would be negative
     starts = guess_starts(
-        formula, posed.x, posed.y / width, gain / width, known=fixed, limits=signed
+        formula, posed.x, posed.y / width, gain / width, known=fixed, limits=limits
     )
+    if starts.get(_SIZE, 1.0) < 0.0:  # of a negative density
+        positive = {**limits, _SIZE: (0.0, None)}
+        starts = guess_starts(
+            formula, posed.x, posed.y / width, gain / width, known=fixed, limits=positive
+        )
     if isinstance(asked, ModelSum):
         starts = _in_order(asked, starts, limits)
     begun = {

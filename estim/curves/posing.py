@@ -189,15 +189,8 @@ class CurveProblem:
         )
 
 
-def require_points(
-    parameters: Sequence[Parameter], n_obs: int, *, stated: bool = True, of_errors: int = 0
-) -> None:
-    """Raises InputError where there are fewer points than the parameters that are fit need.
-
-    of_errors : how many parameters of the errors are fit beside their size where it is not stated:
-        two points for each of these and the size, or any few that happen to lie on the curve pass
-        for the good ones.
-    """
+def require_points(parameters: Sequence[Parameter], n_obs: int, *, stated: bool = True) -> None:
+    """Raises InputError where there are fewer points than the parameters that are fit need."""
     if not parameters:
         raise InputError(
             "must give a parameter that is fit its starting value, like {'a': 1.0}", field="start"
@@ -211,9 +204,6 @@ def require_points(
                 "least, where u_y is not given"
             )
         raise InputError(rule, field="x", value=n_obs)
-    if of_errors and not stated and n_obs < (least := len(parameters) + 2 * (1 + of_errors)):
-        rule = f"must have at least {least} points for robust errors whose size is not stated"
-        raise InputError(f"{rule}: state u_y", field="x", value=n_obs)
 
 
 def pose_curve(
@@ -364,6 +354,11 @@ def pose_curve(
         if parameter.name in (*all_of, *ties, *(p.name for p in shared)):
             rule = f"is the name of what is unknown of the errors of {axes.y_name}: choose another"
             raise InputError(rule, field=f"start[{parameter.name}]")
+    # two points for each parameter of the errors, or any few on the curve pass for the good ones
+    least = len(everything) + 2 * (1 + len(further))
+    if further and not stated and order.size < least:
+        rule = f"must have at least {least} points for robust errors whose size is not stated"
+        raise InputError(f"{rule}: state u_y", field="x", value=order.size)
     whole: Curve = TiedCurve(read, ties) if ties else read
     whole = DistortedCurve(whole, errors) if errors else whole
     if counted is not None:

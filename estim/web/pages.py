@@ -247,9 +247,9 @@ class Pages:
         if upload and upload.parts:
             fields["asked"] = "formula"
         row = self._row(fields, upload)
-        if row is not None:
-            fields = with_columns(self._store.batches.records[row.batch].fields, fields)
         try:
+            if row is not None:
+                fields = with_columns(self._store.batches.records[row.batch].fields, fields)
             if upload and upload.parts and "how" not in fields:
                 raise InputError(phrase("Choose: all files together, or each by itself."))
             if upload and upload.parts and fields["how"] == "each":

@@ -21,7 +21,12 @@ def answers_of(store: Store, batch: str) -> list[Answer]:
     """The answers of a batch, the oldest first, without those in whose place another stands."""
     answers = [answer for answer in store.answers.records.values() if answer.batch == batch]
     gone = {answer.instead for answer in answers}
-    return [answer for answer in answers if answer.id not in gone]
+    newest = {answer.instead: answer.id for answer in answers}  # a row may be replaced twice
+    return [
+        answer
+        for answer in answers
+        if answer.id not in gone and (not answer.instead or newest[answer.instead] == answer.id)
+    ]
 
 
 def rows_of(store: Store, answers: Sequence[Answer]) -> tuple[list[Row], list[Spread]]:

@@ -302,9 +302,12 @@ def _advice(finding: Finding) -> str:
 
 
 def _decisive(findings: Iterable[Finding]) -> list[Finding]:
-    """Those that say what to do: one reading far off explains the size of all."""
+    """Those that say what to do: one reading far off explains the size of all of its run."""
     found = list(findings)
-    return [f for f in found if f.test != "chi2"] if one_is_far_off(found) else found
+    spoilt = {f.run for f in found if one_is_far_off([g for g in found if g.run == f.run])}
+    return [
+        f for f in found if f.test != "chi2" or f.kind not in _OF_RESIDUALS or f.run not in spoilt
+    ]
 
 
 def one_is_far_off(findings: Iterable[Finding]) -> bool:
