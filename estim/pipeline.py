@@ -318,7 +318,8 @@ def analyse_fit(
     modes = find_modes(fit, chain.thinned(20_000))
     outliers = find_outliers(fit.posterior, chain.thinned(1000))
     consistency = check_consistency(fit) if comparable(fit) else None
-    moved = influences(fit)
+    spread = None if conflict.flagrant or improper else np.std(chain.thinned(20_000), axis=0)
+    moved = influences(fit, spread)
     rolling = check_rolling(problem, chain.thinned(400), rng=stream(seed, Stream.FRICTION))
     diagnosis = diagnose(
         fit,

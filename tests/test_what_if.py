@@ -4,17 +4,20 @@ campaigns that state it.
 
 from __future__ import annotations
 
+import json
 import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from scipy.interpolate import CubicSpline
 
 from estim.campaign import load_campaign
 from estim.checks import influences
 from estim.checks.what_if import large_influences
+from estim.cli.commands import cli
 from estim.curve_fitting.single import fit_curve
 from estim.curves import Component, MotionCurve, PhaseCurve, Place, Poisson, RollingMotion, Setting
 from estim.fitting import Fit, fit_least_squares, fit_problem
@@ -291,3 +294,19 @@ def test_a_sag_moves_positions_as_the_true_motion_says(moving: str, pushed: floa
     )
     assert np.max(np.abs(found)) > 1e-3
     assert found == pytest.approx(bent - straight, abs=0.02 * np.max(np.abs(found)))
+
+
+def test_shifts_are_in_the_standard_deviations_that_a_report_prints(tmp_path: Path) -> None:
+    """Twelve readings whose errors are not stated: the posterior is wider than its curvature at
+    the mode, by a third.
+    """
+    x = np.arange(0.0, 24.0, 2.0)
+    y = 22.0 + 60.0 * np.exp(-x / 8.0) + 0.5 * np.random.default_rng(3).standard_normal(12)
+    table = tmp_path / "cup.csv"
+    table.write_text("t,temp\n" + "\n".join(f"{a:g},{b:.1f}" for a, b in zip(x, y, strict=True)))
+    words = ["fit", str(table), "--formula", "room + A*exp(-t/tau)", "--out", str(tmp_path / "o")]
+    assert CliRunner().invoke(cli, [*words, "--figures", "none"]).exit_code == 0
+    result = json.loads((tmp_path / "o" / "result.json").read_text())
+    told = next(one for one in result["what_if"] if one["error"].endswith("scale of y"))
+    a = result["parameters"]["A"]
+    assert told["shifts"]["A"] == pytest.approx(0.01 * a["median"] / a["sd"], rel=0.03)

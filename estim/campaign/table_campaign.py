@@ -371,6 +371,8 @@ def _of_two(
 
     Raises InputError where the formula and the columns say two things.
     """
+    # t beside T, a temperature
+    called = [name for name in called if bare_name(name) in formula.names] or called
     if not formula.uses_x and len(called) == 1 and not is_called(called[0], "y"):
         return called[0], values[1 - values.index(called[0])]
     pair = first_and_second(values)

@@ -55,10 +55,13 @@ class Influence:
         return abs(self.shifts[self.strongest]) if self.shifts else np.inf
 
 
-def influences(fit: Fit) -> tuple[Influence, ...]:
+def influences(fit: Fit, sds: FloatArray | None = None) -> tuple[Influence, ...]:
     """What each error in common to the data has done, were it there, the largest first; none where
     the fit has no standard deviations.
+
+    sds : (n_par,) of the posterior, by which shifts are divided; None: those at the mode.
     """
+    sds = fit.sds if sds is None else sds
     inside = [i for i in curve_indices(fit) if np.isfinite(fit.sds[i])]
     if fit.singular or not inside:
         return ()
@@ -75,7 +78,7 @@ def influences(fit: Fit) -> tuple[Influence, ...]:
         shifts = (
             {}
             if values is None
-            else {fit.names[i]: float((fit.values[i] - values[i]) / fit.sds[i]) for i in inside}
+            else {fit.names[i]: float((fit.values[i] - values[i]) / sds[i]) for i in inside}
         )
         ramps = {error.along for error in concerned.values()}
         records.append(
