@@ -30,7 +30,7 @@ _ROUGHNESS = 1e-3
 
 _FELT = 1e-13  # share of a component below which rounding hides it
 _FEW = 16  # draws of which the calls cost more than the numbers
-_AT_ONCE = 100  # draws at once of the density of each point
+_AT_ONCE = 50  # draws at once of the density of each point
 _CHUNK = 250  # draws at once: what they need stays in the processor's cache
 
 
@@ -263,9 +263,11 @@ class Mixture:
         without = np.full(z.shape, -np.inf)
         for (family, own_logs), each in zip(self.deviation.each(logs), given, strict=True):
             seen = np.hstack([z @ family.basis, along])
-            for component, log in zip(each, own_logs, strict=True):
-                part = component.square(back, seen) + log[:, None] - component.log
-                np.logaddexp(without, part, out=without)
+            parts = np.array([component.square(back, seen) - component.log for component in each])
+            parts += own_logs[:, :, None]
+            highest = np.max(parts, axis=0)
+            np.exp(np.subtract(parts, highest, out=parts), out=parts)
+            np.logaddexp(without, highest + np.log(np.sum(parts, axis=0)), out=without)
         return np.asarray(np.logaddexp.reduce(logs)[:, None] - without)
 
 

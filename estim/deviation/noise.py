@@ -161,11 +161,9 @@ def formed_about(
         stated = normal_covariance(base, points, named)
         inertias, scale = _inertias(course, points.y, points, named, scale)
         return Residuals(stated.shift, inertias=inertias, scale=scale), stated
-    slow = normal_covariance(
-        base, points_about(points, np.maximum(here, _REST * np.max(here))), named
-    )
+    slow = base.likelihood(points_about(points, np.maximum(here, _REST * np.max(here))), named)
     known = here if speed is None else np.maximum(speed, 0.0)
-    about = np.maximum(known, LEAST_SPEED * np.sqrt(slow.root.variances))
+    about = np.maximum(known, LEAST_SPEED * slow.sd(named))
     stated = normal_covariance(base, points_about(points, about), named)
     return Residuals(
         stated.shift, about, known, *_inertias(course, points.x, points, named, scale)

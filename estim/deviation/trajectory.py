@@ -85,11 +85,7 @@ class Trajectory:
         """(n_obs,) positions of points that are speeds, with little of the errors of the readings
         that these speeds are made of.
         """
-        if (
-            self.rows is None
-            or self.rows.positions is None
-            or noise.of_positions(here.points, named) is None
-        ):
+        if self.rows is None or self.rows.positions is None or not noise.made_of_positions:
             return here.points.x
         settled_there = self._settled(here, noise, named) - self.rows.positions
         return here.points.x + settled_there[self.rows.kept]

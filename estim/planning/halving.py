@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -62,13 +63,19 @@ def ways_to_halve(
     """For each target: each stated quantity measured better, more frames, smaller errors, and the
     best further run or reading many times.
     """
+
+    @cache
+    def of_readings(frames: float, error: float) -> Option:
+        wish = Wish("", OTHERWISE, frames=frames, error=error)
+        return weigh(basis, here, wish, targets, now)
+
     found = []
     for k, target in enumerate(targets):
         sd = float(now[k])
         ways = [
             _better(here, wish, target, sd) for wish in measured_better(here.problem, factor=1.0)
         ]
-        ways += _steps(basis, here, target, sd)
+        ways += _steps(of_readings, here, k)
         more = [
             option
             for option in options
@@ -108,12 +115,12 @@ def _better(here: Outlook, wish: Wish, target: Parameter, now: float) -> Way:
     return Way(better_words(parameters, rounded), _HALF)
 
 
-def _steps(basis: Basis, here: Outlook, target: Parameter, now: float) -> list[Way]:
+def _steps(of_readings: Callable[[float, float], Option], here: Outlook, k: int) -> list[Way]:
+    """More frames and smaller errors, for the target at place k."""
+
     def of(frames: float = 1.0, error: float = 1.0) -> float:
-        option = weigh(
-            basis, here, Wish("", OTHERWISE, frames=frames, error=error), [target], np.array([now])
-        )
-        return float("inf") if option.reason else float(option.ratio[0])
+        option = of_readings(frames, error)
+        return float("inf") if option.reason else float(option.ratio[k])
 
     more = (
         phrase("{n} times as many readings")

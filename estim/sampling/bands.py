@@ -146,22 +146,19 @@ def _new_errors(
     scale: FloatArray,
     rng: np.random.Generator,
 ) -> FloatArray:
-    """Errors of one more reading (n_draw, n_x), as large as those of the readings beside it or a
-    share of the curve (n_draw, n_x); one normal score for all positions of a draw, so that the band
-    is smooth.
+    """Errors of one more reading, (n_draw, n_x) or (n_draw, 1), as large as those of the readings
+    beside it or a share of the curve (n_draw, n_x); one normal score for all positions of a draw,
+    so that the band is smooth.
     """
-    n_draw = scale.size
-    if run.noise.share:
-        reading = reading_sd(run.noise, named, curve)
-    else:
+    reading = np.atleast_2d(reading_sd(run.noise, named, curve))
+    if reading.shape[1] == run.n_obs > 1 and not run.noise.share:
         order = np.argsort(run.x)
         at = np.interp(x, run.x[order], np.arange(run.n_obs))
-        left = np.minimum(at.astype(int), max(run.n_obs - 2, 0))
-        sds = np.broadcast_to(reading_sd(run.noise, named), (n_draw, run.n_obs))
-        low, high = sds[:, order[left]], sds[:, order[np.minimum(left + 1, run.n_obs - 1)]]
+        left = np.minimum(at.astype(int), run.n_obs - 2)
+        low, high = reading[:, order[left]], reading[:, order[left + 1]]
         reading = low + (at - left) * (high - low)
     sd = np.hypot(reading, run.noise.size.scatter.at(named)) * scale[:, None]
-    return np.asarray(sd * rng.standard_normal((n_draw, 1)))
+    return np.asarray(sd * rng.standard_normal((scale.size, 1)))
 
 
 def moved_on(
@@ -191,7 +188,8 @@ def central_intervals(
     from one sort; as `numpy.quantile`.
     """
     levels = np.array([0.5, *(0.5 + half for p in probabilities for half in (-0.5 * p, 0.5 * p))])
-    ordered = np.sort(np.ascontiguousarray(values.T), axis=1)
+    ordered = np.array(values.T, order="C")
+    ordered.sort(axis=1)
     ordered[np.isnan(ordered[:, -1])] = np.nan
     place = levels * (values.shape[0] - 1)
     below = np.minimum(place.astype(int), max(values.shape[0] - 2, 0))

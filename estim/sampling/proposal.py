@@ -23,7 +23,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import NumericalError
 from estim.sampling.factors import lower_factor
-from estim.sampling.importance import flattened, kish_size, pareto_smoothed
+from estim.sampling.importance import flattened, kish_size, log_sum_exp, pareto_smoothed
 from estim.sampling.protocol import Density, log_density_in_batches
 
 DOF = 5  # tails heavier than those of most posteriors
@@ -118,12 +118,11 @@ class Proposal:
         """(n_component, n_draw) squared distances from the centres in units of the scale
         matrices.
         """
-        columns = np.ascontiguousarray(draws.T)
-        squared = np.empty((self.weights.size, draws.shape[0]))
-        for mean, inverse, distance in zip(self.means, self._inverse_factors, squared, strict=True):
-            whitened = inverse @ (columns - mean[:, None])
-            np.sum(np.square(whitened, out=whitened), axis=0, out=distance)
-        return squared
+        inverse, beside = self._inverse_factors, self.means - self.means[0]
+        whitened = inverse.reshape(-1, self.n_par) @ (draws - self.means[0]).T
+        whitened -= (inverse @ beside[:, :, None]).reshape(-1, 1)
+        np.square(whitened, out=whitened)
+        return np.asarray(np.sum(whitened.reshape(*beside.shape, len(draws)), axis=1))
 
     def log_parts(self, distances: FloatArray) -> FloatArray:
         """(n_component, n_draw) log of weight times density of each component."""
@@ -134,7 +133,7 @@ class Proposal:
     def log_density(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) normalised log density at draws (n_draw, n_par)."""
         parts = self.log_parts(self.distances(draws))
-        return parts[0] if parts.shape[0] == 1 else np.logaddexp.reduce(parts, axis=0)
+        return parts[0] if parts.shape[0] == 1 else log_sum_exp(parts, axis=0)
 
 
 def adapt_proposal(
