@@ -187,14 +187,14 @@ def tick_texts(ticks: FloatArray) -> list[str]:
     return [signed(text) for text in texts]
 
 
-def new_figure(height: float, width: float = WIDTH) -> Figure:
+def new_figure(height: float) -> Figure:
     from matplotlib import figure
 
-    return figure.Figure(figsize=(width, height), layout="constrained", facecolor="white")
+    return figure.Figure(figsize=(WIDTH, height), layout="constrained", facecolor="white")
 
 
 def grid(
-    n: int, *, height: float, columns: int | None = None, sharey: bool = False
+    n: int, *, height: float, columns: int | None = None, sharex: bool = False, sharey: bool = False
 ) -> tuple[Figure, list[Axes]]:
     """A figure with `n` panels, each `height` inches high.  columns : at most so many; None: two if
     there are more than two panels.
@@ -202,7 +202,7 @@ def grid(
     columns = min(columns or (1 if n <= 2 else 2), max(n, 1))
     rows = -(-max(n, 1) // columns)
     figure = new_figure(height * rows + 0.5)
-    axes = figure.subplots(rows, columns, squeeze=False, sharey=sharey).ravel()
+    axes = figure.subplots(rows, columns, squeeze=False, sharex=sharex, sharey=sharey).ravel()
     for extra in axes[n:]:
         extra.set_visible(False)
     return figure, list(axes[:n])
@@ -234,8 +234,16 @@ def draw_bands(
     said : what the bands are, with {p}; "": their per cent alone; None: no legend names them.
     """
     for low, high, p, alpha in ((0, 4, 95, 0.18), (1, 3, 68, 0.36)):
-        name = None if said is None else phrase(said, p=p) if said else f"{p} %"
-        fill(ax, x, quantiles[low], quantiles[high], colour, alpha, label=name, zorder=zorder)
+        fill(
+            ax,
+            x,
+            quantiles[low],
+            quantiles[high],
+            colour,
+            alpha,
+            label=None if said is None else phrase(said, p=p) if said else f"{p} %",
+            zorder=zorder,
+        )
     ax.plot(x, quantiles[2], color=colour, lw=1.5, label=median or None, zorder=zorder + 0.5)
 
 

@@ -18,7 +18,7 @@ from estim.pipeline import Analysis, analyse
 from estim.reports.analysis import analysis_report
 from estim.reports.corner_figures import columns_of
 from estim.reports.derived import derived_facts
-from estim.reports.result import result_lines, result_of
+from estim.reports.result import first_screen, result_of
 from estim.sampling import Target
 
 CURVE = """title = "Two pendulums"
@@ -183,7 +183,7 @@ def test_the_report_has_them_once_where_runs_agree_and_by_run_where_not(
     assert "has no value at" in report
     (told,) = [
         line
-        for line in result_lines(result_of(campaign, analysis))
+        for line in first_screen(result_of(campaign, analysis)).lines
         if "no value for some of the draws" in line
     ]
     assert told.startswith("there is no value for some of the draws (a division by zero, a root or")

@@ -17,10 +17,11 @@ from click.testing import CliRunner
 from estim.campaign import Campaign, load_campaign
 from estim.cli.commands import cli
 from estim.common.errors import InputError
+from estim.common.escaping import as_json
 from estim.curves.rolling import MotionCurve, PhaseCurve
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.pipeline import analyse
-from estim.reports.result import result_of, to_json
+from estim.reports.result import result_of
 from estim.sampling import Target
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
@@ -465,7 +466,7 @@ def test_an_analysis_recovers_an_energy_and_without_it_needs_the_free_start(tmp_
     complete it is not trusted.
     """
     campaign = recorded(tmp_path, EFFECTS["energy"], "speeds")
-    found = json.loads(to_json(result_of(campaign, analyse(campaign, ["r"], seed=1, target=FEW))))
+    found = json.loads(as_json(result_of(campaign, analyse(campaign, ["r"], seed=1, target=FEW))))
     assert found["status"] == "ok"
     assert_recovered(found["parameters"], EFFECTS["energy"])
     assert "speed_at_release" in found["runs"]["r"]["derived"]

@@ -96,6 +96,13 @@ def test_what_the_data_leave_as_it_was_is_no_result(rng: np.random.Generator) ->
     assert "(stated 0.193 ± 0.010)" in screen.left
 
 
+def altered(result: Result, **fields: object) -> Result:
+    """The result with other fields, shown as before."""
+    other = msgspec.structs.replace(result, **fields)
+    other.__dict__["labels"] = result.labels
+    return other
+
+
 def test_what_to_mind_is_what_limits_most_and_a_force_that_is_sure() -> None:
     result = fitted()[1]
     assert result.budget is not None
@@ -113,9 +120,7 @@ def test_what_to_mind_is_what_limits_most_and_a_force_that_is_sure() -> None:
         sure = msgspec.structs.replace(force, probability=probability)
         return "; ".join(
             first_screen(
-                msgspec.structs.replace(
-                    result, budget={"kappa[heavy]": limited}, deviation={"heavy-04": sure}
-                )
+                altered(result, budget={"kappa[heavy]": limited}, deviation={"heavy-04": sure})
             ).minds
         )
 
@@ -165,17 +170,13 @@ def test_what_lies_on_an_edge_has_a_value_at_every_draw() -> None:
     limited = msgspec.structs.replace(
         p, mean=None, sd=None, limit=edge, measured=False, upper_95=None
     )
-    minds = first_screen(
-        msgspec.structs.replace(result, parameters={**result.parameters, name: limited})
-    ).minds
+    minds = first_screen(altered(result, parameters={**result.parameters, name: limited})).minds
     assert not [words for words in minds if "no value at some of the draws" in words]
     nothing = msgspec.structs.replace(
         limited, limit=None, median=None, q025=None, q16=None, q84=None, q975=None
     )
-    minds = first_screen(
-        msgspec.structs.replace(result, parameters={**result.parameters, name: nothing})
-    ).minds
-    assert minds[0].endswith(f": {name}")
+    minds = first_screen(altered(result, parameters={**result.parameters, name: nothing})).minds
+    assert minds[0].endswith(f": {result.labels.symbol(name)}")
 
 
 def test_values_stand_beside_what_was_stated_and_what_is_true(rng: np.random.Generator) -> None:

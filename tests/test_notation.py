@@ -8,7 +8,6 @@ import re
 from pathlib import Path
 from types import SimpleNamespace
 
-import msgspec
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -29,7 +28,6 @@ from estim.reports.corner_figures import corner_figure, trace_figure
 from estim.reports.curve import curve_report
 from estim.reports.identifiability import direction_figure, profile_figure
 from estim.reports.records import Labels, ParameterSummary
-from estim.reports.result import Result
 from estim.sampling.chain import Target
 from estim.studies.determination import determine
 
@@ -84,8 +82,6 @@ def test_a_users_parameters_have_their_own_names_and_units_in_the_report(
             report,
             re.M,
         ), name
-    again = msgspec.json.decode(files["result.json"], type=Result)
-    assert [again.labels.symbol(name) for name in UNITS] == list(UNITS)
     assert b"label" not in files["result.json"]
 
 

@@ -101,16 +101,17 @@ NUMBERS = dict.fromkeys(
         "trials",
         "typical",
         "u",
-        "u_apart",
-        "u_line",
-        "u_stated",
-        "u_trials",
         "where",
         "x",
         "york",
     ],
     2.0,
 )  # every further number that a kind may ask for
+MEASURED = {
+    Kind.GAMMA_DISAGREES: {"u_line": 0.5, "u_stated": 0.5},
+    Kind.TRIALS_DISAGREE: {"u_trials": 0.5, "u_stated": 0.5},
+    Kind.ENDS_DISAGREE: {"u_apart": 0.5},
+}  # standard uncertainties beside numbers
 
 
 def example(kind: Kind) -> Finding:
@@ -120,7 +121,7 @@ def example(kind: Kind) -> Finding:
         test=TESTS.get(kind, "chi2"),
         p=0.004,
         size=3.0,
-        numbers=NUMBERS,
+        numbers={**NUMBERS, **MEASURED.get(kind, {})},
         parameters=(Amount("theta0", 0.5, ANGLE.label("rad")),),
         names=("first", "second"),
         parts=(example(PARTS[kind]),) if kind in PARTS else (),
@@ -145,6 +146,10 @@ def test_a_finding_is_told_in_one_line(kind: Kind) -> None:
     assert told == " ".join(told.split())
     assert "nan" not in told
     assert not told.endswith(".")
+
+
+def test_a_number_with_its_uncertainty_is_told_with_it() -> None:
+    assert "γ of the line, 2.0 ± 0.5, and γ as stated" in tell(example(Kind.GAMMA_DISAGREES))
 
 
 def test_options_of_a_command_are_named_to_nobody_else() -> None:

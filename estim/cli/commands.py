@@ -223,7 +223,7 @@ def _fit_groups(
     from estim.reports.explanation import slip_words
     from estim.reports.interop import HOW_TO_GET, can_write_netcdf, to_netcdf
     from estim.reports.pages import with_campaign
-    from estim.reports.result import result_lines
+    from estim.reports.result import first_screen
     from estim.sampling import Target
     from estim.words import first_step
 
@@ -251,7 +251,7 @@ def _fit_groups(
                 with_campaign(files, campaign.source.written, file=file, command=command) | draws,
                 within=folder,
             )
-        lines = result_lines(results[group[0]])
+        lines = first_screen(results[group[0]]).lines
         if not analysis.diagnosis.ok:
             slip, step = slip_words(analysis.explanation), first_step(analysis.diagnosis.findings)
             lines = [*filter(None, [slip]), *analysis.diagnosis.reasons, *lines]
@@ -384,7 +384,7 @@ def reanalyse(
         write_report(folder, reanalysis_report(result, figures=figures))
     sentences = reanalysis_lines(result)
     for what, status in result.statuses.items():
-        conclude(called(result, what), status, sentences.get(what, ()))
+        conclude(called(what), status, sentences.get(what, ()))
     report_at(folder / "report.md", loaded.source.files_outside(line=True, published=True))
     exit_unless(all(status.ok for status in result.statuses.values()))
 

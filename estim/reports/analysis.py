@@ -7,7 +7,7 @@ uncertainty here.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import partial
 
 from estim.campaign import Campaign
@@ -16,12 +16,13 @@ from estim.common import (
     FigureChoice,
     Label,
     Notation,
+    as_json,
     format_quantity,
     format_rounded,
+    later,
     phrase,
     table,
 )
-from estim.drawing import Figure
 from estim.explanation import Explanation, across_runs
 from estim.fitting import MANY, ProfileInterval
 from estim.pipeline import Analysis
@@ -46,7 +47,7 @@ from estim.reports.identifiability import (
     identify_section,
     profile_figure,
 )
-from estim.reports.pages import Drawers, numbered, page, shortened
+from estim.reports.pages import Drawers, finished, images, numbered, shortened
 from estim.reports.records import DRAWS, FELT
 from estim.reports.rendering import render
 from estim.reports.result import (
@@ -57,7 +58,6 @@ from estim.reports.result import (
     first_screen,
     opened_by,
     result_of,
-    to_json,
 )
 from estim.reports.rolling import friction_cell, rolling_figure
 from estim.sampling import Summary
@@ -102,19 +102,17 @@ def report_and_result(
         analysis.chain.thinned(4000),
     )
 
-    text = partial(_text, campaign, analysis, result, section, shares)
-    further = _further_drawers(analysis, determination.intervals, shares, campaign.truth)
-    files = page(_main_drawers(analysis), text, wanted=figures, further=further, kind=campaign.kind)
-    return files | shortened(files["report.md"].decode()) | {"result.json": to_json(result)}, result
-
-
-def _main_drawers(analysis: Analysis) -> Drawers:
-    figures: dict[str, Callable[[], Figure]] = {
-        "figures/phase.png": partial(phase_figure, analysis)
-    }
+    drawers: Drawers = {"figures/phase.png": partial(phase_figure, analysis)}
     if counted_runs(analysis.problem.runs):
-        figures["figures/counts.png"] = partial(counts_figure, analysis.fit, analysis.goodness)
-    return figures
+        drawers["figures/counts.png"] = partial(counts_figure, analysis.fit, analysis.goodness)
+    drawn = images(
+        drawers,
+        wanted=figures,
+        further=_further_drawers(analysis, determination.intervals, shares, campaign.truth),
+        kind=campaign.kind,
+    )
+    text = finished(_text(campaign, analysis, result, section, shares, drawn))
+    return drawn | shortened(text) | {"result.json": as_json(result)}, result
 
 
 def _further_drawers(
@@ -124,7 +122,7 @@ def _further_drawers(
     truth: Mapping[str, float],
 ) -> Drawers:
     drawn = drawn_runs(analysis.goodness)
-    figures: dict[str, Callable[[], Figure]] = {
+    figures: Drawers = {
         "figures/residuals.png": lambda: residual_figure(
             [analysis.problem.runs[i] for i in drawn], [analysis.goodness[i] for i in drawn]
         ),
@@ -147,10 +145,11 @@ def _further_drawers(
             100.0 * shares.shares,
         )
     if analysis.consistency is not None:
-        on_edge = analysis.fit.at_bound
-        edges = {p.name: (p.prior.low, p.prior.high) for p in analysis.problem.parameters}
         figures["figures/consistency.png"] = partial(
-            forest_figure, analysis.consistency, on_edge=on_edge, edges=edges
+            forest_figure,
+            analysis.consistency,
+            on_edge=analysis.fit.at_bound,
+            edges={p.name: (p.prior.low, p.prior.high) for p in analysis.problem.parameters},
         )
     if len(analysis.problem.runs) > 1:
         figures["figures/residuals_together.png"] = lambda: together_figure(
@@ -212,7 +211,12 @@ def _text(
         conflict_below=P_CONFLICT,
         plain=Notation(""),
         identify=section,
-        moved=_moved_by_errors(result),
+        # the parameters that some error moves by more than rounding hides
+        moved=[
+            name
+            for name in result.parameters
+            if any(abs(effect.shifts.get(name, 0.0)) >= FELT for effect in result.what_if)
+        ],
         felt=FELT,
         consistency=""
         if agreement is None
@@ -228,19 +232,11 @@ def _text(
         limits_only=result.status != "ok",
         converged=analysis.chain.convergence.met,
         corner_words=corner_words(analysis.problem, truth=bool(campaign.truth)),
-        lacks=render(
-            "lacks.md.j2", pictures=pictures, found=result.curve_deviation, labels=result.labels
-        )
-        if result.curve_deviation
-        else "",
+        lacks=result.curve_deviation,
         explanation="" if analysis.explanation is None else explanation_text(analysis.explanation),
         robust=any(run.robust for run in result.runs.values()),
         counts=counts_text(analysis.fit, pictures),
-        deviation=render(
-            "deviation.md.j2", pictures=pictures, forces=result.deviation, labels=result.labels
-        )
-        if result.deviation
-        else "",
+        deviation=result.deviation,
         complete=complete_runs([result]),
         name_of_test=name_of_test,
         first_step=slip_words(analysis.explanation) or first_step(analysis.diagnosis.findings),
@@ -271,15 +267,6 @@ def complete_runs(results: Iterable[Result]) -> dict[str, list[str]]:
     return runs
 
 
-def _moved_by_errors(result: Result) -> list[str]:
-    """The parameters that some error moves by more than rounding hides."""
-    return [
-        name
-        for name in result.parameters
-        if any(abs(effect.shifts.get(name, 0.0)) >= FELT for effect in result.what_if)
-    ]
-
-
 def index_report(
     campaign: Campaign, results: Mapping[str, Result], explanations: Sequence[Explanation] = ()
 ) -> dict[str, bytes]:
@@ -287,9 +274,10 @@ def index_report(
 
     explanations : of what may be missing, of those runs of which it was asked.
     """
-    columns = list(
-        dict.fromkeys(label for result in results.values() for label in result.labels.bare.values())
-    )
+    parameters = {
+        run: {result.labels.bare[name]: p for name, p in result.parameters.items()}
+        for run, result in results.items()
+    }
     derived = {
         run: {
             result.labels.derived[key][name]: summary.derived[name]
@@ -298,21 +286,22 @@ def index_report(
         }
         for run, result in results.items()
     }
-    columns += list(dict.fromkeys(label for labels in derived.values() for label in labels))
-    cells = {
-        run: {result.labels.bare[name]: p for name, p in result.parameters.items()} | derived[run]
-        for run, result in results.items()
-    }
-    causes = runs_text(across_runs(explanations)) if len(explanations) > 1 else ""
     text = render(
         "index.md.j2",
         title=campaign.title,
         kind=campaign.kind,
-        columns=columns,
+        columns=list(
+            dict.fromkeys(
+                label
+                for cells in (parameters, derived)
+                for of_run in cells.values()
+                for label in of_run
+            )
+        ),
         results=results,
-        cells=cells,
+        cells={run: {**parameters[run], **derived[run]} for run in results},
         cell=_index_cell,
-        causes=causes,
+        causes=runs_text(across_runs(explanations)) if len(explanations) > 1 else "",
     )
     return {"report.md": numbered(text).encode()}
 
@@ -361,34 +350,33 @@ def prior_cell(p: ParameterSummary, shown: Label) -> str:
 def caption_of(result: Result) -> str:
     """What the marks of the main figure mean."""
     left_out = any(run.excluded for run in result.runs.values())
-    points = (
-        phrase("Points: data ± one standard deviation (crosses: excluded).")
+    points = phrase(
+        "Points: data ± one standard deviation (crosses: excluded)."
         if left_out
-        else phrase("Points: data ± one standard deviation.")
+        else "Points: data ± one standard deviation."
     )
     forces = list((result.deviation or {}).values())
     if result.status != "ok":
-        if forces:
-            bare = phrase(
+        curve = (
+            later(
                 "Blue: the most probable curve, without an unmodelled force and starting "
-                "from rest; there are no bands, "
-                "because the status is not ok."
+                "from rest; there are no bands, because the status is not ok."
             )
-        else:
-            bare = phrase(
+            if forces
+            else later(
                 "Blue: the most probable curve; there are no bands, because the status is not ok."
             )
-        return f"{points} {bare}"
-    if any(force.drawn for force in forces):
-        curve = phrase(
+        )
+    elif any(force.drawn for force in forces):
+        curve = later(
             "Blue: the curve including the unmodelled force, 68 and 95 %. Grey: a new "
             "reading, 95 %."
         )
     elif result.curve_deviation or forces:
-        curve = phrase(
+        curve = later(
             "Blue: the curve without the unmodelled deviation, 68 and 95 %. Grey: a new "
             "reading without it, 95 %."
         )
     else:
-        curve = phrase("Blue: the curve, 68 and 95 %. Grey: a new reading, 95 %.")
-    return f"{points} {curve}"
+        curve = later("Blue: the curve, 68 and 95 %. Grey: a new reading, 95 %.")
+    return f"{points} {phrase(curve)}"

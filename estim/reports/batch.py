@@ -5,7 +5,7 @@ apart is named.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from pathlib import PurePath
 
 import msgspec
@@ -13,13 +13,12 @@ import numpy as np
 
 from estim.batch import Row, Spread, odd_runs, spreads
 from estim.common import FigureChoice, as_csv, as_json, phrase
-from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, new_figure
+from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, grid
 from estim.pipeline import Analysis
 from estim.reports.analysis import analysis_report
 from estim.reports.formats import with_formats
 from estim.reports.pages import page
-from estim.reports.rendering import render
-from estim.reports.result import Subject, result_of, to_json
+from estim.reports.result import Subject, result_of
 
 _LISTED = 100  # rows of a table that people read
 _NAMED = 6  # texts in a panel
@@ -27,7 +26,7 @@ _NAMED = 6  # texts in a panel
 
 def lean_files(campaign: Subject, analysis: Analysis) -> dict[str, bytes]:
     """`result.json` alone, which is all that the table of a batch needs."""
-    return {"result.json": to_json(result_of(campaign, analysis))}
+    return {"result.json": as_json(result_of(campaign, analysis))}
 
 
 def full_files(
@@ -48,15 +47,26 @@ def batch_report(rows: Sequence[Row], *, figures: FigureChoice = "main") -> dict
     quantities = spreads(rows)
     # at most so many quantities, of which the data say something in at least half of the runs
     panels = [spread for spread in quantities if spread.informed >= 0.5][:4]
-
-    def text(pictures: Collection[str]) -> str:
-        return _text(rows, quantities, pictures)
-
-    drawers = {"figures/overview.png": lambda: overview_figure(rows, panels)} if panels else {}
-    return page(drawers, text, wanted=figures) | {
-        "summary.csv": _csv(rows, quantities),
-        "summary.json": _json(rows),
-    }
+    bad = [row for row in rows if row.status != "ok"]
+    apart = [
+        ", ".join(rows[i].name for i in spread.apart[:_NAMED])
+        + (phrase(" and others") if len(spread.apart) > _NAMED else "")
+        or phrase("none")
+        for spread in quantities
+    ]
+    return page(
+        {"figures/overview.png": lambda: overview_figure(rows, panels)} if panels else {},
+        "batch.md.j2",
+        {"summary.json": [_told(row) for row in rows]},
+        wanted=figures,
+        n=len(rows),
+        counts=_counts(rows),
+        synthetic=synthetic_words(rows),
+        odd=odd_runs(rows)[:_LISTED],
+        quantities=list(zip(quantities, apart, strict=True)),
+        bad=bad[:_LISTED],
+        left=max(len(bad) - _LISTED, 0),
+    ) | {"summary.csv": _csv(rows, quantities)}
 
 
 def batch_times(rows: Sequence[Row]) -> dict[str, bytes]:
@@ -69,10 +79,9 @@ def batch_times(rows: Sequence[Row]) -> dict[str, bytes]:
 
 def batch_line(rows: Sequence[Row]) -> str:
     """How many of each status, and what they took, in one line."""
-    counts = ", ".join(f"{number} {status}" for status, number in _counts(rows))
     return phrase(
         "{counts} ({seconds:.3g} s of processor time)",
-        counts=counts,
+        counts=", ".join(f"{number} {status}" for status, number in _counts(rows)),
         seconds=sum(row.seconds for row in rows),
     )
 
@@ -80,27 +89,6 @@ def batch_line(rows: Sequence[Row]) -> str:
 def _counts(rows: Sequence[Row]) -> list[tuple[str, int]]:
     counted = Counter(row.status or phrase("without a result") for row in rows)
     return sorted(counted.items(), key=lambda item: (item[0] != "ok", -item[1]))
-
-
-def _text(rows: Sequence[Row], found: Sequence[Spread], pictures: Collection[str]) -> str:
-    bad = [row for row in rows if row.status != "ok"]
-    apart = [
-        ", ".join(rows[i].name for i in spread.apart[:_NAMED])
-        + (phrase(" and others") if len(spread.apart) > _NAMED else "")
-        or phrase("none")
-        for spread in found
-    ]
-    return render(
-        "batch.md.j2",
-        pictures=pictures,
-        n=len(rows),
-        counts=_counts(rows),
-        synthetic=synthetic_words(rows),
-        odd=odd_runs(rows)[:_LISTED],
-        quantities=list(zip(found, apart, strict=True)),
-        bad=bad[:_LISTED],
-        left=max(len(bad) - _LISTED, 0),
-    )
 
 
 def _csv(rows: Sequence[Row], found: Sequence[Spread]) -> bytes:
@@ -124,18 +112,10 @@ def _csv(rows: Sequence[Row], found: Sequence[Spread]) -> bytes:
     return as_csv(lines).encode()
 
 
-def _json(rows: Sequence[Row]) -> bytes:
-    """What the rows say of the runs, without how and when it was made."""
-    return as_json(
-        [
-            {
-                name: value
-                for name, value in msgspec.to_builtins(row).items()
-                if name not in ("seconds", "key", "outputs")
-            }
-            for row in rows
-        ]
-    )
+def _told(row: Row) -> dict[str, object]:
+    """What a row says of its run, without how and when it was made."""
+    left_out = ("seconds", "key", "outputs")
+    return {key: value for key, value in msgspec.to_builtins(row).items() if key not in left_out}
 
 
 def _cell(text: str) -> str:
@@ -159,8 +139,7 @@ def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
     """Each quantity against the number of the run; a run that is not ok is a cross at the bottom,
     what stands apart is named.
     """
-    figure = new_figure(0.7 + 1.5 * len(shown))
-    axes = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
+    figure, axes = grid(len(shown), height=1.5, columns=1, sharex=True)
     bad = np.array([i + 1 for i, row in enumerate(rows) if row.status != "ok"])
     for ax, spread in zip(axes, shown, strict=True):
         at = np.array(spread.rows) + 1
@@ -178,7 +157,6 @@ def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
                 markersize=3.5 if bars else 2.0,
                 markeredgewidth=None if bars else 0.0,
                 linewidth=0.8,
-                capsize=0,
             )
         for i in spread.apart[:_NAMED]:
             name = rows[i].run or PurePath(rows[i].campaign).name
@@ -205,11 +183,10 @@ def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
         ax.margins(y=0.15)
     if synthetic := synthetic_words(rows):
         figure.suptitle(synthetic)
-    label = (
-        phrase("number of the run (cross at the bottom: not ok)")
-        if bad.size
-        else phrase("number of the run")
+    axes[-1].set_xlabel(
+        phrase(
+            "number of the run (cross at the bottom: not ok)" if bad.size else "number of the run"
+        )
     )
-    axes[-1].set_xlabel(label)
     axes[-1].set_xlim(0.4, len(rows) + 0.6)
     return figure

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from estim.campaign import OUTPUTS, CampaignFile
-from estim.common import as_json, format_quantity
+from estim.common import as_json, behind, format_quantity
 from estim.reports.pages import numbered
 from estim.reports.records import Record, Report
 from estim.reports.rendering import render
@@ -127,17 +127,13 @@ def body_lines(weighing: BodyProperties) -> list[str]:
     lines: dict[str, list[str]] = {}
     for i, (body, out) in enumerate(weighing.names):
         notation, unit, _ = OUTPUTS[out]
-        factor, unit_text = (
-            (notation.factor, notation.unit)
-            if notation.unit
-            else (1.0, "" if unit == "1" else unit)
-        )
+        label = notation.label(unit)
         value = format_quantity(
-            float(weighing.linear.value[i]) * factor,
-            float(weighing.u[i]) * factor,
+            float(weighing.linear.value[i]) * label.factor,
+            float(weighing.u[i]) * label.factor,
             plus_minus=False,
         )
-        lines.setdefault(body, []).append(f"{notation.symbol} = {value} {unit_text}".rstrip())
+        lines.setdefault(body, []).append(f"{label.symbol} = {value}{behind(label.unit)}")
     return [f"{body}: {', '.join(values)}" for body, values in lines.items()]
 
 

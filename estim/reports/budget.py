@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import Label, format_rounded, phrase, signed, split_level
+from estim.common import Label, behind, format_rounded, phrase, signed, split_level
 from estim.deviation import DEVIATION, FORCE, FRAMES, START
 from estim.drawing import BLUE, INK, Figure, grid, name_ticks
 from estim.pipeline import Analysis
@@ -131,49 +131,38 @@ def shares_of(analysis: Analysis, budget: Budget, labels: Labels) -> Shares:
     """What is sought first, then the parameters that runs share; sources that are alike (the tilts
     of many runs) together, small ones too.
     """
-    quantities = [*derived_labels(analysis).items(), *labels.parameters.items()]
-    known = [
-        (name, label)
-        for name, label in quantities
-        if name in budget.names and name not in _between(analysis)
+    between = {name for name in analysis.problem.names if split_level(name)[0].endswith("_shift")}
+    known = [  # how far single runs are from the mean of all is no result
+        (budget.names.index(name), label)
+        for name, label in (*derived_labels(analysis).items(), *labels.parameters.items())
+        if name in budget.names and name not in between
     ]
     chosen = known[:8]
-    columns = [budget.names.index(name) for name, _ in chosen]
+    columns = [k for k, _ in chosen]
     shares, drawn = budget.shares[:, columns], budget.shares_drawn[:, columns]
     groups: dict[str, list[int]] = {}
     alike = Counter((source.kind, split_level(source.name)[0]) for source in budget.sources)
     for i, source in enumerate(budget.sources):
         groups.setdefault(_words(source, alike, labels), []).append(i)
-    ordered = sorted(
-        groups, key=lambda words: -float(np.max(np.sum(shares[groups[words]], axis=0)))
-    )
-    largest = [
-        words for words in ordered[:10] if np.max(np.sum(shares[groups[words]], axis=0)) >= 0.005
-    ]
-    rows = [(words, groups[words]) for words in largest]
-    rest = [i for words in ordered if words not in largest for i in groups[words]]
-    rows += [(phrase("all others"), rest)] if rest else []
+    sizes = {words: np.max(np.sum(shares[members], axis=0)) for words, members in groups.items()}
+    ordered = sorted(groups, key=lambda words: -float(sizes[words]))
+    rows = {words: groups[words] for words in ordered[:10] if sizes[words] >= 0.005}
+    if rest := [i for words in ordered if words not in rows for i in groups[words]]:
+        rows[phrase("all others")] = rest
     return Shares(
         tuple(label for _, label in chosen),
-        tuple(words for words, _ in rows),
-        np.array([np.sum(shares[members], axis=0) for _, members in rows]),
-        np.array([np.sum(drawn[members], axis=0) for _, members in rows]),
-        tuple(_sd(budget.sds[k], label) for k, (_, label) in zip(columns, chosen, strict=True)),
-        tuple(
-            _sd(budget.posterior[k], label) for k, (_, label) in zip(columns, chosen, strict=True)
-        ),
+        tuple(rows),
+        np.array([np.sum(shares[members], axis=0) for members in rows.values()]),
+        np.array([np.sum(drawn[members], axis=0) for members in rows.values()]),
+        tuple(_sd(budget.sds[k], label) for k, label in chosen),
+        tuple(_sd(budget.posterior[k], label) for k, label in chosen),
         len(known) - len(chosen),
         tuple(
             label.symbol
-            for k, (_, label) in zip(columns, chosen, strict=True)
+            for k, label in chosen
             if not abs(budget.posterior[k] / budget.sds[k] - 1.0) <= 0.2
         ),
     )
-
-
-def _between(analysis: Analysis) -> set[str]:
-    """How far single runs are from the mean of all: no result."""
-    return {name for name in analysis.problem.names if split_level(name)[0].endswith("_shift")}
 
 
 def _words(source: Source, alike: Mapping[tuple[str, str], int], labels: Labels) -> str:
@@ -195,18 +184,11 @@ def _words(source: Source, alike: Mapping[tuple[str, str], int], labels: Labels)
         if n > 2
         else labels.symbol(source.name)
     )
-    return (
-        phrase("{shown}, stated", shown=symbol)
-        if source.kind == STATED
-        else phrase("{shown}, prior", shown=symbol)
-    )
+    return phrase("{shown}, stated" if source.kind == STATED else "{shown}, prior", shown=symbol)
 
 
 def _sd(value: float, label: Label) -> str:
-    return (
-        f"{format_rounded(value * label.factor, value * label.factor)} "
-        f"{'' if label.unit == '1' else label.unit}"
-    ).strip()
+    return format_rounded(value * label.factor, value * label.factor) + behind(label.unit)
 
 
 def _cell(share: float, drawn: float) -> str:

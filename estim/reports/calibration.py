@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -19,12 +19,11 @@ from estim.calibration import (
     uniformity_band,
 )
 from estim.campaign import Campaign
-from estim.common import FigureChoice, as_json, decide, later, percentage, phrase
-from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, grid, name_ticks, new_figure
+from estim.common import FigureChoice, decide, later, percentage, phrase
+from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, fill, grid, name_ticks
 from estim.problem import Problem
-from estim.reports.pages import page
+from estim.reports.pages import Drawers, page
 from estim.reports.records import Record, Report
-from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance
 from estim.sampling import number
 from estim.words import direction_words, tell
@@ -97,27 +96,26 @@ def calibration_report(
     unlike : how the analysis differs from that of `estim fit`, "" where it does not.
     """
     records = {c.what: calibration_record(campaign, c) for c in calibrations}
-    drawers: dict[str, Callable[[], Figure]] = {}
+    drawers: Drawers = {}
     for calibration in calibrations:
         if calibration.what == "sbc":
             drawers["figures/ranks.png"] = partial(rank_figure, calibration)
         drawers[f"figures/coverage-{_AT[calibration.what]}.png"] = partial(
             coverage_figure, calibration
         )
-    text = partial(
-        render,
+    return page(
+        drawers,
         "calibration.md.j2",
-        title=campaign.title,
+        {"calibration.json": records},
+        wanted=figures,
         kind=campaign.kind,
+        title=campaign.title,
         runs=", ".join(calibrations[0].runs),
         uniform_below=UNIFORM_BELOW,
         coverage_sds=COVERAGE_SDS,
         parts=[_part(calibration, records[calibration.what]) for calibration in calibrations],
         unlike=unlike,
     )
-    return page(drawers, text, wanted=figures, kind=campaign.kind) | {
-        "calibration.json": as_json(records)
-    }
 
 
 def calibration_record(campaign: Campaign, c: Calibration) -> CalibrationRecord:
@@ -189,7 +187,7 @@ def rank_figure(calibration: Calibration) -> Figure:
         low, high = uniformity_band(ranks.size, calibration.n_rank)
         difference = rank_counts(ranks, calibration.n_rank) / ranks.size - z
         inside = bool(np.all((difference >= low - z) & (difference <= high - z)))
-        ax.fill_between(z, low - z, high - z, color=GREY, alpha=0.3, lw=0)
+        fill(ax, z, low - z, high - z, GREY, 0.3)
         ax.step(
             z, difference, where="mid", color=BLUE if inside else ORANGE, lw=1.2 if inside else 1.8
         )
@@ -205,8 +203,8 @@ def coverage_figure(calibration: Calibration) -> Figure:
     deviations about the stated probability.
     """
     names = list(calibration.reported)
-    figure = new_figure(0.26 * len(names) + 1.0)
-    axes = figure.subplots(1, len(calibration.probabilities), squeeze=False, sharey=True)[0]
+    n = len(calibration.probabilities)
+    figure, axes = grid(n, height=0.26 * len(names) + 0.5, columns=n, sharey=True)
     rows = np.arange(len(names))[::-1]
     for i, (ax, p, sd) in enumerate(
         zip(axes, calibration.probabilities, calibration.share_sd(), strict=True)

@@ -9,12 +9,11 @@ import numpy as np
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL
-from estim.common import FigureChoice, as_json, later, phrase, significant
+from estim.common import FigureChoice, later, phrase, significant
 from estim.problem import Parameter
 from estim.reports.models import values_figure
 from estim.reports.pages import page
 from estim.reports.records import Record
-from estim.reports.rendering import render
 from estim.reports.result import provenance
 from estim.sampling import Summary, number
 from estim.studies.refits import Refit
@@ -49,12 +48,22 @@ def compare_report(
     common = _common(compared)
     summaries = [_summary(c, common) for c in compared]
     runs = [run.name for run in compared[0].analysis.problem.runs]
-    text = partial(
-        render,
+    record = {
+        "title": campaign.title,
+        "kind": campaign.kind,
+        "runs": runs,
+        "models": summaries,
+        "provenance": provenance(campaign, runs, seed),
+    }
+    compared_values = [(s.name, s.status == "ok", s.posterior) for s in summaries]
+    return page(
+        {"figures/comparison.png": partial(values_figure, compared_values, common)},
         "compare.md.j2",
+        {"comparison.json": record},
+        wanted=figures,
+        kind=campaign.kind,
         title=campaign.title,
         runs=runs,
-        kind=campaign.kind,
         rows=summaries,
         verdict=_verdict(summaries, common),
         common=common,
@@ -64,21 +73,6 @@ def compare_report(
         several_data=len({s.data for s in summaries}) > 1,
         data=[phrase(_DATA[s.data]) for s in summaries],
     )
-    record = {
-        "title": campaign.title,
-        "kind": campaign.kind,
-        "runs": runs,
-        "models": summaries,
-        "provenance": provenance(campaign, runs, seed),
-    }
-    drawers = {
-        "figures/comparison.png": partial(
-            values_figure, [(s.name, s.status == "ok", s.posterior) for s in summaries], common
-        )
-    }
-    return page(drawers, text, wanted=figures, kind=campaign.kind) | {
-        "comparison.json": as_json(record)
-    }
 
 
 def _verdict(rows: Sequence[ComparedSummary], common: Sequence[Parameter]) -> str:

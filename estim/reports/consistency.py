@@ -56,37 +56,25 @@ def forest_figure(
     all others, in their order.
     edges : parameter -> ends of its prior, beyond which nothing is drawn.
     """
-    panels = [
-        (i, name, label)
-        for i, (name, label) in enumerate(zip(consistency.shared, consistency.labels, strict=True))
-    ]
-    drawn = {name: _drawn(consistency, name) for _, name, _ in panels}
+    drawn = {name: _drawn(consistency, name) for name in consistency.shared}
     tallest = max(map(len, drawn.values()))
-    figure, axes = grid(len(panels), height=0.22 * tallest + 1.1, columns=3)
-    wrong = {row.source for row in consistency.rows if row.source in consistency.suspects}
-    for ax, (i, name, label) in zip(axes, panels, strict=True):
-        runs = drawn[name]
+    figure, axes = grid(len(drawn), height=0.22 * tallest + 1.1, columns=3)
+    panels = zip(axes, drawn.items(), consistency.labels, strict=True)
+    for i, (ax, (name, runs), label) in enumerate(panels):
         low, high = (edge * label.factor for edge in edges.get(name, (-np.inf, np.inf)))
         centre = consistency.joint.mean[i] * label.factor
         sd = consistency.joint.sd[i] * label.factor
         if name not in on_edge:  # there all runs together give a limit
-            ax.axvspan(
-                max(centre - sd, low),
-                min(centre + sd, high),
-                color=GREY,
-                alpha=0.25,
-                lw=0,
-                label=phrase("all"),
-            )
+            left, right = max(centre - sd, low), min(centre + sd, high)
+            ax.axvspan(left, right, color=GREY, alpha=0.25, lw=0, label=phrase("all"))
             ax.axvline(centre, color=GREY, lw=0.8)
         for place, run in enumerate(runs):
-            others, alone = consistency.others[run], consistency.alone[run]
-            colour = VERMILION if run in wrong else BLUE
+            colour = VERMILION if run in consistency.suspects else BLUE
             without: dict[str, Any] = {"mfc": "white", "color": INK, "lw": 0.9}
             beside: dict[str, Any] = {"color": colour, "lw": 1.4}
             for said, up, style, words in (
-                (others, 0.17, without, phrase("all but this run")),
-                (alone, -0.17, beside, phrase("this run and the stated values")),
+                (consistency.others[run], 0.17, without, phrase("all but this run")),
+                (consistency.alone[run], -0.17, beside, phrase("this run and the stated values")),
             ):
                 value, bar = _within(
                     said.mean[i] * label.factor, said.sd[i] * label.factor, low, high
@@ -94,14 +82,12 @@ def forest_figure(
                 ax.errorbar(value, place + up, xerr=bar, fmt="o", ms=3.5, label=words, **style)
         name_ticks(ax.yaxis, range(len(runs)), runs)
         for tick, run in zip(ax.get_yticklabels(), runs, strict=True):
-            tick.set_fontweight("bold" if run in wrong else "normal")
-        ax.set_ylim(len(runs) - 0.4, -0.6)
+            tick.set_fontweight("bold" if run in consistency.suspects else "normal")
+        ax.set(xlabel=label.axis, ylim=(len(runs) - 0.4, -0.6))
         ax.locator_params(axis="x", nbins=3)
-        ax.set_xlabel(label.axis)
     legend_below(figure)
     cut = any(len(drawn[name]) < len(consistency.used[name]) for name in drawn)
-    title = phrase("the {n} runs farthest from all others", n=_FARTHEST) if cut else ""
-    figure.suptitle(title)
+    figure.suptitle(phrase("the {n} runs farthest from all others", n=_FARTHEST) if cut else "")
     return figure
 
 

@@ -111,6 +111,10 @@ def copies_of(estimates: Sequence[Estimate], *, kind: str = "") -> Copies:
     remark = [f"% {words}" for words in made]
     available = [estimate for estimate in estimates if estimate.value != "n/a"]
     quoted = [estimate for estimate in available if estimate.told]
+    brackets, plus_minus = (
+        _block([*remark, *(_noted(estimate, written) for estimate in quoted)], "latex")
+        for written in (False, True)
+    )
     return Copies(
         _block(
             made
@@ -121,8 +125,8 @@ def copies_of(estimates: Sequence[Estimate], *, kind: str = "") -> Copies:
                 for estimate in quoted
             ]
         ),
-        _block([*remark, *(_noted(estimate, False) for estimate in quoted)], "latex"),
-        _block([*remark, *(_noted(estimate, True) for estimate in quoted)], "latex"),
+        brackets,
+        plus_minus,
         _block([*(f"# {words}" for words in made), *_rows(available)], "csv"),
     )
 

@@ -21,8 +21,8 @@ from estim.drawing import (
     WIDTH,
     Axes,
     Figure,
+    grid,
     name_ticks,
-    new_figure,
     tick_texts,
 )
 from estim.pipeline import Analysis
@@ -206,9 +206,13 @@ def _draw_marginal(ax: Axes, column: Column) -> None:
 
 def _draw_contours(ax: Axes, density: Density) -> None:
     """Fill the regions that hold 95 % (pale) and 68 %, each with its line."""
-    levels = [*density.levels, 1.01 * float(density.z.max())]
     drawn = ax.contourf(
-        density.x, density.y, density.z.T, levels=levels, colors=[PALE, BLUE], antialiased=True
+        density.x,
+        density.y,
+        density.z.T,
+        levels=[*density.levels, 1.01 * float(density.z.max())],
+        colors=[PALE, BLUE],
+        antialiased=True,
     )
     drawn.set(edgecolor=BLUE, linewidth=1.0)
 
@@ -260,27 +264,21 @@ def corner_words(problem: Problem, *, truth: bool = False) -> Markdown:
         phrase(
             "Blue: posterior, with contours containing 68 and 95 %. Orange: prior; derived "
             "quantities have none."
+            if any(run.sought for run in problem.runs)
+            else "Blue: posterior, with contours containing 68 and 95 %. Orange: prior."
         )
-        if any(run.sought for run in problem.runs)
-        else phrase("Blue: posterior, with contours containing 68 and 95 %. Orange: prior.")
     ]
     words += [phrase("Dashed: the true values.")] if truth else []
     drawn = [problem.parameters[i].name for i in corner_parameters(problem)]
     n, of = len(drawn), problem.n_par
     uses = uses_of(problem.runs)
-    if n < of and all(uses[name] > 1 for name in drawn):
+    if n < of:
         words.append(
             phrase(
                 "Only {n} of the {of} parameters are drawn, those shared by the runs; "
-                "`result.json` contains all of them.",
-                n=n,
-                of=of,
-            )
-        )
-    elif n < of:
-        words.append(
-            phrase(
-                "Only the first {n} of the {of} parameters are drawn; `result.json` "
+                "`result.json` contains all of them."
+                if all(uses[name] > 1 for name in drawn)
+                else "Only the first {n} of the {of} parameters are drawn; `result.json` "
                 "contains all of them.",
                 n=n,
                 of=of,
@@ -294,12 +292,10 @@ def trace_figure(analysis: Analysis) -> Figure:
     parameters, draws = analysis.problem.parameters, analysis.chain.draws
     places = analysis.problem.foremost(40)
     columns = 1 if len(places) <= 8 else 2
-    rows = -(-len(places) // columns)
-    figure = new_figure(0.85 * rows + 0.7)
-    axes = figure.subplots(rows, columns, squeeze=False, sharex=True).T.ravel()
+    figure, axes = grid(len(places), height=0.9, columns=columns, sharex=True)
     every = max(1, draws.shape[1] // 1000)
     steps = (np.arange(draws.shape[1]) + analysis.chain.n_burn)[::every]
-    for ax, i in zip(axes, places, strict=False):
+    for ax, i in zip(axes, places, strict=True):
         label, mine = parameters[i].label, draws[:, ::every, :, i] * parameters[i].label.factor
         for k, ensemble in enumerate(mine):
             colour = _COLOURS[k % len(_COLOURS)]
@@ -307,9 +303,7 @@ def trace_figure(analysis: Analysis) -> Figure:
             ax.plot(steps, ensemble.mean(axis=1), color=colour, lw=1.0)
         ax.set_ylabel(label.axis, fontsize=8, rotation=0, ha="right", va="center")
         ax.locator_params(axis="y", nbins=3)
-    for ax in axes[len(places) :]:
-        ax.set_visible(False)
-    for ax in axes[rows - 1 :: rows]:
+    for ax in axes[-columns:]:
         ax.set_xlabel(phrase("step"))
     title = phrase("bold: mean of an ensemble; faint: one of its walkers")
     if len(places) < len(parameters):

@@ -59,15 +59,10 @@ def counts_figure(fit: Fit, goodness: Sequence[Goodness]) -> Figure:
         if run.noise.counted is not None
     ]
     figure = new_figure(4.4 * len(pairs))
-    axes = figure.subplots(2 * len(pairs), 1, squeeze=False, height_ratios=[3, 1] * len(pairs))[
-        :, 0
-    ]
-    for k, (run, good, counted) in enumerate(pairs):
-        top, below = axes[2 * k], axes[2 * k + 1]
+    axes = figure.subplots(2 * len(pairs), 1, height_ratios=[3, 1] * len(pairs))
+    for (run, good, counted), top, below in zip(pairs, axes[::2], axes[1::2], strict=True):
         _draw_counts(top, run, _expected(fit, run), counted)
-        top.set_title(run.name)
-        top.set(ylabel=run.y_label)
-        top.set_ylim(bottom=0.0)
+        top.set(title=run.name, ylabel=run.y_label, ylim=(0.0, None))
         top.legend(loc="best")
         top.tick_params(labelbottom=False)
         draw_pulls(below, good.whitened)

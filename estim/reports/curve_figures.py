@@ -59,10 +59,10 @@ def phase_figure(analysis: Analysis) -> Figure:
             _draw_bands(ax, bands, phrase(run.words.new, y=run.y_name))
             label = phrase("posterior median")
         else:
-            label = (
-                phrase("most probable curve, without the force")
+            label = phrase(
+                "most probable curve, without the force"
                 if bands.completed
-                else phrase("most probable curve")
+                else "most probable curve"
             )
         curve = _curve(analysis, run, bands, bands.x)
         ax.plot(bands.x, curve, color=BLUE, lw=1.2, label=label)
@@ -175,8 +175,13 @@ def _draw_bands(ax: Axes, bands: Bands, new: str = "", *, less: FloatArray | flo
 
 
 def _draw_points(ax: Axes, run: Observations, residuals: Residuals) -> None:
-    text = phrase("data used") if run.noise.counted is None else phrase(run.noise.counted.law.used)
-    draw_points_with_bars(ax, residuals, label=text)
+    draw_points_with_bars(
+        ax,
+        residuals,
+        label=phrase("data used")
+        if run.noise.counted is None
+        else phrase(run.noise.counted.law.used),
+    )
     if run.excluded_points.size:
         excluded = run.excluded_points
         near = (
@@ -314,10 +319,7 @@ def panel_pairs(n: int, *, height: float) -> tuple[Figure, list[tuple[Axes, Axes
     rows = -(-n // columns)
     figure = new_figure(rows * height * (1.0 if columns < 3 else 0.8) + 0.5)
     axes = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=[2.6, 1.0] * rows)
-    pairs = [
-        (axes[2 * (k // columns), k % columns], axes[2 * (k // columns) + 1, k % columns])
-        for k in range(rows * columns)
-    ]
+    pairs = list(zip(axes[::2].ravel(), axes[1::2].ravel(), strict=True))
     for extra in pairs[n:]:
         for ax in extra:
             ax.set_visible(False)
@@ -389,15 +391,10 @@ def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness]) 
     axes = figure.subplots(len(runs), 2, squeeze=False, width_ratios=(3, 1), sharey="row")
     for (left, right), run, good in zip(axes, runs, goodness, strict=True):
         reach = draw_pulls(left, good.whitened)
+        size, alpha = (1.2, 0.6) if run.n_obs > _HIDING else (3.0, 1.0)
         if run.n_obs <= _HIDING:
             left.plot(run.x, good.whitened, "-", color=BLUE, lw=0.6, alpha=0.6)
-        left.plot(
-            run.x,
-            good.whitened,
-            "o",
-            color=INK,
-            **({"ms": 3.0} if run.n_obs <= _HIDING else {"ms": 1.2, "alpha": 0.6}),
-        )
+        left.plot(run.x, good.whitened, "o", color=INK, ms=size, alpha=alpha)
         edges = np.linspace(-reach, reach, 15)
         right.hist(good.whitened, bins=edges, orientation="horizontal", color=BLUE, alpha=0.55)
         z = np.linspace(-reach, reach, 200)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TypeVar
 
 import numpy as np
@@ -68,31 +68,38 @@ def derived_columns(analysis: Analysis) -> dict[str, tuple[Derived, Label]]:
     """What a user wanted computed, as values at draws (n_draw, 1) with its label: "g" where it is
     the same for all runs, else "g[run]".
     """
-    runs, by_name = analysis.problem.runs, dict[str, dict[str, Derived]]()
-    for run in runs:
-        for name, derived in (derived_draws(analysis, run) if run.sought else {}).items():
-            if name in _derived_quantities(run) and derived.values.size > 1:
-                by_name.setdefault(name, {})[run.name] = derived
+    found = (
+        (name, run.name, derived)
+        for run in analysis.problem.runs
+        if run.sought
+        for name, derived in derived_draws(analysis, run).items()
+        if name in _derived_quantities(run) and derived.values.size > 1
+    )
     columns: dict[str, tuple[Derived, Label]] = {}
-    for name, by_run in by_name.items():
-        same = once(
-            by_run, len(runs), lambda a, b: np.array_equal(a.values, b.values, equal_nan=True)
-        )
-        for place, quantity in same.items():
-            level = place and f"[{place}]"
-            columns[name + level] = (quantity, quantity.notation.label(quantity.unit, level))
+    for name, run, quantity in once(
+        found,
+        len(analysis.problem.runs),
+        lambda a, b: np.array_equal(a.values, b.values, equal_nan=True),
+    ):
+        level = run and f"[{run}]"
+        columns[name + level] = (quantity, quantity.notation.label(quantity.unit, level))
     return columns
 
 
 def once(
-    by_run: Mapping[str, T], n_run: int, same: Callable[[T, T], bool] = operator.eq
-) -> Mapping[str, T]:
-    """What is known of a quantity by run: under "" alone where it is the same for all runs, which
-    are `n_run`.
+    found: Iterable[tuple[str, str, T]], n_run: int, same: Callable[[T, T], bool] = operator.eq
+) -> Iterator[tuple[str, str, T]]:
+    """What is known of a quantity by run (quantity, run, known): with "" as the run, once, where it
+    is the same for all runs, which are `n_run`.
     """
-    first, *others = by_run.values()
-    shared = len(by_run) == n_run and all(same(first, other) for other in others)
-    return {"": first} if shared else by_run
+    by_name: dict[str, dict[str, T]] = {}
+    for name, run, known in found:
+        by_name.setdefault(name, {})[run] = known
+    for name, by_run in by_name.items():
+        first, *others = by_run.values()
+        shared = len(by_run) == n_run and all(same(first, other) for other in others)
+        for run, known in ({"": first} if shared else by_run).items():
+            yield name, run, known
 
 
 def derived_labels(analysis: Analysis) -> dict[str, Label]:
@@ -124,12 +131,11 @@ def derived_facts(analysis: Analysis, run: Observations) -> list[str]:
                 )
             )
         elif quantity.name in draws and draws[quantity.name].values.size == 1:
-            value = draws[quantity.name].values[0, 0]
             facts.append(
                 phrase(
                     "{name} = {value:.10g}, exact: it is computed from exact values alone",
                     name=quantity.name,
-                    value=value,
+                    value=draws[quantity.name].values[0, 0],
                 )
             )
         elif (
@@ -156,20 +162,17 @@ def _derived_quantities(run: Observations) -> set[str]:
     return {quantity.name for quantity in run.sought}
 
 
-def derived_rows(
-    runs: Mapping[str, RunSummary], labels: Labels
-) -> list[tuple[str, str, str, str, str]]:
+def derived_rows(runs: Mapping[str, RunSummary], labels: Labels) -> list[tuple[str, ...]]:
     """Symbol, meaning, value, interval and unit of every derived quantity: once where the cells are
     the same for every run, else run by run.
     """
-    by_name: dict[str, dict[str, tuple[str, str, str, str]]] = {}
-    for run, summary in runs.items():
-        for name, d in summary.derived.items():
-            by_name.setdefault(name, {})[run] = parameter_cells(d, labels.derived[run][name])[1:]
+    found = (
+        (name, run, parameter_cells(d, labels.derived[run][name]))
+        for run, summary in runs.items()
+        for name, d in summary.derived.items()
+    )
     return [
-        (labels.derived[next(iter(cells))][name].symbol + (run and f"[{run}]"), *row)
-        for name, cells in by_name.items()
-        for run, row in once(cells, len(runs)).items()
+        (symbol + (run and f"[{run}]"), *row) for _, run, (symbol, *row) in once(found, len(runs))
     ]
 
 
@@ -207,23 +210,18 @@ def origin_warnings(table: Run, run: Observations, problem: Problem) -> tuple[st
     apart, u = abs(table.tilt.value - stated.value), math.hypot(table.tilt.u, stated.u)
     if apart <= 3.0 * u:  # combined standard uncertainties
         return table.warnings
-    tilts = {"track": _degrees(table.tilt), "stated": _degrees(stated)}
-    if u > 0.0:
-        warning = phrase(
-            "the tilt of the track, {track}, and the stated tilt, {stated}, differ by "
-            "{apart:.1f} combined standard uncertainties: "
-            "was the x axis level, and the camera square to the plane of motion?",
-            apart=apart / u,
-            **tilts,
-        )
-    else:
-        warning = phrase(
-            "the tilt of the track, {track}, and the stated tilt, {stated}, differ by "
-            "{apart:.2g} deg, both taken as exact: "
-            "was the x axis level, and the camera square to the plane of motion?",
-            apart=math.degrees(apart),
-            **tilts,
-        )
+    warning = phrase(
+        "the tilt of the track, {track}, and the stated tilt, {stated}, differ by "
+        "{apart:.1f} combined standard uncertainties: "
+        "was the x axis level, and the camera square to the plane of motion?"
+        if u > 0.0
+        else "the tilt of the track, {track}, and the stated tilt, {stated}, differ by "
+        "{apart:.2g} deg, both taken as exact: "
+        "was the x axis level, and the camera square to the plane of motion?",
+        track=_degrees(table.tilt),
+        stated=_degrees(stated),
+        apart=apart / u if u > 0.0 else math.degrees(apart),
+    )
     return (*table.warnings, warning)
 
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from estim.arrays import FloatArray
 from estim.checks import deviation_finding, force_finding, noise_finding
 from estim.common import OF_BODY, phrase
 from estim.deviation import DeviationSize, FoundDeviation, FoundForce
@@ -30,7 +31,18 @@ class AverageResistance(Record):
     sd_material: float  # as a constant that holds on another track too
 
 
-class ForceSummary(Record):
+class Band(Record, kw_only=True):
+    """An estimate along x, with the ends of its 68 and 95 % intervals."""
+
+    x: list[float]
+    low_95: list[float]
+    low_68: list[float]
+    median: list[float]
+    high_68: list[float]
+    high_95: list[float]
+
+
+class ForceSummary(Band):
     """An unmodelled force along the track of a run, in units of the weight; positions in `unit`."""
 
     prior_scale: float  # of the half-normal prior of its amplitude
@@ -53,12 +65,6 @@ class ForceSummary(Record):
     words: str
     drawn: bool  # whether the bands of the curve hold it
     noise_words: str | None  # where the readings scatter plainly otherwise than stated
-    x: list[float]
-    low_95: list[float]
-    low_68: list[float]
-    median: list[float]
-    high_68: list[float]
-    high_95: list[float]
 
 
 def deviations(analysis: Analysis) -> dict[str, ForceSummary] | None:
@@ -72,7 +78,6 @@ def _summary(analysis: Analysis, found: FoundForce) -> ForceSummary:
     force, problem, noise = found.force, analysis.problem, noise_finding(found)
     sds = dict(zip(problem.names, np.std(analysis.chain.flat, axis=0).tolist(), strict=True))
     ok = analysis.diagnosis.ok
-    low_95, low_68, median, high_68, high_95 = force.quantiles.tolist()
     return ForceSummary(
         prior_scale=found.scale,
         probability=force.probability,
@@ -90,13 +95,14 @@ def _summary(analysis: Analysis, found: FoundForce) -> ForceSummary:
         words=tell(force_finding(found)),
         drawn=found.completed is not None,
         noise_words=None if noise is None else tell(noise),
-        x=force.x.tolist(),
-        low_95=low_95,
-        low_68=low_68,
-        median=median,
-        high_68=high_68,
-        high_95=high_95,
+        **_band(force.x, force.quantiles),
     )
+
+
+def _band(x: FloatArray, quantiles: FloatArray) -> dict[str, list[float]]:
+    """The fields of a `Band`.  x : (n_x,).  quantiles : (5, n_x) at `QUANTILES`."""
+    names = ("x", "low_95", "low_68", "median", "high_68", "high_95")
+    return dict(zip(names, np.vstack([x, quantiles]).tolist(), strict=True))
 
 
 def _average(
@@ -157,12 +163,13 @@ def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations]) -> 
             label=phrase("fitted points"),
         )
         ax.set(
-            xlabel=label, ylabel=phrase("force (% of the weight)"), xlim=(force.x[0], force.x[-1])
+            xlabel=label,
+            ylabel=phrase("force (% of the weight)"),
+            xlim=(force.x[0], force.x[-1]),
+            title=phrase(
+                "{title}: P(amplitude > 0) = {p:.3f}", title=_title(estimate), p=force.probability
+            ),
         )
-        title = phrase(
-            "{title}: P(amplitude > 0) = {p:.3f}", title=_title(estimate), p=force.probability
-        )
-        ax.set_title(title)
     legend_below(figure, ncols=4)
     return figure
 
@@ -191,7 +198,7 @@ class SizeSummary(Record):
     length_unit: str
 
 
-class DeviationSummary(Record):
+class DeviationSummary(Band):
     """What the curve of a run lacks, and what of it the curve cannot make up for, at the points;
     unit of y.
     """
@@ -211,12 +218,6 @@ class DeviationSummary(Record):
     # status is not ok
     growth: dict[str, float]
     words: str
-    x: list[float]
-    low_95: list[float]
-    low_68: list[float]
-    median: list[float]
-    high_68: list[float]
-    high_95: list[float]
 
 
 def curve_deviations(analysis: Analysis) -> dict[str, DeviationSummary] | None:
@@ -229,7 +230,6 @@ def curve_deviations(analysis: Analysis) -> dict[str, DeviationSummary] | None:
 def _curve_summary(analysis: Analysis, found: FoundDeviation) -> DeviationSummary:
     problem, visible = analysis.problem, found.visible
     run = next(run for run in problem.runs if run.name == found.run)
-    low_95, low_68, median, high_68, high_95 = visible.quantiles.tolist()
     return DeviationSummary(
         unit=run.y_unit,
         probability=found.probability,
@@ -242,12 +242,7 @@ def _curve_summary(analysis: Analysis, found: FoundDeviation) -> DeviationSummar
         conservative=found.conservative,
         growth=dict(found.growth) if analysis.diagnosis.ok else {},
         words=tell(deviation_finding(found, x_unit=run.x_unit, y_unit=run.y_unit)),
-        x=visible.x.tolist(),
-        low_95=low_95,
-        low_68=low_68,
-        median=median,
-        high_68=high_68,
-        high_95=high_95,
+        **_band(visible.x, visible.quantiles),
     )
 
 
@@ -278,10 +273,9 @@ def discrepancy_figure(
             xlabel=run.x_label,
             ylabel=phrase("deviation of {y}", y=run.y_label),
             xlim=(visible.x[0], visible.x[-1]),
+            title=phrase(
+                "{title}: P(amplitude > 0) = {p:.3f}", title=run.name, p=deviation.probability
+            ),
         )
-        title = phrase(
-            "{title}: P(amplitude > 0) = {p:.3f}", title=run.name, p=deviation.probability
-        )
-        ax.set_title(title)
     legend_below(figure, ncols=4)
     return figure

@@ -12,7 +12,6 @@ from estim.campaign import Campaign
 from estim.common import (
     FigureChoice,
     Quantity,
-    as_json,
     format_p,
     gravest,
     interval,
@@ -21,11 +20,11 @@ from estim.common import (
     significant,
     with_unit,
 )
-from estim.drawing import GREY, MARKS, RUN_COLOURS, Figure, legend_below, new_figure
+from estim.drawing import GREY, MARKS, RUN_COLOURS, Figure, fill, legend_below, new_figure
 from estim.pipeline import Analysis
 from estim.reports.pages import page
 from estim.reports.records import Record, Report
-from estim.reports.rendering import render, shown
+from estim.reports.rendering import shown
 from estim.reports.result import Provenance, provenance
 from estim.studies.energy import Drift, EnergyEstimate, EnergyRecord, energy_status
 
@@ -106,35 +105,26 @@ def drift_words(drift: DriftSummary) -> str:
             "construction and contain no information about "
             "a loss: give rolling_resistance a prior."
         )
-    fields = {
-        "gain": max(drift.gain, 0.0),
-        "p": format_p(drift.p_value),
-        "share": percentage(drift.narrowing, 2),
-    }
-    if drift.seen:
-        return phrase(
-            "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none); the data "
-            "reduce the uncertainty of the rolling "
-            "resistance to {share} of its prior, so the loss below is measured.",
-            **fields,
-        )
-    if drift.determined:
-        return phrase(
-            "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none), which is "
-            "consistent with no loss. The data reduce the "
-            "uncertainty of the rolling resistance to {share} of its prior: c_rr ≤ {limit} "
-            "with probability 95 %; read the loss below as "
-            "a limit, not as a measurement.",
-            limit=significant(drift.limit, 2),
-            **fields,
-        )
     return phrase(
-        "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none). After the fit "
+        "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none); the data "
+        "reduce the uncertainty of the rolling "
+        "resistance to {share} of its prior, so the loss below is measured."
+        if drift.seen
+        else "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none), which is "
+        "consistent with no loss. The data reduce the "
+        "uncertainty of the rolling resistance to {share} of its prior: c_rr ≤ {limit} "
+        "with probability 95 %; read the loss below as "
+        "a limit, not as a measurement."
+        if drift.determined
+        else "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none). After the fit "
         "the rolling resistance is about as uncertain "
         "as its prior ({share} of the prior's width): a loss computed from it would reflect this "
         "prior and not a measurement, so these data cannot test any statement about a loss. A "
         "joint fit of more runs, or a wider prior, lets the data determine it.",
-        **fields,
+        gain=max(drift.gain, 0.0),
+        p=format_p(drift.p_value),
+        share=percentage(drift.narrowing, 2),
+        limit=significant(drift.limit, 2),
     )
 
 
@@ -173,14 +163,11 @@ def average_words(energies: Mapping[str, EnergySummary]) -> str:
         percent(e.mean_relative if by_start else e.mean_to_kinetic) for e in energies.values()
     ]
     fields = {"shares": ", ".join(shares), "runs": ", ".join(energies)}
-    if by_start:
-        return phrase(
-            "Averaged over the frames of a run, the energy differs from its value at "
-            "release by {shares} ({runs}).",
-            **fields,
-        )
     return phrase(
-        "Averaged over the frames of a run, the energy differs from its value at release "
+        "Averaged over the frames of a run, the energy differs from its value at "
+        "release by {shares} ({runs})."
+        if by_start
+        else "Averaged over the frames of a run, the energy differs from its value at release "
         "by {shares} of the largest kinetic energy ({runs}).",
         **fields,
     )
@@ -200,50 +187,37 @@ def energy_report(
     records : in the order of the analyses' runs.
     drifts : one for each analysis.
     """
-    runs = [run for analysis in analyses for run in analysis.problem.runs]
-    statuses = {
-        run.name: energy_status(a, d)
-        for a, d in zip(analyses, drifts, strict=True)
-        for run in a.problem.runs
+    fits = {
+        ", ".join(run.name for run in a.problem.runs): (a, drift)
+        for a, drift in zip(analyses, drifts, strict=True)
     }
+    statuses = {
+        run.name: energy_status(a, drift) for a, drift in fits.values() for run in a.problem.runs
+    }
+    bad = frozenset(run.name for a in analyses if not a.diagnosis.ok for run in a.problem.runs)
     result = EnergyResult(
         "estim-energy/1",
         campaign.title,
         campaign.kind,
         gravest(statuses.values()),
-        {
-            ", ".join(run.name for run in a.problem.runs): list(a.diagnosis.reasons)
-            for a in analyses
-            if not a.diagnosis.ok
-        },
+        {runs: list(a.diagnosis.reasons) for runs, (a, _) in fits.items() if not a.diagnosis.ok},
         dict(statuses),
         {e.run: summarise_energy(e) for e in records if statuses[e.run] == "ok"},
-        {
-            ", ".join(run.name for run in a.problem.runs): summarise_drift(d)
-            for a, d in zip(analyses, drifts, strict=True)
-            if a.diagnosis.ok
-        },
-        provenance(campaign, [run.name for run in runs], seed),
+        {runs: summarise_drift(drift) for runs, (a, drift) in fits.items() if a.diagnosis.ok},
+        provenance(campaign, list(statuses), seed),
     )
-    bad = frozenset(
-        run.name
-        for analysis in analyses
-        for run in analysis.problem.runs
-        if not analysis.diagnosis.ok
-    )
-    drawers = {"figures/energy.png": partial(energy_figure, records, title=campaign.title, bad=bad)}
-    text = partial(
-        render,
+    return page(
+        {"figures/energy.png": partial(energy_figure, records, title=campaign.title, bad=bad)},
         "energy.md.j2",
+        {"result.json": result},
+        wanted=figures,
+        kind=campaign.kind,
         result=result,
         energies=result.energies,
         percent=percent,
         drift_words=drift_words,
         energy_words=energy_words,
     )
-    return page(drawers, text, wanted=figures, kind=campaign.kind) | {
-        "result.json": as_json(result)
-    }
 
 
 def energy_figure(
@@ -280,7 +254,7 @@ def energy_figure(
         for ax, y, u in (*panels, (change, 100.0 * record.relative, 100.0 * record.u_relative)):
             ax.plot(t, y, mark, color=colour, ms=2.5, label=record.run)
             if record.run not in bad:
-                ax.fill_between(t, y - u, y + u, color=colour, alpha=0.25, lw=0)
+                fill(ax, t, y - u, y + u, colour, 0.25)
         change.axhline(0.0, color=GREY, lw=0.8)
         for ax in (strip, change):
             ax.set_title(record.run, fontsize=7, loc="right", pad=2)

@@ -117,10 +117,9 @@ def explanation_lines(explanation: Explanation) -> list[str]:
     """The same for a terminal, line by line."""
     lines = [tell(verdict(explanation))]
     for candidate in explanation.found[:_MOST_SHOWN]:
-        gain = signed(f"{candidate.gain:.0f}")
         line = phrase(
             "{gain:>7}  {words}: {value}; the residuals are then {left}",
-            gain=gain,
+            gain=signed(f"{candidate.gain:.0f}"),
             words=candidate.words,
             value=_values(candidate),
             left=_left(candidate),
@@ -169,9 +168,12 @@ def _values(one: Candidate) -> str:
 def _value(n: Estimated) -> str:
     if n.sd > 0.0:
         return f"{n.label.symbol} = {_quantity(n.value, n.sd, n.label.factor, n.label.unit)}"
-    unit = behind(n.label.unit)
-    value = format_rounded(n.value * n.label.factor, 0.1 * abs(n.value * n.label.factor))
-    return phrase("{symbol} about {value}{unit}", symbol=n.label.symbol, value=value, unit=unit)
+    return phrase(
+        "{symbol} about {value}{unit}",
+        symbol=n.label.symbol,
+        value=format_rounded(n.value * n.label.factor, 0.1 * abs(n.value * n.label.factor)),
+        unit=behind(n.label.unit),
+    )
 
 
 def _quantity(value: float, sd: float, factor: float, unit: str) -> str:
@@ -185,7 +187,7 @@ def _left(one: Candidate) -> str:
         return phrase("not tested")
     if not one.random:
         return phrase("not random ({p})", p=format_p(one.p_order, P_FLOOR))
-    return phrase("random") if one.as_large_as_stated else phrase("random, but larger than stated")
+    return phrase("random" if one.as_large_as_stated else "random, but larger than stated")
 
 
 def _added(one: Candidate) -> str:

@@ -95,11 +95,12 @@ def html_page(files: Mapping[str, bytes], *, paper: bool = False) -> bytes:
     entries = "".join(
         f'<li><a href="#part-{i}">{escape(words)}</a></li>\n' for i, words in enumerate(titles, 1)
     )
-    words = escape(phrase("open all sections, also for printing"))
     contents = _CONTENTS.format(
         title=escape(phrase("Contents")),
         entries=entries,
-        switch=_SWITCH.format(words=words) if folds else "",
+        switch=_SWITCH.format(words=escape(phrase("open all sections, also for printing")))
+        if folds
+        else "",
     )
     main = re.search(r"<h1>(.*?)</h1>", standing)
     words = escape(phrase("Sections that are collapsed on the page are not printed."))

@@ -82,16 +82,13 @@ def identify_section(
         interval = profiles.get(parameter.name)
         label = parameter.label
         sd = float(posterior_sds[i])
-        prior_sd = (
-            significant(parameter.prior.sd * label.factor, 2)
-            if np.isfinite(parameter.prior.sd)
-            else phrase("flat")
-        )
         rows.append(
             IdentifyRow(
                 symbol=label.symbol,
                 unit="" if label.unit == "1" else label.unit,
-                prior_sd=prior_sd,
+                prior_sd=significant(parameter.prior.sd * label.factor, 2)
+                if np.isfinite(parameter.prior.sd)
+                else phrase("flat"),
                 posterior_sd=significant(sd * label.factor, 2),
                 ratio=f"{sd / parameter.prior.sd:.2f}" if np.isfinite(parameter.prior.sd) else "—",
                 profile_68=_cell(interval, 0.68, sd, label),
@@ -128,21 +125,17 @@ def _hardly_better_known(problem: Problem, posterior_sds: FloatArray) -> list[st
     ]
     if not symbols:
         return []
-    if len(symbols) == 1:
-        return [
-            phrase(
-                "{symbols} is hardly better known than before the data (posterior sd above "
-                "{share} of the prior's).",
-                symbols=symbols[0],
-                share=PRIOR_DOMINATED,
-            )
-        ]
-    listed = phrase("{names} and {last}", names=", ".join(symbols[:-1]), last=symbols[-1])
+    *others, last = symbols
     return [
         phrase(
             "{symbols} are hardly better known than before the data (posterior sd above "
+            "{share} of the prior's)."
+            if others
+            else "{symbols} is hardly better known than before the data (posterior sd above "
             "{share} of the prior's).",
-            symbols=listed,
+            symbols=phrase("{names} and {last}", names=", ".join(others), last=last)
+            if others
+            else last,
             share=PRIOR_DOMINATED,
         )
     ]
@@ -176,11 +169,10 @@ def _verdict(problem: Problem, leaning: Sensitivity, mean: float) -> str:
     words = phrase(leaning.verdict)
     if leaning.verdict == CONFLICT:
         prior = problem.parameters[problem.names.index(leaning.name)].prior
-        pull = signed(f"{(mean - prior.expectation) / prior.sd:+.1f}")
         words = phrase(
             "data and prior disagree (conflict): the posterior lies {pull} prior sd from "
             "the mean of the prior",
-            pull=pull,
+            pull=signed(f"{(mean - prior.expectation) / prior.sd:+.1f}"),
         )
     if leaning.strongest is None or leaning.strongest == leaning.name:
         return words
@@ -199,10 +191,7 @@ def direction_figure(problem: Problem, found: Identifiability) -> Figure:
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.25 if n < 8 else 1.7))
     information = np.array([d.information for d in found.directions])
     places = np.arange(n)
-    colours = [
-        BLUE if d.held_by == "data" else ORANGE if d.held_by == "prior" else INK
-        for d in found.directions
-    ]
+    colours = [{"data": BLUE, "prior": ORANGE}.get(d.held_by, INK) for d in found.directions]
     top = 10.0 * max(10.0, float(information.max()))
     left.barh(
         places,
@@ -212,8 +201,13 @@ def direction_figure(problem: Problem, found: Identifiability) -> Figure:
         height=0.62,
     )
     left.axvline(1.0, color=INK, lw=1)
-    left.set_xscale("log")
-    left.set_xlim(_FLOOR, top)
+    left.set(
+        xscale="log",
+        xlim=(_FLOOR, top),
+        ylim=(n - 0.5, -0.5),
+        xlabel=phrase("information of the data / of the prior"),
+        ylabel=phrase("direction"),
+    )
     first, last = math.ceil(math.log10(_FLOOR)), math.floor(math.log10(top))
     powers = range(
         first, last + 1, 1 if last - first < 9 and n < 8 else 2 * -(-(last - first) // 18)
@@ -222,10 +216,7 @@ def direction_figure(problem: Problem, found: Identifiability) -> Figure:
     name_ticks(
         left.xaxis, [10.0**power for power in powers], ["10" + raised(power) for power in powers]
     )
-    left.set_ylim(n - 0.5, -0.5)
     name_ticks(left.yaxis, places, [f"{k + 1}" for k in places])
-    left.set_xlabel(phrase("information of the data / of the prior"))
-    left.set_ylabel(phrase("direction"))
     left.text(
         0.8, -0.6, phrase("only the prior"), color=ORANGE, ha="right", va="bottom", fontsize=8
     )
@@ -240,12 +231,11 @@ def direction_figure(problem: Problem, found: Identifiability) -> Figure:
                 fontsize=7,
                 color=INK,
             )
-    upright = not single or max(len(label.symbol) for label in labels) > 8
     _components(
         right,
         np.array([d.vector for d in found.directions]),
         [label.tex for label in labels],
-        upright=upright,
+        upright=not single or max(len(label.symbol) for label in labels) > 8,
     )
     return figure
 
@@ -347,16 +337,21 @@ def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor
             )
     q025, q16, median, q84, q975 = np.quantile(draws, [0.025, 0.16, 0.5, 0.84, 0.975])
     ax.plot([q025, q975], [-0.55, -0.55], color=INK, lw=1, solid_capstyle="butt")
-    label = phrase("posterior: median, 68 and 95 %")
-    ax.plot([q16, q84], [-0.55, -0.55], color=INK, lw=3, solid_capstyle="butt", label=label)
+    ax.plot(
+        [q16, q84],
+        [-0.55, -0.55],
+        color=INK,
+        lw=3,
+        solid_capstyle="butt",
+        label=phrase("posterior: median, 68 and 95 %"),
+    )
     ax.plot(median, -0.55, "|", color=INK, ms=7)
     extent = np.concatenate([x[np.square(root) <= _TOP_RISE], [q025, q975]])
-    margin = (
-        0.06 * float(np.ptp(extent))
-        if math.isfinite(np.ptp(extent)) and np.ptp(extent) > 0.0
-        else 1.0
+    width = float(np.ptp(extent))
+    margin = 0.06 * width if 0.0 < width < math.inf else 1.0
+    ax.set(
+        xlim=(extent.min() - margin, extent.max() + margin),
+        ylim=(-1.1, _TOP_RISE),
+        yticks=[0, 1, 2, 3, 4],
     )
-    ax.set_xlim(extent.min() - margin, extent.max() + margin)
-    ax.set_ylim(-1.1, _TOP_RISE)
-    ax.set_yticks([0, 1, 2, 3, 4])
     ax.locator_params(axis="x", nbins=4)

@@ -7,7 +7,7 @@ pandas tables.
   `xarray.open_datatree` reads it.
 - `to_frame(analysis)`, `summary_frame(result)`: draws and summaries as pandas tables.  Need pandas.
 
-Without any of them there is `result.json` (`estim.reports.result.to_json`), and
+Without any of them there is `result.json` (`estim.analysis_report`), and
 `analysis.chain.flat` is a plain array.
 
 Chains and draws.  Walkers of one ensemble move by each other, so `chain` is an ensemble: R-hat then
@@ -24,9 +24,9 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -34,7 +34,6 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import InputError, Stream, one_line, phrase, stream
-from estim.fitting import Limit
 from estim.pipeline import Analysis
 from estim.reports.result import Result, software_versions
 
@@ -84,12 +83,7 @@ def to_datatree(analysis: Analysis) -> xarray.DataTree:
     _require("xarray")
     from xarray import Dataset, DataTree
 
-    return DataTree.from_dict(
-        {
-            path: Dataset(group.variables, group.coordinates, group.attributes)
-            for path, group in _groups(analysis).items()
-        }
-    )
+    return DataTree.from_dict({path: Dataset(*group) for path, group in _groups(analysis).items()})
 
 
 def to_netcdf(analysis: Analysis) -> bytes:
@@ -125,10 +119,13 @@ def to_frame(analysis: Analysis) -> pd.DataFrame:
     from pandas import DataFrame, MultiIndex
 
     chain = analysis.chain
-    index = MultiIndex.from_product(
-        [range(n) for n in chain.draws.shape[:3]], names=["ensemble", "step", "walker"]
+    frame = DataFrame(
+        chain.flat,
+        index=MultiIndex.from_product(
+            [range(n) for n in chain.draws.shape[:3]], names=["ensemble", "step", "walker"]
+        ),
+        columns=list(chain.names),
     )
-    frame = DataFrame(chain.flat, index=index, columns=list(chain.names))
     frame.attrs.update(
         units={p.name: p.unit for p in analysis.problem.parameters}, **_said(analysis)
     )
@@ -155,7 +152,8 @@ def summary_frame(result: Result) -> pd.DataFrame:
     from pandas import DataFrame
 
     rows = {
-        name: msgspec.structs.asdict(p) | _limit_columns(p.limit)
+        name: msgspec.structs.asdict(p)
+        | {"limit": p.limit.side if p.limit else "", "limit_95": p.limit and p.limit.limit_95}
         for name, p in result.parameters.items()
     }
     frame = DataFrame.from_dict(rows, orient="index")
@@ -173,14 +171,6 @@ def summary_frame(result: Result) -> pd.DataFrame:
         reasons=list(result.reasons),
     )
     return frame
-
-
-def _limit_columns(limit: Limit | None) -> dict[str, Any]:
-    return (
-        {"limit": "", "limit_95": None}
-        if limit is None
-        else {"limit": limit.side, "limit_95": limit.limit_95}
-    )
 
 
 def time_halves_order(n_step: int, n_walker: int) -> NDArray[np.intp]:
@@ -372,15 +362,14 @@ def _about(unit: str, meaning: str) -> dict[str, str]:
     return {"units": one_line(unit), "long_name": one_line(meaning)}  # HDF5 takes no null character
 
 
-@dataclass(frozen=True, eq=False)
-class Group:
+class Group(NamedTuple):
     """variables : name -> `Variable`.  coordinates : name -> dimensions and whole numbers.
     attributes : texts and whole numbers.
     """
 
-    variables: Mapping[str, Variable] = field(default_factory=dict)
-    coordinates: Mapping[str, tuple[tuple[str, ...], Any]] = field(default_factory=dict)
-    attributes: Mapping[str, str | int] = field(default_factory=dict)
+    variables: Mapping[str, Variable] = MappingProxyType({})
+    coordinates: Mapping[str, tuple[tuple[str, ...], Any]] = MappingProxyType({})
+    attributes: Mapping[str, str | int] = MappingProxyType({})
 
 
 def as_netcdf(groups: Mapping[str, Group]) -> bytes:

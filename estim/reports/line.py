@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from functools import partial
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -17,7 +18,6 @@ from estim.common import (
     FigureChoice,
     Notation,
     Quantity,
-    as_json,
     format_quantity,
     later,
     phrase,
@@ -29,9 +29,9 @@ from estim.line import CONVENTIONS, LineAnalysis, TrialsAnalysis
 from estim.reports.copying import copies_of
 from estim.reports.pages import Drawers, page
 from estim.reports.records import Record, Report
-from estim.reports.rendering import render, shown
+from estim.reports.rendering import shown
 from estim.reports.result import Provenance, provenance_of
-from estim.reports.trials import UNKNOWN_LABELS, TrialsResult, trials_files
+from estim.reports.trials import UNKNOWN_LABELS, trials_section
 from estim.sampling import Summary, summarise, trusted
 from estim.words import advice_for
 
@@ -116,7 +116,7 @@ def line_result(campaign: Campaign, analysis: LineAnalysis) -> LineResult:
         schema_="estim-line/1",
         title=campaign.title,
         kind=campaign.kind,
-        status=analysis.status,
+        status=status,
         reasons=list(analysis.reasons),
         advice=advice_for(analysis.findings),
         disagreement=analysis.disagreement,
@@ -126,23 +126,17 @@ def line_result(campaign: Campaign, analysis: LineAnalysis) -> LineResult:
         gamma_origin=gamma_origin(campaign.source, analysis.series.body),
         methods=methods,
         posterior={
-            "gamma": trusted(
-                summarise(analysis.gamma_draws, unit="1", meaning=phrase("1/slope")), status
-            ),
-            "intercept": trusted(
-                summarise(intercept, unit="1", meaning=phrase("sin θ_min at φ = 0")), status
-            ),
-            "slope": trusted(
-                summarise(analysis.chain.column("slope"), unit="1", meaning="1/γ"), status
-            ),
-            "rolling_resistance": trusted(
-                summarise(
+            name: trusted(summarise(draws, unit="1", meaning=meaning), status)
+            for name, draws, meaning in (
+                ("gamma", analysis.gamma_draws, phrase("1/slope")),
+                ("intercept", intercept, phrase("sin θ_min at φ = 0")),
+                ("slope", analysis.chain.column("slope"), "1/γ"),
+                (
+                    "rolling_resistance",
                     analysis.resistance_draws,
-                    unit="1",
-                    meaning=phrase("intercept · γ, if all of it is rolling resistance"),
+                    phrase("intercept · γ, if all of it is rolling resistance"),
                 ),
-                status,
-            ),
+            )
         },
         slope_interval=(analysis.slope_exact.low, analysis.slope_exact.high)
         if status.draws_count
@@ -194,54 +188,32 @@ def _row(analysis: LineAnalysis, method: str) -> LineRow:
     """What a method says; of a status that is not ok the best line and how well it fits, without
     any uncertainty.
     """
-    reading, ok = analysis.readings[method], analysis.status.ok
-    gamma, resistance = (
-        quantity if ok else None for quantity in (reading.gamma, reading.resistance)
-    )
-    e_n = reading.e_n if ok else math.nan
+    reading = analysis.readings[method]
+    told = (reading.gamma, reading.resistance, reading.e_n)
     if method == "posterior":
-        line = analysis.chain.flat[
-            :, [analysis.chain.names.index(name) for name in ("intercept", "slope")]
-        ]
+        names = ("intercept", "slope")
+        line = analysis.chain.flat[:, [analysis.chain.names.index(name) for name in names]]
         intercept, slope = line.mean(axis=0).tolist()
         cov = np.cov(line.T)
-        errors = (
-            {
-                "posterior sd": [
-                    float(np.sqrt(cov[0, 0])),
-                    float(np.sqrt(cov[1, 1])),
-                    float(cov[0, 1]),
-                ]
-            }
-            if ok
-            else {}
+        errors = {"posterior sd": [*np.sqrt(np.diag(cov)).tolist(), float(cov[0, 1])]}
+        row = LineRow(intercept, slope, math.nan, None, math.nan, errors, None, None, *told)
+    else:
+        fit = {"ols": analysis.ols, "weighted": analysis.weighted, "york": analysis.york}[method]
+        row = LineRow(
+            fit.intercept,
+            fit.slope,
+            fit.chi2,
+            fit.dof,
+            fit.p_value,
+            {name: [e.u_intercept, e.u_slope, e.cov] for name, e in fit.standard_errors.items()},
+            fit.recommended,
+            fit.reason,
+            *told,
         )
-        return LineRow(
-            intercept, slope, math.nan, None, math.nan, errors, None, None, gamma, resistance, e_n
-        )
-    fit = {"ols": analysis.ols, "weighted": analysis.weighted, "york": analysis.york}[method]
-    errors = (
-        {
-            name: [error.u_intercept, error.u_slope, error.cov]
-            for name, error in fit.standard_errors.items()
-        }
-        if ok
-        else {}
-    )
-    recommended, reason = (fit.recommended, fit.reason) if ok else (None, None)
-    return LineRow(
-        fit.intercept,
-        fit.slope,
-        fit.chi2,
-        fit.dof,
-        fit.p_value,
-        errors,
-        recommended,
-        reason,
-        gamma,
-        resistance,
-        e_n,
-    )
+    if analysis.status.ok:
+        return row
+    nothing = dict.fromkeys(("recommended", "reason", "gamma", "rolling_resistance"))
+    return msgspec.structs.replace(row, standard_errors={}, e_n=math.nan, **nothing)
 
 
 def line_report(
@@ -257,35 +229,20 @@ def line_report(
     result = line_result(campaign, analysis)
     true = campaign.truth.get(f"gamma[{analysis.series.body}]")
     drawers: Drawers = {"figures/line.png": partial(line_figure, analysis)}
-    records, released = {"result.json": as_json(result)}, None
+    records: dict[str, Report] = {"result.json": result}
     if trials is not None:
-        of_trials, released, records["trials.json"] = trials_files(campaign, trials, line=analysis)
+        of_trials, records["trials.json"] = trials_section(campaign, trials, line=analysis)
         drawers = {**drawers, **of_trials}
-    text = partial(line_text, result, trials=released, true=true)
-    return page(drawers, text, wanted=figures, kind=campaign.kind) | records
-
-
-def line_text(
-    result: LineResult,
-    pictures: Collection[str],
-    *,
-    trials: TrialsResult | None = None,
-    true: float | None = None,
-) -> str:
-    """The Markdown report of a line, with the figures at the paths `pictures`, and the section of
-    `trials` where there are any.
-
-    true : gamma of synthetic data, where it is known.
-    """
     estimates = [line_estimate(result, true)] if result.status == "ok" else []
-    head, rows = result_table(estimates)
-    return render(
+    return page(
+        drawers,
         "line.md.j2",
-        pictures=pictures,
-        opened=(),
+        records,
+        wanted=figures,
+        kind=campaign.kind,
         result=result,
-        trials=trials,
-        found=table(head, rows),
+        trials=records.get("trials.json"),
+        found=table(*result_table(estimates)),
         copies=copies_of(estimates, kind=result.kind) if estimates else None,
         **LINE_WORDS,
         labels=UNKNOWN_LABELS,
@@ -325,21 +282,21 @@ def line_estimate(result: LineResult, true: float | None) -> Estimate:
 
 def evidence_words(log_bayes_factor: float) -> str:
     """The odds, and the strength of the evidence in the words of Kass and Raftery 1995."""
-    odds = significant(math.exp(min(abs(log_bayes_factor), 200.0)), 2)
-    strength = phrase(
-        next(
-            (words for limit, words in _STRENGTHS if abs(log_bayes_factor) < limit),
-            later("very strong evidence"),
-        )
-    )
-    if log_bayes_factor > 0:
-        return phrase("{odds} : 1 for an intercept, {strength}", odds=odds, strength=strength)
     return phrase(
-        "{odds} : 1 for a line through the origin, {strength}", odds=odds, strength=strength
+        "{odds} : 1 for an intercept, {strength}"
+        if log_bayes_factor > 0
+        else "{odds} : 1 for a line through the origin, {strength}",
+        odds=significant(math.exp(min(abs(log_bayes_factor), 200.0)), 2),
+        strength=phrase(
+            next(
+                (words for limit, words in _STRENGTHS if abs(log_bayes_factor) < limit),
+                later("very strong evidence"),
+            )
+        ),
     )
 
 
-LINE_WORDS: Mapping[str, object] = {
+LINE_WORDS: Mapping[str, Any] = {
     "line_methods": _METHODS,
     "conventions": CONVENTIONS,
     "evidence_words": evidence_words,
@@ -366,10 +323,15 @@ def line_figure(analysis: LineAnalysis) -> Figure:
         )
     if analysis.gamma_masses is not None:
         gamma = analysis.gamma_masses
-        label = phrase(
-            "theory, with the stated γ = {gamma}", gamma=format_quantity(gamma.value, gamma.u)
+        ax.plot(
+            x,
+            x / gamma.value,
+            color=ORANGE,
+            lw=1.8,
+            label=phrase(
+                "theory, with the stated γ = {gamma}", gamma=format_quantity(gamma.value, gamma.u)
+            ),
         )
-        ax.plot(x, x / gamma.value, color=ORANGE, lw=1.8, label=label)
     ax.plot(
         x,
         analysis.ols.intercept + analysis.ols.slope * x,
@@ -388,17 +350,17 @@ def line_figure(analysis: LineAnalysis) -> Figure:
         color=INK,
         ms=4,
         lw=1,
-        capsize=0,
         label=phrase("measured, ± 1 standard uncertainty"),
     )
-    ax.set(xlabel=phrase("sin φ  (tilt of the ramp)"), xlim=(0.0, None))
-    ax.set_ylabel(
-        phrase(
+    ax.set(
+        title=series.body,
+        xlabel=phrase("sin φ  (tilt of the ramp)"),
+        ylabel=phrase(
             "sin {theta_min}  (smallest ascending angle)",
             theta_min=Notation("θ_min").label("rad").tex,
-        )
+        ),
+        xlim=(0.0, None),
+        ylim=(min(0.0, float(np.min(series.y - series.u_y))), None),
     )
-    ax.set_ylim(bottom=min(0.0, float(np.min(series.y - series.u_y))))
-    ax.set_title(series.body)
     legend_below(figure, ncols=2)
     return figure

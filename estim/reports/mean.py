@@ -10,7 +10,6 @@ import numpy as np
 from estim.common import (
     FigureChoice,
     Status,
-    as_json,
     behind,
     bracketed,
     interval,
@@ -24,7 +23,6 @@ from estim.means import TableMean
 from estim.reports.measurement import expanded_statement
 from estim.reports.pages import page
 from estim.reports.records import Record, Report
-from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance_of
 
 
@@ -84,8 +82,11 @@ def mean_statement(found: TableMean) -> str:
     size = best.u if math.isfinite(best.u) else 0.25 * (best.high - best.low)
     shown = rounded(best.value, size, 2) + unit
     if math.isfinite(best.u):  # three values and fewer have an interval alone
-        u = rounded(best.u, best.u, 2, beside=best.value) + unit
-        shown = phrase("{value} with standard uncertainty u = {u}", value=shown, u=u)
+        shown = phrase(
+            "{value} with standard uncertainty u = {u}",
+            value=shown,
+            u=rounded(best.u, best.u, 2, beside=best.value) + unit,
+        )
     return phrase(
         "{name} = {value}, {percent} interval {ends}, with a dark uncertainty of {tau}.",
         name=name,
@@ -132,17 +133,16 @@ def mean_report(found: TableMean, *, seed: int, figures: FigureChoice = "main") 
         mean.probability,
         provenance_of(found.path, found.sha256, {str(found.path): found.sha256}, seed),
     )
-    text = partial(
-        render,
+    return page(
+        {"figures/mean.png": partial(mean_figure, found)},
         "mean.md.j2",
+        {"result.json": result},
+        wanted=figures,
         result=result,
         unit=found.unit,
         averages=table(shown.head, shown.rows),
         facts=(found.told, *found.facts),
     )
-    return page({"figures/mean.png": partial(mean_figure, found)}, text, wanted=figures) | {
-        "result.json": as_json(result)
-    }
 
 
 def mean_figure(found: TableMean) -> Figure:
@@ -157,18 +157,31 @@ def mean_figure(found: TableMean) -> Figure:
     with_tau = "hierarchical" if mean.u_data is not None else mean.recommended
     for name, colour in dict.fromkeys(((others, BLUE), (with_tau, ORANGE))):
         a = mean.averages[name]
-        label = f"{name}, {100.0 * mean.probability:g} %"
-        if name == mean.recommended:
-            label += f" ({phrase('recommended')})"
-        ax.axhspan(a.low, a.high, color=colour, alpha=0.2, lw=0, label=label)
+        ax.axhspan(
+            a.low,
+            a.high,
+            color=colour,
+            alpha=0.2,
+            lw=0,
+            label=f"{name}, {100.0 * mean.probability:g} %"
+            + (f" ({phrase('recommended')})" if name == mean.recommended else ""),
+        )
         ax.axhline(a.value, color=colour, lw=1.2)
-    words = "readings" if mean.u_data is None else phrase("values, ± 1 standard uncertainty")
-    ax.errorbar(places, mean.data, mean.u_data, fmt="o", color=INK, ms=4, lw=1, label=phrase(words))
+    ax.errorbar(
+        places,
+        mean.data,
+        mean.u_data,
+        fmt="o",
+        color=INK,
+        ms=4,
+        lw=1,
+        label=phrase("readings" if mean.u_data is None else "values, ± 1 standard uncertainty"),
+    )
     if mean.groups is not None and len(mean.groups.names) <= 40:
         name_ticks(ax.xaxis, np.unique(places), mean.groups.names)
     ax.set(
         ylabel=found.name + bracketed(found.unit),
-        xlabel=phrase("number of the value") if mean.groups is None else phrase("group"),
+        xlabel=phrase("number of the value" if mean.groups is None else "group"),
     )
     ax.ticklabel_format(axis="y", useOffset=False)
     legend_below(figure, ncols=3)

@@ -5,32 +5,19 @@ statement to paste, regions.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
 from functools import partial
 
 import numpy as np
-from scipy import special
 
 from estim.arrays import FloatArray
-from estim.common import (
-    FigureChoice,
-    as_json,
-    behind,
-    bracketed,
-    gravest,
-    interval,
-    later,
-    phrase,
-    rounded,
-)
+from estim.common import FigureChoice, behind, bracketed, gravest, interval, later, phrase, rounded
 from estim.distributions import student_quantile
 from estim.drawing import BLUE, GREEN, INK, ORANGE, PALE, Axes, Figure, grid, legend_below
 from estim.measurement import Propagation, Region, ellipse
 from estim.reports.budget import budget_figure
 from estim.reports.corner_figures import density_of
-from estim.reports.pages import page
+from estim.reports.pages import Drawers, page
 from estim.reports.records import Record, Report
-from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance_of
 
 _DIGITS = 3  # of u in tables: one more than a statement has
@@ -334,11 +321,6 @@ def expanded_statement(
     probability: float,
 ) -> str:
     """A value with its expanded uncertainty, told as GUM 7.2.4 asks."""
-    law = (
-        phrase("the normal distribution")
-        if dof > 1e6
-        else phrase("the t distribution with {dof:.3g} effective degrees of freedom", dof=dof)
-    )
     return phrase(
         "{what}: {name} = ({value}){unit}, where the number after ± is the expanded "
         "uncertainty U = k u, with the standard "
@@ -350,7 +332,9 @@ def expanded_statement(
         unit=unit,
         u=rounded(u, u, 2, beside=value) + unit,
         k=k,
-        law=law,
+        law=phrase("the normal distribution")
+        if dof > 1e6
+        else phrase("the t distribution with {dof:.3g} effective degrees of freedom", dof=dof),
         percent=f"{100.0 * probability:g} %",
     )
 
@@ -360,26 +344,24 @@ def measurement_report(
 ) -> dict[str, bytes]:
     """`report.md`, `result.json` and the figures."""
     result = measurement_result(propagation, seed=seed)
-    drawers = {"figures/distribution.png": partial(distribution_figure, propagation)}
+    drawers: Drawers = {"figures/distribution.png": partial(distribution_figure, propagation)}
     if any(np.isfinite(row.share) for budget in propagation.budgets for row in budget.rows):
         drawers["figures/budget.png"] = partial(shares_figure, propagation)
     if propagation.regions:
         drawers["figures/regions.png"] = partial(region_figure, propagation)
-
-    def text(*, pictures: Collection[str]) -> str:
-        return render(
-            "measurement.md.j2",
-            pictures=pictures,
-            result=result,
-            percent=f"{100.0 * result.probability:g}",
-            which_interval=phrase(_INTERVALS[result.interval]),
-            laws=_LAWS,
-            cell=_cell,
-            ends=_ends,
-            dof=_dof,
-        )
-
-    return page(drawers, text, wanted=figures) | {"result.json": as_json(result)}
+    return page(
+        drawers,
+        "measurement.md.j2",
+        {"result.json": result},
+        wanted=figures,
+        result=result,
+        percent=f"{100.0 * result.probability:g}",
+        which_interval=phrase(_INTERVALS[result.interval]),
+        laws=_LAWS,
+        cell=_cell,
+        ends=_ends,
+        dof=_dof,
+    )
 
 
 def measurement_lines(propagation: Propagation) -> list[str]:
@@ -408,13 +390,8 @@ def _dof(dof: float, form: str = "%.4g") -> str:
 
 
 def _density_name(unit: str) -> str:
-    if unit == "1":
-        return phrase("density")
-    return (
-        f"{phrase('density')} (1/({unit}))"
-        if set(unit) & set(" /*·")
-        else f"{phrase('density')} (1/{unit})"
-    )
+    below = f"({unit})" if set(unit) & set(" /*·") else unit
+    return phrase("density") + ("" if unit == "1" else f" (1/{below})")
 
 
 def distribution_figure(propagation: Propagation) -> Figure:
@@ -436,7 +413,10 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
     linear, sampled = propagation.linear, propagation.sampled
     draws = sampled.draws[:, i]
     draws = draws[np.isfinite(draws)]
-    value, u = float(linear.value[i]), float(linear.u[i])
+    value, u, start, stop, dof = (
+        float(of_outputs[i])
+        for of_outputs in (linear.value, linear.u, linear.low, linear.high, linear.dof)
+    )
     percent = f"{100.0 * sampled.probability:g} %"
     if draws.size:
         tail = 0.1 * (1.0 - sampled.probability)
@@ -457,25 +437,18 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
             ax.axvline(float(end), color=BLUE, lw=1.4, label=label)
     if u > 0.0 and math.isfinite(value):
         left, right = ax.get_xlim()
-        room = 0.25 * float(linear.high[i] - linear.low[i])
-        x = np.linspace(
-            min(left, float(linear.low[i]) - room), max(right, float(linear.high[i]) + room), 400
-        )
+        room = 0.25 * (stop - start)
+        x = np.linspace(min(left, start - room), max(right, stop + room), 400)
         ax.plot(
             x,
-            _density((x - value) / u, float(linear.dof[i])) / u,
+            _density((x - value) / u, dof) / u,
             color=ORANGE,
             lw=1.6,
             label=phrase("the GUM's normal or t distribution"),
         )
-        for end in (linear.low[i], linear.high[i]):
-            ax.axvline(
-                float(end),
-                color=ORANGE,
-                lw=1.4,
-                ls="--",
-                label=phrase("{percent} interval of the GUM", percent=percent),
-            )
+        label = phrase("{percent} interval of the GUM", percent=percent)
+        for end in (start, stop):
+            ax.axvline(end, color=ORANGE, lw=1.4, ls="--", label=label)
     ax.set_ylim(bottom=0.0)
 
 
@@ -483,9 +456,7 @@ def _density(z: FloatArray, dof: float) -> FloatArray:
     """Of Student's t distribution, which is normal for very many degrees of freedom."""
     dof = min(dof, 1e6)
     log_norm = (
-        special.gammaln(0.5 * (dof + 1.0))
-        - special.gammaln(0.5 * dof)
-        - 0.5 * math.log(dof * math.pi)
+        math.lgamma(0.5 * (dof + 1.0)) - math.lgamma(0.5 * dof) - 0.5 * math.log(dof * math.pi)
     )
     return np.exp(log_norm - 0.5 * (dof + 1.0) * np.log1p(z**2 / dof))
 
@@ -558,12 +529,23 @@ def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
         linewidths=0.9,
         linestyles=":",
     )
-    label = phrase(
-        "smallest region containing {percent} of the draws, approximate", percent=percent
+    ax.plot(
+        [],
+        [],
+        color=INK,
+        lw=0.9,
+        ls=":",
+        label=phrase(
+            "smallest region containing {percent} of the draws, approximate", percent=percent
+        ),
     )
-    ax.plot([], [], color=INK, lw=0.9, ls=":", label=label)
-    label = phrase("{percent} ellipse of the GUM", percent=percent)
-    ax.plot(*of_gum, color=ORANGE, lw=1.8, ls="--", label=label)
+    ax.plot(
+        *of_gum,
+        color=ORANGE,
+        lw=1.8,
+        ls="--",
+        label=phrase("{percent} ellipse of the GUM", percent=percent),
+    )
     ax.plot(
         *of_draws,
         color=BLUE,

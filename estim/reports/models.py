@@ -10,13 +10,12 @@ import numpy as np
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL
-from estim.common import FigureChoice, as_json, bracketed, later, phrase, signed, split_level
+from estim.common import FigureChoice, bracketed, later, phrase, signed, split_level
 from estim.drawing import BLUE, GREY, INK, ORANGE, PALE, Axes, Figure, grid, name_ticks, new_figure
 from estim.explanation import P_NOT_BROUGHT_BACK, Predicted
 from estim.problem import Parameter
-from estim.reports.pages import page
+from estim.reports.pages import Drawers, page
 from estim.reports.records import Record
-from estim.reports.rendering import render
 from estim.reports.result import provenance
 from estim.sampling import Summary, number
 from estim.studies.models import (
@@ -115,12 +114,31 @@ def models_report(
     summaries = [_summary(row) for row in rows]
     runs = [run.name for run in problem.runs]
     drawn = _shown(rows)
-    text = partial(
-        render,
+    record = {
+        "title": campaign.title,
+        "kind": campaign.kind,
+        "runs": runs,
+        "recommended": comparison.recommended or None,
+        "ground": str(comparison.ground),
+        "models": summaries,
+        "provenance": provenance(campaign, runs, seed),
+    }
+    compared = [(s.name, s.status == "ok", s.posterior) for s in summaries]
+    drawers: Drawers = {
+        "figures/values.png": partial(values_figure, compared, common, comparison.recommended)
+    }
+    if drawn is not None and drawn.predicted:
+        drawers["figures/predictive.png"] = partial(
+            predictive_figure, drawn.predicted, drawn.model.name
+        )
+    return page(
+        drawers,
         "models.md.j2",
+        {"models.json": record},
+        wanted=figures,
+        kind=campaign.kind,
         title=campaign.title,
         runs=runs,
-        kind=campaign.kind,
         rows=summaries,
         recommended=comparison.recommended,
         ground=ground_words(comparison),
@@ -143,36 +161,16 @@ def models_report(
         price_words=price_words(comparison),
         names=[row.model.name for row in rows],
     )
-    record = {
-        "title": campaign.title,
-        "kind": campaign.kind,
-        "runs": runs,
-        "recommended": comparison.recommended or None,
-        "ground": str(comparison.ground),
-        "models": summaries,
-        "provenance": provenance(campaign, runs, seed),
-    }
-    compared = [(s.name, s.status == "ok", s.posterior) for s in summaries]
-    drawers = {
-        "figures/values.png": partial(values_figure, compared, common, comparison.recommended)
-    }
-    if drawn is not None and drawn.predicted:
-        drawers["figures/predictive.png"] = partial(
-            predictive_figure, drawn.predicted, drawn.model.name
-        )
-    return page(drawers, text, wanted=figures, kind=campaign.kind) | {
-        "models.json": as_json(record)
-    }
 
 
 def ground_words(comparison: ModelComparison) -> str:
     """Why the recommended model is recommended."""
     rival = rival_of(comparison.rows, by_evidence=comparison.by_evidence)
     default = next((row for row in comparison.rows if row.model.forced), None)
-    what = (
-        phrase("evidence")
+    what = phrase(
+        "evidence"
         if comparison.by_evidence
-        else phrase("predictive density (leave-one-out; not every model has an evidence)")
+        else "predictive density (leave-one-out; not every model has an evidence)"
     )
     odds = ""
     if comparison.by_evidence and rival is not None and default is not None:
@@ -219,37 +217,40 @@ def odds_words(behind: float) -> str:
         if odds < 10.0
         else f"{odds:,.0f}".replace(",", " ")
     )
-    words = phrase(
-        next((words for limit, words in _WORTH if abs(behind) < limit), later("very strong"))
+    return phrase(
+        "{odds} to 1 ({words})",
+        odds=ratio,
+        words=phrase(
+            next((words for limit, words in _WORTH if abs(behind) < limit), later("very strong"))
+        ),
     )
-    return phrase("{odds} to 1 ({words})", odds=ratio, words=words)
 
 
 def _why_not(row: ComparedModel, chosen: ComparedModel | None) -> str:
+    apart = (
+        None
+        if chosen is None or chosen.lack is not None or row.lack is not None
+        else log_odds(row, chosen)
+    )
+    against = later("the odds against it are {odds}")
     if not row.ok:
-        comparable = (
-            chosen is not None
-            and chosen.lack is None
-            and row.lack is None
-            and log_odds(row, chosen) < 0.0
-        )
-        odds = (
-            phrase("; the odds against it are {odds}", odds=odds_words(log_odds(row, chosen)))
-            if comparable and chosen is not None
-            else ""
-        )
-        return f"{row.analysis.diagnosis.status}: {row.analysis.diagnosis.reasons[0]}{odds}"
+        reason = f"{row.analysis.diagnosis.status}: {row.analysis.diagnosis.reasons[0]}"
+        if apart is None or apart >= 0.0:
+            return reason
+        return f"{reason}; {phrase(against, odds=odds_words(apart))}"
     if chosen is None:
         return phrase("no model is recommended")
-    if row.lack is not None or chosen.lack is not None:
+    if apart is None:
         ahead = chosen.behind - row.behind
-        better = later("its predictions are better by {by:.1f} (elpd)")
-        worse = later("its predictions are worse by {by:.1f} (elpd)")
-        words = phrase(better if ahead > 0.0 else worse, by=abs(ahead))
-    elif log_odds(row, chosen) >= 0.0:
-        words = phrase("the odds for it are {odds}", odds=odds_words(log_odds(row, chosen)))
+        words = phrase(
+            "its predictions are better by {by:.1f} (elpd)"
+            if ahead > 0.0
+            else "its predictions are worse by {by:.1f} (elpd)",
+            by=abs(ahead),
+        )
     else:
-        words = phrase("the odds against it are {odds}", odds=odds_words(log_odds(row, chosen)))
+        odds = later("the odds for it are {odds}") if apart >= 0.0 else against
+        words = phrase(odds, odds=odds_words(apart))
     return (
         phrase("contained in the recommended model; {words}", words=words)
         if contains(chosen, row)
@@ -365,16 +366,15 @@ def values_figure(
                 ax, place, posterior[p.name], p.label.factor, ok=ok, recommended=name == recommended
             )
         name_ticks(ax.yaxis, places, [name if i % 3 == 0 else "" for name, *_ in rows])
-        ax.set_ylim(-0.6, len(rows) - 0.4)
-        ax.set_xlabel(p.label.axis)
+        ax.set(xlabel=p.label.axis, ylim=(-0.6, len(rows) - 0.4))
         ax.locator_params(axis="x", nbins=4)
     figure.suptitle(
         phrase(
             "median, 68 and 95 % intervals; orange square: recommended; grey, dashed: not "
             "ok, do not use"
+            if recommended
+            else "median, 68 and 95 % intervals; grey, dashed: not ok, not to be used"
         )
-        if recommended
-        else phrase("median, 68 and 95 % intervals; grey, dashed: not ok, not to be used")
     )
     return figure
 
@@ -418,10 +418,9 @@ def predictive_figure(predicted: Sequence[Predicted], model: str) -> Figure:
             _histogram(ax, statistic)
             if k == 0:
                 ax.set_ylabel(run)
-    title = phrase(
-        "{model}: filled: data sets drawn from the posterior; orange: the data", model=model
+    figure.suptitle(
+        phrase("{model}: filled: data sets drawn from the posterior; orange: the data", model=model)
     )
-    figure.suptitle(title)
     return figure
 
 
@@ -441,8 +440,7 @@ def _histogram(ax: Axes, one: Predicted) -> None:
         ax.hist(observed, bins=edges, histtype="step", color=ORANGE, linewidth=1.6)
     else:
         ax.axvline(float(observed[0]), color=ORANGE, lw=2.2)
-    ax.set_yticks([])
-    ax.set_xlim(edges[0], edges[-1])
+    ax.set(yticks=[], xlim=(edges[0], edges[-1]))
     ax.locator_params(axis="x", nbins=3)
     short = phrase(_SHORT.get(one.name, one.words))
     ax.set_xlabel(short + bracketed(one.label.unit), fontsize=7.5)

@@ -8,10 +8,9 @@ import re
 import unicodedata
 from collections.abc import Callable, Collection, Mapping
 from types import MappingProxyType
-from typing import Protocol
 from urllib.parse import unquote
 
-from estim.common import FIGURE_CHOICES, FigureChoice, InputError, Markdown, as_csv, phrase
+from estim.common import FIGURE_CHOICES, FigureChoice, InputError, Markdown, as_csv, as_json, phrase
 from estim.drawing import Figure, png
 from estim.reports.rendering import CITED, FENCED, render
 
@@ -33,7 +32,7 @@ _NUMBERED = re.compile(
 list, whose columns have no names.
 """
 
-Drawers = Mapping[str, "Callable[[], Figure]"]
+Drawers = dict[str, "Callable[[], Figure]"]
 """Path of a figure -> what draws it."""
 MOST_ROWS, MOST_COLUMNS, MOST_POINTS = 150, 60, 60
 _CELLS = re.compile(r"(?<!\\)\|")
@@ -42,12 +41,6 @@ _CODE_TABLE_OR_LIST = re.compile(
     r"|(?:^\|[^\n]*\n)+|^- [^\n]*\n(?:(?:- |  )[^\n]*\n|\n+(?=- |  ))*",
     re.DOTALL | re.MULTILINE,
 )
-
-
-class Text(Protocol):
-    """A report in Markdown that shows the figures at the paths `pictures`."""
-
-    def __call__(self, *, pictures: Collection[str]) -> str: ...
 
 
 def unbroken(text: str) -> str:
@@ -92,13 +85,30 @@ def marked(figure: Figure) -> Figure:
 
 def page(
     drawers: Drawers,
-    text: Text,
+    template: str,
+    records: Mapping[str, object] = MappingProxyType({}),
     *,
     wanted: FigureChoice,
-    further: Drawers = MappingProxyType({}),
+    further: Drawers | None = None,
     kind: str = "",
+    opened: Collection[str] = (),
+    **values: object,
 ) -> dict[str, bytes]:
-    """The figures that are `wanted` and `report.md`, path -> bytes.
+    """The figures that are `wanted`, `report.md` of a template filled with `values`, and the JSON
+    of `records`, path -> bytes.
+
+    drawers, further, kind : as `images` says.  opened : as `render` says.  Raises InputError.
+    """
+    drawn = images(drawers, wanted=wanted, further=further, kind=kind)
+    text = finished(render(template, pictures=drawn, opened=opened, kind=kind, **values))
+    files = {path: as_json(record) for path, record in records.items()}
+    return drawn | {"report.md": text.encode()} | files
+
+
+def images(
+    drawers: Drawers, *, wanted: FigureChoice, further: Drawers | None = None, kind: str = ""
+) -> dict[str, bytes]:
+    """The figures that are `wanted`, path -> PNG.
 
     drawers, further : of the main figures, and of those that are drawn where all are wanted.
     kind : of the data; where they are "synthetic" every figure says so.
@@ -109,11 +119,14 @@ def page(
         raise InputError(
             f"must be one of {', '.join(FIGURE_CHOICES)}", field="figures", value=wanted
         )
-    drawn = {} if wanted == "none" else {**drawers, **(further if wanted == "all" else {})}
-    images = {
-        path: png(draw, marked if kind == "synthetic" else None) for path, draw in drawn.items()
-    }
-    return images | {"report.md": numbered(unbroken(text(pictures=drawn.keys()))).encode()}
+    drawn = {} if wanted == "none" else drawers | (further or {} if wanted == "all" else {})
+    finish = marked if kind == "synthetic" else None
+    return {path: png(draw, finish) for path, draw in drawn.items()}
+
+
+def finished(text: str) -> str:
+    """Markdown with its numbers kept on one line, and its figures and tables numbered."""
+    return numbered(unbroken(text))
 
 
 def with_campaign(

@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 
-from estim.common import (
-    FigureChoice,
-    Status,
-    as_json,
-    bracketed,
-    decide,
-    format_quantity,
-    phrase,
-    with_unit,
+from estim.common import FigureChoice, Status, bracketed, decide, format_quantity, phrase, with_unit
+from estim.drawing import (
+    COLOURS,
+    GREY,
+    INK,
+    MARKS,
+    Figure,
+    grid,
+    legend_below,
+    name_ticks,
+    new_figure,
 )
-from estim.drawing import COLOURS, GREY, INK, MARKS, Figure, legend_below, name_ticks, new_figure
 from estim.planning import FAR, MORE, Halving, Option, Plan
 from estim.problem import Parameter
-from estim.reports.pages import page
+from estim.reports.pages import Drawers, page
 from estim.reports.records import Record, Report
-from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance
 from estim.words import tell
 
@@ -161,16 +161,18 @@ def plan_record(plan: Plan) -> PlanRecord:
 def plan_report(plan: Plan, *, figures: FigureChoice = "main") -> dict[str, bytes]:
     """`report.md`, `plan.json` and the figures."""
     record, options = plan_record(plan), shown_options(plan.options)
-    drawers: dict[str, Callable[[], Figure]] = (
+    drawers: Drawers = (
         {"figures/ratios.png": partial(ratio_figure, plan, options)} if options else {}
     )
     if plan.along:
         drawers["figures/places.png"] = partial(along_figure, plan)
-    text = partial(
-        render,
+    return page(
+        drawers,
         "plan.md.j2",
-        record=record,
+        {"plan.json": record},
+        wanted=figures,
         kind=record.kind,
+        record=record,
         plan=plan,
         how=phrase(plan.how),
         shown=options,
@@ -185,9 +187,6 @@ def plan_report(plan: Plan, *, figures: FigureChoice = "main") -> dict[str, byte
         far=FAR,
         refused=_refused(plan.refused),
     )
-    return page(drawers, text, wanted=figures, kind=plan.campaign.kind) | {
-        "plan.json": as_json(record)
-    }
 
 
 def shown_options(options: Sequence[Option]) -> tuple[Option, ...]:
@@ -299,7 +298,6 @@ def ratio_figure(plan: Plan, options: Sequence[Option]) -> Figure:
     ax.hlines(places, 0.0, 1.0, color=GREY, lw=0.4, alpha=0.5)
     for k, target in enumerate(plan.targets[:_MOST]):
         ratios = [option.ratio[k] for option in options]
-        label = phrase("u of {quantity}", quantity=target.label.tex)
         ax.plot(
             ratios,
             places,
@@ -307,7 +305,7 @@ def ratio_figure(plan: Plan, options: Sequence[Option]) -> Figure:
             color=COLOURS[k],
             ms=5,
             ls="none",
-            label=label,
+            label=phrase("u of {quantity}", quantity=target.label.tex),
             mec="white",
             mew=0.5,
         )
@@ -328,8 +326,7 @@ def along_figure(plan: Plan) -> Figure:
     of the readings at hand.
     """
     runs = plan.fit.problem.runs
-    figure = new_figure(2.4 * len(plan.along) + 0.4)
-    axes = figure.subplots(len(plan.along), 1, squeeze=False)[:, 0]
+    figure, axes = grid(len(plan.along), height=2.4, columns=1)
     for ax, along in zip(axes, plan.along, strict=True):
         run = next(run for run in runs if run.name == along.run)
         ax.axvspan(*along.inside, color=GREY, alpha=0.18, lw=0)
@@ -345,8 +342,7 @@ def along_figure(plan: Plan) -> Figure:
             best = int(np.argmin(along.ratio[k]))
             ax.plot(along.x[best], along.ratio[k][best], MARKS[k], color=COLOURS[k], ms=6)
         ax.plot(run.x, np.full(run.n_obs, 1.0), "|", color=INK, ms=5, mew=0.6)
-        ax.set_xlabel(run.x_label)
-        ax.set_ylabel(phrase("u / present u"))
+        ax.set(xlabel=run.x_label, ylabel=phrase("u / present u"))
         if len(plan.along) > 1:
             ax.set_title(along.run)
     axes[0].legend()

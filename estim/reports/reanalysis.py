@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -15,7 +15,6 @@ from estim.checks import Estimate, not_measured, result_table, screen_lines
 from estim.common import (
     FigureChoice,
     Quantity,
-    as_json,
     format_rounded,
     later,
     listed,
@@ -52,9 +51,9 @@ from estim.reports.line import (
     line_lines,
     line_result,
 )
-from estim.reports.pages import page
+from estim.reports.pages import Drawers, page
 from estim.reports.records import Record, Report
-from estim.reports.rendering import render, shown
+from estim.reports.rendering import shown
 from estim.reports.result import (
     MOST_MINDS,
     Provenance,
@@ -190,8 +189,8 @@ def _body(r: Reanalysis, body: BodyAnalysis) -> BodySummary:
 def reanalysis_report(r: Reanalysis, *, figures: FigureChoice = "main") -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/*.png`."""
     result = reanalysis_result(r)
-    drawn: dict[str, Callable[[], Figure]] = {}
-    further: dict[str, Callable[[], Figure]] = {}
+    drawn: Drawers = {}
+    further: Drawers = {}
     trusted = [body for body in r.bodies if body.joint.diagnosis.ok]
     if trusted:
         drawn["figures/narrowing.png"] = partial(
@@ -213,17 +212,82 @@ def reanalysis_report(r: Reanalysis, *, figures: FigureChoice = "main") -> dict[
         further[f"figures/corner-{body.body}.png"] = partial(
             corner_figure, body.joint, r.campaign.truth
         )
-    below = {
+    corner_legends = {
         body.body: corner_words(body.joint.problem, truth=bool(r.campaign.truth))
         for body in r.bodies
     }
+    limit_words = {
+        name: _limit_words(body) if body.joint.status == "ok" else []
+        for name, body in result.bodies.items()
+    }
+    screens = {
+        name: first_screen(body.joint)
+        for name, body in result.bodies.items()
+        if body.joint.status == "ok"
+    }
+    estimates = [
+        replace(
+            estimate,
+            summary=msgspec.structs.replace(
+                estimate.summary, meaning=_how_many(result.bodies[name])
+            ),
+        )
+        for name, screen in screens.items()
+        for estimate in screen.estimates
+    ] + _of_line(result)
+    head, rows = result_table(estimates, found=phrase("runs + stated values"))
     return page(
         drawn,
-        partial(reanalysis_text, result, below),
+        "reanalysis.md.j2",
+        {"result.json": result},
         wanted=figures,
         further=further,
         kind=r.campaign.kind,
-    ) | {"result.json": as_json(result)}
+        opened={"methods"},
+        result=result,
+        **LINE_WORDS,
+        prior=prior_cell,
+        limit_words=limit_words,
+        corner_words=corner_legends,
+        percent=percent,
+        drift_words=drift_words,
+        forces=[
+            force
+            for body in result.bodies.values()
+            for force in (body.joint.deviation or {}).values()
+        ],
+        complete=complete_runs(result.runs.values()),
+        notes=list(
+            dict.fromkeys(note for body in result.bodies.values() for note in body.joint.notes)
+        ),
+        troubles=_troubles(result),
+        narrowing=_narrowing(result),
+        story=_story(result),
+        screens=screens,
+        found=table(head, rows),
+        found_rows=rows,
+        copies=copies_of(
+            [estimate for estimate in estimates if estimate.measured], kind=result.kind
+        )
+        if rows
+        else None,
+        minds=[
+            (name, words)
+            for i in range(MOST_MINDS)
+            for name, screen in screens.items()
+            for words in screen.minds[i : i + 1]
+        ],
+        most_minds=MOST_MINDS,
+        band_words=partial(_band_words, result),
+        energy_words=energy_words,
+        called=called,
+        lefts=_lefts(screens),
+        made_ok=_all_ok(result),
+        told_truth=any(estimate.truth for estimate in estimates),
+        symbols_of=_symbols,
+        correlated=_correlated,
+        energies=_gathered(_energies(result).items()),
+    )
 
 
 def _tilted(joint: Analysis) -> dict[str, str]:
@@ -258,82 +322,6 @@ def _shared(joint: Analysis, truth: Mapping[str, float]) -> list[Estimate]:
         for name, estimate in named
         if len(runs) == 1 or split_level(name)[1].strip("[]") not in runs
     ]
-
-
-def reanalysis_text(
-    result: ReanalysisResult, corner_words: Mapping[str, str], pictures: Collection[str]
-) -> str:
-    """The Markdown report of a reanalysis, with the figures at the paths `pictures`;
-    `corner_words`: body -> what stands below its corner figure.
-    """
-    limit_words = {
-        name: _limit_words(body) if body.joint.status == "ok" else []
-        for name, body in result.bodies.items()
-    }
-    screens = {
-        name: first_screen(body.joint)
-        for name, body in result.bodies.items()
-        if body.joint.status == "ok"
-    }
-    estimates = [
-        replace(
-            estimate,
-            summary=msgspec.structs.replace(
-                estimate.summary, meaning=_how_many(result.bodies[name])
-            ),
-        )
-        for name, screen in screens.items()
-        for estimate in screen.estimates
-    ] + _of_line(result)
-    head, rows = result_table(estimates, found=phrase("runs + stated values"))
-    return render(
-        "reanalysis.md.j2",
-        pictures=pictures,
-        opened={"methods"},
-        result=result,
-        **LINE_WORDS,
-        prior=prior_cell,
-        limit_words=limit_words,
-        corner_words=corner_words,
-        percent=percent,
-        drift_words=drift_words,
-        forces=[
-            force
-            for body in result.bodies.values()
-            for force in (body.joint.deviation or {}).values()
-        ],
-        complete=complete_runs(result.runs.values()),
-        notes=list(
-            dict.fromkeys(note for body in result.bodies.values() for note in body.joint.notes)
-        ),
-        troubles=_troubles(result),
-        narrowing=_narrowing(result),
-        story=_story(result),
-        screens=screens,
-        found=table(head, rows),
-        found_rows=rows,
-        copies=copies_of(
-            [estimate for estimate in estimates if estimate.measured], kind=result.kind
-        )
-        if rows
-        else None,
-        minds=[
-            (name, words)
-            for i in range(MOST_MINDS)
-            for name, screen in screens.items()
-            for words in screen.minds[i : i + 1]
-        ],
-        most_minds=MOST_MINDS,
-        band_words=partial(_band_words, result),
-        energy_words=energy_words,
-        called=partial(_called, runs=result.runs, bodies=result.bodies),
-        lefts=_lefts(screens),
-        made_ok=_all_ok(result),
-        told_truth=any(estimate.truth for estimate in estimates),
-        symbols_of=_symbols,
-        correlated=_correlated,
-        energies=_gathered(_energies(result).items()),
-    )
 
 
 def _band_words(result: ReanalysisResult, names: Collection[str]) -> str:
@@ -380,8 +368,8 @@ def _narrowing(result: ReanalysisResult) -> str:
     ratios = [band.median_ratio for body in result.bodies.values() for band in body.bands.values()]
     if not ratios:
         return ""
-    shares = f"{significant(100.0 * min(ratios), 2)}–{percentage(max(ratios))}"
-    return phrase(", {shares} as wide", shares=shares)
+    least, most = significant(100.0 * min(ratios), 2), percentage(max(ratios))
+    return phrase(", {shares} as wide", shares=f"{least}–{most}")
 
 
 def _story(result: ReanalysisResult) -> list[str]:
@@ -402,13 +390,11 @@ def _story(result: ReanalysisResult) -> list[str]:
                 "shape of the disk, without an uncertainty",
                 values=listed([f"{value:g}" for value in sorted(computed)]),
             )
-            + (
-                phrase(
-                    "; these data were generated with that value, so the comparison shows whether "
-                    "the method recovers it"
-                )
+            + phrase(
+                "; these data were generated with that value, so the comparison shows whether "
+                "the method recovers it"
                 if true == computed
-                else phrase(", and this is a test of that value")
+                else ", and this is a test of that value"
             )
         )
     beside = {"energy": _energy_beside(bodies.values()), "theta_min": _line_beside(result.line)}
@@ -478,21 +464,22 @@ def _line_beside(line: LineResult | None) -> str:
         n=line.n_obs,
         tilt=math.degrees(above.tilt),
         excess=with_unit(shown(excess, math.degrees(1.0)), "°"),
-        verdict=phrase("which is more than its expanded uncertainty (k = 2)")
-        if abs(excess.value) > 2.0 * excess.u
-        else phrase("which is less than its expanded uncertainty (k = 2): they agree"),
+        verdict=phrase(
+            "which is more than its expanded uncertainty (k = 2)"
+            if abs(excess.value) > 2.0 * excess.u
+            else "which is less than its expanded uncertainty (k = 2): they agree"
+        ),
     )
 
 
 def _pull_of_gamma(name: str, body: BodySummary) -> str:
     """How far the stated gamma is from the true one, where that is known and kappa follows it."""
-    gamma = f"gamma[{name}]"
     together = _correlated(name, body)
-    if body.gamma_masses is None or together is None:
-        return ""
-    true = body.joint.parameters[gamma].true
     # two parameters that are one unknown in effect
-    if true is None or abs(together) < 0.9:
+    if body.gamma_masses is None or together is None or abs(together) < 0.9:
+        return ""
+    true = body.joint.parameters[f"gamma[{name}]"].true
+    if true is None:
         return ""
     return signed(f"{(body.gamma_masses.value - true) / body.gamma_masses.u:+.1f}")
 
@@ -571,30 +558,26 @@ def _troubles(result: ReanalysisResult) -> list[tuple[str, str]]:
     reasons = {f"run {name}": run.reasons for name, run in result.runs.items()}
     reasons |= {f"joint fit of {name}": body.joint.reasons for name, body in result.bodies.items()}
     reasons |= {} if result.line is None else {"line": result.line.reasons}
-    wrong = [(what, status) for what, status in result.statuses.items() if status != "ok"]
     return [
-        (f"{_called(what, result.runs, result.bodies)}, {status}", "; ".join(reasons.get(what, [])))
-        for what, status in wrong
+        (f"{called(what)}, {status}", "; ".join(reasons.get(what, [])))
+        for what, status in result.statuses.items()
+        if status != "ok"
     ]
 
 
-def called(r: Reanalysis, what: str) -> str:
+def called(what: str) -> str:
     """A key of the statuses as a reader calls it."""
-    return _called(what, r.single_runs, [body.body for body in r.bodies])
-
-
-def _called(what: str, runs: Iterable[str], bodies: Iterable[str]) -> str:
-    names = {f"run {name}": phrase("run {name}", name=name) for name in runs}
-    names |= {f"joint fit of {name}": phrase("joint fit of {name}", name=name) for name in bodies}
-    return names.get(what) or phrase("line")
+    for key in (later("run {name}"), later("joint fit of {name}")):
+        before = key.removesuffix("{name}")
+        if what.startswith(before):
+            return phrase(key, name=what.removeprefix(before))
+    return phrase("line")
 
 
 def _limit_words(body: BodySummary) -> list[str]:
     """What limits each shared parameter, in words."""
     sentences = []
-    for name, limits in body.limits.items():
-        if not limits:
-            continue
+    for name, limits in ((name, limits) for name, limits in body.limits.items() if limits):
         symbol = body.joint.labels.symbol(name)
         clauses = [
             phrase(
@@ -605,19 +588,15 @@ def _limit_words(body: BodySummary) -> list[str]:
             for limit in limits
             if limit.u_known < 0.9 * limit.u
         ]
-        u, ways = format_rounded(limits[0].u, limits[0].u), phrase("; to ").join(clauses)
         sentences.append(
             phrase(
-                "u({symbol}) = {u} (least squares) would fall to {ways}.",
+                "u({symbol}) = {u} (least squares) would fall to {ways}."
+                if clauses
+                else "u({symbol}) = {u} (least squares) is not limited by any other single "
+                "quantity.",
                 symbol=symbol,
-                u=u,
-                ways=ways,
-            )
-            if clauses
-            else phrase(
-                "u({symbol}) = {u} (least squares) is not limited by any other single quantity.",
-                symbol=symbol,
-                u=u,
+                u=format_rounded(limits[0].u, limits[0].u),
+                ways=phrase("; to ").join(clauses),
             )
         )
     return sentences
@@ -664,7 +643,7 @@ def narrowing_figure(tables: Sequence[Narrowing]) -> Figure:
         ax.set(
             ylabel=f"u({narrowing.labels[i].tex})", ylim=(0.0, top), xlim=(0.6, len(count) + 0.4)
         )
-        upright = sum(len(run) for run in narrowing.runs) > 36
+        upright = len("".join(narrowing.runs)) > 36
         name_ticks(ax.xaxis, count, narrowing.runs, rotation=90 if upright else 0)
     legend_below(figure)
     return figure

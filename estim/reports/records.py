@@ -13,7 +13,7 @@ import numpy as np
 
 from estim.arrays import FloatArray, IntArray
 from estim.checks import Check, bad_frames_found, is_measured, upper_limit
-from estim.common import Label, Notation, split_level
+from estim.common import Label, split_level
 from estim.deviation import FoundForce
 from estim.pipeline import Analysis
 from estim.problem import Observations, Problem
@@ -187,23 +187,6 @@ def labels_of(problem: Problem, values: FloatArray) -> Labels:
         derived={
             run.name: {name: d.label for name, d in run.derived(run.bind(named)).items()}
             for run in problem.runs
-        },
-    )
-
-
-def names_as_labels(units: Mapping[str, str], derived: Mapping[str, Mapping[str, str]]) -> Labels:
-    """Where only names and units are known: of the parameters, and of what is derived for each
-    run.
-    """
-    split = {name: (*split_level(name), unit) for name, unit in units.items()}
-    return Labels(
-        parameters={
-            name: Notation(base).label(unit, level) for name, (base, level, unit) in split.items()
-        },
-        bare={name: Notation(base).label(unit) for name, (base, _, unit) in split.items()},
-        derived={
-            run: {name: Notation(name).label(unit) for name, unit in quantities.items()}
-            for run, quantities in derived.items()
         },
     )
 

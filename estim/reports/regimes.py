@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 import msgspec
@@ -15,7 +15,6 @@ from estim.common import (
     FigureChoice,
     InputError,
     Notation,
-    as_json,
     decide,
     format_quantity,
     later,
@@ -35,9 +34,8 @@ from estim.drawing import (
     new_figure,
 )
 from estim.line import ThetaMinSeries
-from estim.reports.pages import page
+from estim.reports.pages import Drawers, page
 from estim.reports.records import Record, Report
-from estim.reports.rendering import render
 from estim.reports.result import SCHEMA, Provenance, Result, provenance
 from estim.studies.known_values import FittedValues
 from estim.studies.regimes import BodyMap
@@ -168,13 +166,20 @@ def map_report(
     one body.
     """
     result = map_result(campaign, maps, seed=seed)
-    drawers: dict[str, Callable[[], Figure]] = {}
-    for body_map in maps:
-        series = line if line is not None and line.body == body_map.body else None
-        drawers[f"figures/map-{body_map.body}.png"] = partial(regime_figure, body_map, series)
-    text = partial(
-        render,
+    drawers: Drawers = {
+        f"figures/map-{body_map.body}.png": partial(
+            regime_figure,
+            body_map,
+            line if line is not None and line.body == body_map.body else None,
+        )
+        for body_map in maps
+    }
+    return page(
+        drawers,
         "map.md.j2",
+        {"result.json": result},
+        wanted=figures,
+        kind=campaign.kind,
         result=result,
         parts=[(body_map, result.bodies[body_map.body]) for body_map in maps],
         origins={origin: phrase(words) for origin, words in _ORIGINS.items()},
@@ -183,9 +188,6 @@ def map_report(
         per_radian=_DEGREES,
         line_body=None if line is None else line.body,
     )
-    return page(drawers, text, wanted=figures, kind=campaign.kind) | {
-        "result.json": as_json(result)
-    }
 
 
 def map_lines(found: BodyMap) -> list[str]:
@@ -217,16 +219,15 @@ def _tilt(found: BodyMap, phi: float) -> TiltOnMap:
         with np.errstate(invalid="ignore"):
             return _spread(np.array([np.interp(phi, places, level) for level in border]))
 
+    def apart(above: FloatArray, below: FloatArray) -> bool:
+        return bool(np.interp(phi, found.phi, above - below) > 1e-6)
+
     lowest, on, passes = (
         at(border, found.phi) for border in (found.lowest, found.rolls_on, found.passes)
     )
-    sets_off = bool(np.interp(phi, found.phi, found.highest[2] - found.lowest[2]) > 1e-6)
-    some_on = sets_off and bool(
-        np.interp(phi, found.phi, found.rolls_on[4] - found.lowest[4]) > 1e-6
-    )
-    some_pass = sets_off and bool(
-        np.interp(phi, found.phi, found.passes[2] - found.rolls_on[2]) > 1e-6
-    )
+    sets_off = apart(found.highest[2], found.lowest[2])
+    some_on = sets_off and apart(found.rolls_on[4], found.lowest[4])
+    some_pass = sets_off and apart(found.passes[2], found.rolls_on[2])
     farthest = at(found.farthest, found.far_phi)
     return TiltOnMap(
         float(phi),
@@ -283,7 +284,7 @@ def regime_figure(found: BodyMap, line: ThetaMinSeries | None) -> Figure:
 
 
 def _frame(ax: Axes, found: BodyMap) -> None:
-    along = phrase("tilt φ (°), uphill positive") if found.downhill else phrase("tilt φ (°)")
+    along = phrase("tilt φ (°), uphill positive" if found.downhill else "tilt φ (°)")
     ax.set(xlabel=along, ylabel=phrase("angle of release θ₀ (°)"))
     ax.set_xlim(found.phi[0] * _DEGREES, found.phi[-1] * _DEGREES)
     ax.set_ylim(*(end * _DEGREES for end in found.theta0_range))
@@ -340,10 +341,10 @@ def _borders(ax: Axes, found: BodyMap) -> None:
         rolls = (found.rolls_on > found.lowest) & (found.rolls_on < found.highest)
         over = phrase("just gets over the top, and rolls on") if np.any(rolls[2]) else ""
         _band(ax, found.phi, np.where(rolls, found.rolls_on, np.nan), GREEN, over)
-    limits = (
-        phrase("smallest and largest angle to start, with 68 and 95 %")
+    limits = phrase(
+        "smallest and largest angle to start, with 68 and 95 %"
         if found.downhill
-        else phrase("smallest and largest angle to climb, with 68 and 95 %")
+        else "smallest and largest angle to climb, with 68 and 95 %"
     )
     _band(ax, found.phi, found.lowest, INK, limits)
     _band(ax, found.phi, found.highest, INK)
@@ -371,8 +372,14 @@ def _distances(ax: Axes, found: BodyMap) -> None:
         there = np.flatnonzero(np.isfinite(release))
         if there.size < 2:
             continue
-        label = phrase("turns back after this distance (m)")
-        ax.plot(phi, release * _DEGREES, color=BLUE, lw=0.8, zorder=1.5, label=label)
+        ax.plot(
+            phi,
+            release * _DEGREES,
+            color=BLUE,
+            lw=0.8,
+            zorder=1.5,
+            label=phrase("turns back after this distance (m)"),
+        )
         if there.size > 0.06 * phi.size:
             at = there[int((0.35 + 0.12 * (i % 2)) * there.size)]
             ax.text(
@@ -412,13 +419,12 @@ def _runs(ax: Axes, found: BodyMap) -> None:
     width, height = np.ptp(found.phi), found.theta0_range[1] - found.theta0_range[0]
     groups: list[list[RunPlace]] = []
     for i, place in enumerate(found.runs):
-        at = np.array([place.phi[0], place.theta0[0]]) * _DEGREES
-        u = np.array([place.phi[1], place.theta0[1]]) * _DEGREES
+        (phi, u_phi), (theta0, u_theta0) = np.degrees([place.phi, place.theta0]).tolist()
         ax.errorbar(
-            at[0],
-            at[1],
-            xerr=u[0],
-            yerr=u[1],
+            phi,
+            theta0,
+            xerr=u_phi,
+            yerr=u_theta0,
             fmt=MARKS[i % len(MARKS)],
             color=INK,
             ms=5,
@@ -426,17 +432,16 @@ def _runs(ax: Axes, found: BodyMap) -> None:
             zorder=5,
             label=phrase("runs, with one standard uncertainty"),
         )
-        near = (
+        near = [
             g
             for g in groups
             if abs(g[0].phi[0] - place.phi[0]) < _NEAR * width
             and abs(g[0].theta0[0] - place.theta0[0]) < 0.5 * _NEAR * height
-        )
-        group = next(near, None)
-        if group is None:
-            groups.append([place])
+        ]
+        if near:
+            near[0].append(place)
         else:
-            group.append(place)
+            groups.append([place])
     for group in groups:
         names = [place.run for place in group[:_NAMED]] + (
             [phrase("and {n} more", n=len(group) - _NAMED)] if len(group) > _NAMED else []
@@ -465,16 +470,15 @@ def place_words(found: BodyMap, place: RunPlace) -> str:
 
 def _start_words(place: RunPlace) -> str:
     uphill, chance = place.phi[0] >= 0.0, sure(place.sets_off)
-    if place.sets_off < 0.5:
-        return (
-            phrase("does not climb (it climbs with {chance})", chance=chance)
-            if uphill
-            else phrase("does not start downhill (it does with {chance})", chance=chance)
-        )
-    return (
-        phrase("climbs ({chance})", chance=chance)
+    return phrase(
+        "does not climb (it climbs with {chance})"
         if uphill
-        else phrase("rolls down ({chance})", chance=chance)
+        else "does not start downhill (it does with {chance})"
+        if place.sets_off < 0.5
+        else "climbs ({chance})"
+        if uphill
+        else "rolls down ({chance})",
+        chance=chance,
     )
 
 
@@ -489,26 +493,19 @@ def _end_words(place: RunPlace) -> str:
 
 
 def _recording_words(place: RunPlace, *, as_it_may: bool) -> str:
-    at, chance = place.farthest, sure(place.agrees)
     if place.turned:
-        return (
-            phrase(
-                "its recording turns back at {at:.3g} m, which is compatible ({chance})",
-                at=at,
-                chance=chance,
-            )
+        words = (
+            later("its recording turns back at {at:.3g} m, which is compatible ({chance})")
             if as_it_may
-            else phrase("its recording turns back at {at:.3g} m", at=at)
+            else later("its recording turns back at {at:.3g} m")
         )
-    return (
-        phrase(
-            "its recording extends to {at:.3g} m, which is compatible ({chance})",
-            at=at,
-            chance=chance,
+    else:
+        words = (
+            later("its recording extends to {at:.3g} m, which is compatible ({chance})")
+            if as_it_may
+            else later("its recording extends to {at:.3g} m")
         )
-        if as_it_may
-        else phrase("its recording extends to {at:.3g} m", at=at)
-    )
+    return phrase(words, at=place.farthest, chance=sure(place.agrees))
 
 
 def fitted_values(campaign: Campaign, text: str, *, place: str) -> FittedValues:

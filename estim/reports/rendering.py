@@ -34,7 +34,6 @@ from estim.common import (
     phrase,
     signed,
     significant,
-    with_unit,
 )
 from estim.words import status_words
 
@@ -160,21 +159,18 @@ def _environment(_language: str) -> jinja2.Environment:
         autoescape=False,
         finalize=markdown,
     )
-    environment.filters["number"] = lambda v, digits=3: (
-        "n/a" if v is None else significant(v, digits)
-    )
-    environment.filters["fixed"] = lambda v, form, missing="n/a": (
-        missing if v is None or not math.isfinite(v) else form % v
-    )
-    environment.filters["unit"] = lambda unit: "" if unit == "1" else unit
-    environment.filters["beside"] = lambda text, unit: text if unit == "1" else f"{text} {unit}"
-    environment.filters["draws_count"] = lambda status: Status(status).draws_count
-    environment.filters["limits_count"] = lambda status: Status(status).limits_count
     environment.filters |= {
+        "number": lambda v, digits=3: "n/a" if v is None else significant(v, digits),
+        "fixed": lambda v, form, missing="n/a": (
+            missing if v is None or not math.isfinite(v) else form % v
+        ),
+        "unit": lambda unit: "" if unit == "1" else unit,
+        "beside": lambda text, unit: text if unit == "1" else f"{text} {unit}",
+        "draws_count": lambda status: Status(status).draws_count,
+        "limits_count": lambda status: Status(status).limits_count,
         "quantity": format_quantity,
         "shown": shown,
         "rounded_by": format_rounded,
-        "with_unit": with_unit,
         "degrees": math.degrees,
         "digits": p_digits,
         "signed": signed,
@@ -183,19 +179,17 @@ def _environment(_language: str) -> jinja2.Environment:
         "percent": percentage,
         "kind_words": kind_words,
         "status_words": status_words,
+        "cells": cells,
+        "sentence": sentence,
+        "cited": cited,
+        "code": code,
+        "destination": destination,
     }
     environment.globals |= {
         "phrase": phrase,
         "value_cell": value_cell,
         "interval_cell": interval_cell,
         "parameter_cells": parameter_cells,
-    }
-    environment.filters |= {
-        "cells": cells,
-        "sentence": sentence,
-        "cited": cited,
-        "code": code,
-        "destination": destination,
     }
     return environment
 

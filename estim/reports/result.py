@@ -40,6 +40,7 @@ from estim.checks import (
 from estim.common import (
     Finding,
     Kind,
+    Label,
     Status,
     as_json,
     behind,
@@ -87,7 +88,6 @@ from estim.reports.records import (
     bad_frames,
     correlation_of,
     labels_of,
-    names_as_labels,
     outliers,
     parameter_summary,
 )
@@ -177,14 +177,13 @@ class Result(Report, dict=True):
 
     @cached_property
     def labels(self) -> Labels:
-        """How the numbers are shown.  `result_of` puts it beside the fields, which JSON has; a
-        record that was read back knows names alone.
-        """
-        derived = {
-            name: {quantity: d.unit for quantity, d in run.derived.items()}
-            for name, run in self.runs.items()
-        }
-        return names_as_labels({name: p.unit for name, p in self.parameters.items()}, derived)
+        """How the numbers are shown: `result_of` puts it beside the fields, which JSON has."""
+        raise AttributeError("a record that was read back has names alone")
+
+    @property
+    def shown_labels(self) -> Mapping[str, Label]:
+        """Of the parameters: of a single run without its name."""
+        return self.labels.bare if len(self.runs) == 1 else self.labels.parameters
 
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values that the data give, beside what had been stated, or why
@@ -397,10 +396,13 @@ def _certificate(analysis: Analysis) -> CertificateSummary:
 def _turning_point(analysis: Analysis, run: Observations) -> TurningPoint:
     end, diagnosis = analysis.ends[run.name], analysis.diagnosis
     with np.errstate(invalid="ignore"):
-        meaning = phrase(
-            "end of the motion, measured from the release, on the scale of the positions"
+        summary = summarise(
+            end,
+            unit=run.x_unit,
+            meaning=phrase(
+                "end of the motion, measured from the release, on the scale of the positions"
+            ),
         )
-        summary = summarise(end, unit=run.x_unit, meaning=meaning)
         summary = trusted(summary, diagnosis.status, sampled=diagnosis.sampled)
     return TurningPoint(
         **msgspec.structs.asdict(summary), never_stops=float(np.mean(~np.isfinite(end)))
@@ -415,13 +417,12 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
         if entry.kind is Kind.DEVIATION_UNASKED and entry.run in ("", run.name)
     ]
     table, derived = campaign.tables[run.name], derived_summaries(analysis, run)
-    noise = run.noise.describe(x_unit=run.x_unit, y_unit=run.y_unit, words=run.words)
     return RunSummary(
         file=one_line(table.file),
         x=run.x_label,
         y=run.y_label,
         n_obs=run.n_obs,
-        noise=noise,
+        noise=run.noise.describe(x_unit=run.x_unit, y_unit=run.y_unit, words=run.words),
         complete=next(map(tell, [run.complete] if run.complete else unasked), None),
         excluded=[tell(why) for why in run.excluded],
         checks={**goodness.checks, **({"speed": goodness.speed} if goodness.speed else {})},
@@ -459,11 +460,6 @@ def _farthest(run: Observations, goodness: Goodness) -> Farthest | None:
     i = int(np.argmax(far))
     place = with_unit(format_quantity(float(f"{run.x[i]:.4g}")), run.x_unit)
     return Farthest(f"{run.x_label.removesuffix(bracketed(run.x_unit))} = {place}", float(far[i]))
-
-
-def to_json(result: Result) -> bytes:
-    """`result` as indented JSON."""
-    return as_json(result)
 
 
 def json_schema() -> bytes:
@@ -536,7 +532,7 @@ def _best(result: Result) -> str:
     )
     if farthest is None:
         return ""
-    labels = result.labels.bare if len(result.runs) == 1 else result.labels.parameters
+    labels = result.shown_labels
     values = [
         f"{labels[name].symbol} = "
         + with_unit(
@@ -555,13 +551,6 @@ def _best(result: Result) -> str:
         farthest.sds,
         farthest.where if len(result.runs) == 1 else f"{farthest.where} ({run})",
     )
-
-
-def result_lines(result: Result) -> list[str]:
-    """What a terminal says of a result; of one whose status is not ok, no more than which rows were
-    left out.
-    """
-    return first_screen(result).lines
 
 
 def first_reasons(reasons: Sequence[str]) -> list[str]:
@@ -591,7 +580,7 @@ def _of_one_run(name: str, result: Result) -> bool:
 
 def _estimate(name: str, result: Result) -> Estimate:
     p = result.parameters[name]
-    label = (result.labels.bare if len(result.runs) == 1 else result.labels.parameters)[name]
+    label = result.shown_labels[name]
     # a prior with a width that nobody stated
     inferred = "" if p.stated or p.prior_sd is None else p.prior + behind(label.unit)
     return Estimate(label, p, p.stated, bool(p.measured), p.upper_95, p.true, inferred)
@@ -599,20 +588,18 @@ def _estimate(name: str, result: Result) -> Estimate:
 
 def _derived_quantities(result: Result) -> list[Estimate]:
     """What a user wanted computed: once where it is the same for all runs, else run by run."""
-    by_name: dict[str, dict[str, Estimate]] = {}
-    for run, entry in result.runs.items():
-        for name in entry.sought:
-            by_name.setdefault(name, {})[run] = Estimate(
-                result.labels.derived[run][name], entry.derived[name], "", True
-            )
+    found = (
+        (name, run, Estimate(result.labels.derived[run][name], entry.derived[name], "", True))
+        for run, entry in result.runs.items()
+        for name in entry.sought
+    )
     return [
         replace(entry, label=replace(entry.label, symbol=entry.label.symbol + (run and f"[{run}]")))
-        for by_run in by_name.values()
-        for run, entry in once(
-            by_run,
+        for _, run, entry in once(
+            found,
             len(result.runs),
             lambda a, b: (a.summary.mean, a.summary.sd) == (b.summary.mean, b.summary.sd),
-        ).items()
+        )
     ]
 
 
@@ -620,7 +607,7 @@ def _limits(shown: Sequence[str], result: Result) -> str:
     """What holds back the first quantity that the data measure: one thing that was stated, or the
     readings.
     """
-    symbols = result.labels.bare if len(result.runs) == 1 else result.labels.parameters
+    symbols = result.shown_labels
     for name in shown:
         budget = (result.budget or {}).get(name)
         if budget is None or not result.parameters[name].measured or not budget.sources:
@@ -645,21 +632,16 @@ def _limits(shown: Sequence[str], result: Result) -> str:
                 if {name, first.source} <= set(names)
                 else 0.0
             )
-            tied = phrase(
+            return phrase(
                 "{symbol} and {other} are strongly correlated ({r}): a better {other} helps, "
+                "more readings do not"
+                if abs(r) >= 0.6  # correlation that is worth its number
+                else "{symbol} depends on the stated value of {other}: a better {other} helps, "
                 "more readings do not",
                 symbol=symbol,
                 other=other,
                 r=signed(f"{r:+.2f}"),
             )
-            leans = phrase(
-                "{symbol} depends on the stated value of {other}: a better {other} helps, "
-                "more readings do "
-                "not",
-                symbol=symbol,
-                other=other,
-            )
-            return tied if abs(r) >= 0.6 else leans  # correlation that is worth its number
     return ""
 
 
@@ -669,11 +651,10 @@ def _forces(result: Result) -> str:
         deviation for deviation in (result.deviation or {}).values() if deviation.probability > SURE
     ]
     if forces:
-        size = 100.0 * max(deviation.typical for deviation in forces)
         return phrase(
             "there is an unmodelled force of about {size:.2g} % of the weight; the "
             "intervals allow for it",
-            size=size,
+            size=100.0 * max(deviation.typical for deviation in forces),
         )
     if any(deviation.probability > SURE for deviation in (result.curve_deviation or {}).values()):
         return phrase(
@@ -692,31 +673,17 @@ def _forces(result: Result) -> str:
 def _left_out(result: Result) -> tuple[str, ...]:
     """Which rows have no value, where there are some."""
     blank = {name: run.blank for name, run in result.runs.items() if run.blank}
-    n, lines = (
-        sum(map(len, blank.values())),
-        [line for missing in blank.values() for line in missing],
-    )
-    if not blank:
+    lines = [line for missing in blank.values() for line in missing]
+    if not lines:
         return ()
     if len(result.runs) > 1:
-        return (
-            phrase(
-                "rows excluded because a value is missing: {n} ({runs})",
-                n=n,
-                runs=listed(list(blank)),
-            ),
-        )
-    if n == 1:
-        return (
-            phrase("1 row was excluded because a value is missing (line {line})", line=lines[0]),
-        )
-    return (
-        phrase(
-            "{n} rows were excluded because a value is missing (lines {lines})",
-            n=n,
-            lines=line_numbers(lines),
-        ),
-    )
+        words = later("rows excluded because a value is missing: {n} ({runs})")
+    elif len(lines) == 1:
+        words = later("1 row was excluded because a value is missing (line {lines})")
+    else:
+        words = later("{n} rows were excluded because a value is missing (lines {lines})")
+    shown = line_numbers(lines)
+    return (phrase(words, n=len(lines), runs=listed(list(blank)), lines=shown),)
 
 
 def _without_a_value(estimates: Sequence[Estimate]) -> tuple[str, ...]:
@@ -761,7 +728,7 @@ def sensitivity_words(results: Sequence[Result]) -> str:
     """
     largest: dict[str, tuple[float, str]] = {}
     for result in results:
-        symbols = result.labels.bare if len(result.runs) == 1 else result.labels.parameters
+        symbols = result.shown_labels
         for effect in [effect for effect in result.what_if if effect.shifts][:_MOST_ERRORS]:
             name = max(effect.shifts, key=lambda parameter: abs(effect.shifts[parameter]))
             largest[effect.error] = max(

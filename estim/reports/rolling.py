@@ -81,12 +81,13 @@ def rolling_figure(problem: Problem, draws: FloatArray, rolling: Sequence[Rollin
         _grip(ax, run.body)
         label = run.y_label if run.positions else run.x_label
         ax.set(xlabel=label, ylabel=phrase("share"), ylim=(0.0, None), xlim=(along[0], along[-1]))
-        title = phrase(
-            "{run}: rolls along the whole path with probability {p:.2f}",
-            run=run.name,
-            p=stated[run.name].holds,
+        ax.set_title(
+            phrase(
+                "{run}: rolls along the whole path with probability {p:.2f}",
+                run=run.name,
+                p=stated[run.name].holds,
+            )
         )
-        ax.set_title(title)
     legend_below(figure)
     return figure
 

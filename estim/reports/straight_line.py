@@ -13,7 +13,6 @@ from estim.common import (
     FigureChoice,
     Notation,
     Status,
-    as_json,
     behind,
     bracketed,
     format_quantity,
@@ -25,12 +24,11 @@ from estim.common import (
     significant,
     with_unit,
 )
-from estim.drawing import BLUE, GREEN, INK, ORANGE, Figure, legend_below, new_figure
+from estim.drawing import BLUE, GREEN, INK, ORANGE, Figure, fill, legend_below, new_figure
 from estim.line import CONVENTIONS, PredictedPoint, StraightLine, confidence_band, line_goodness
 from estim.reports.copying import copies_of
 from estim.reports.pages import page
 from estim.reports.records import Report
-from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance_of
 from estim.sampling import Summary
 
@@ -75,7 +73,6 @@ class StraightLineResult(Report):
 def straight_line_result(line: StraightLine) -> StraightLineResult:
     """The record of a straight line."""
     fit = line.fit
-    errors = {name: [e.u_intercept, e.u_slope, e.cov] for name, e in fit.standard_errors.items()}
     columns = {
         key: None if name is None else one_line(name) for key, name in vars(line.columns).items()
     }
@@ -89,20 +86,12 @@ def straight_line_result(line: StraightLine) -> StraightLineResult:
         fit.data.x.size,
         fit.intercept,
         fit.slope,
-        {
-            name: {"value": value, "u": u}
-            for name, value, u in zip(
-                ("intercept", "slope"),
-                (fit.intercept, fit.slope),
-                errors[fit.recommended],
-                strict=False,
-            )
-        },
+        {key: {"value": value, "u": u} for key, (_, _, value, u) in _coefficients(line).items()},
         dict(line.units),
         fit.chi2,
         fit.dof,
         fit.p_value,
-        errors,
+        {name: [e.u_intercept, e.u_slope, e.cov] for name, e in fit.standard_errors.items()},
         fit.recommended,
         fit.reason,
         line.probability,
@@ -114,17 +103,30 @@ def straight_line_result(line: StraightLine) -> StraightLineResult:
     )
 
 
+def _coefficients(line: StraightLine) -> dict[str, tuple[str, str, float, float]]:
+    """Name, unit, value and recommended standard error of intercept and slope."""
+    fit, units = line.fit, line.units
+    error = fit.standard_errors[fit.recommended]
+    return {
+        "intercept": (phrase("intercept"), units["intercept"], fit.intercept, error.u_intercept),
+        "slope": (phrase("slope"), units["slope"], fit.slope, error.u_slope),
+    }
+
+
 def straight_line_report(line: StraightLine, *, figures: FigureChoice = "main") -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/line.png`."""
     result = straight_line_result(line)
 
-    used, units = line.fit.standard_errors[line.fit.recommended], line.units
+    coefficients, units = _coefficients(line), line.units
     x, y = line.axes.x_name, line.axes.y_name
-    intercept = _pair(result.intercept, used.u_intercept)
-    slope = _pair(result.slope, used.u_slope)
-    text = partial(
-        render,
+    intercept, slope = (
+        f"({_pair(value, u)}){behind(unit)}" for _, unit, value, u in coefficients.values()
+    )
+    return page(
+        {"figures/line.png": partial(straight_line_figure, line)},
         "straight_line.md.j2",
+        {"result.json": result},
+        wanted=figures,
         result=result,
         method=phrase(_METHODS[result.method]),
         percent=f"{100.0 * result.probability:g}",
@@ -137,19 +139,15 @@ def straight_line_report(line: StraightLine, *, figures: FigureChoice = "main") 
             key: name + bracketed(units[key])
             for key, name in zip(units, (x, y, phrase("intercept"), phrase("slope")), strict=True)
         },
-        equation=f"{y} = ({intercept}){behind(units['intercept'])} + "
-        f"({slope}){behind(units['slope'])} · {x}",
+        equation=f"{y} = {intercept} + {slope} · {x}",
         scatter=with_unit(significant(math.sqrt(result.chi2 / result.dof), 2), units["y"]),
         best=_best(line),
         first_step=line.first_step,
         facts=line.facts,
         uncertainties=_uncertainties(result),
-        slope=_ends(*result.slope_interval, used.u_slope, units["slope"]),
-        copies=copies_of(_estimates(result)) if line.status.ok else None,
+        slope=_ends(*result.slope_interval, coefficients["slope"][-1], units["slope"]),
+        copies=copies_of(_estimates(line)) if line.status.ok else None,
     )
-    return page({"figures/line.png": partial(straight_line_figure, line)}, text, wanted=figures) | {
-        "result.json": as_json(result)
-    }
 
 
 def _best(line: StraightLine) -> str:
@@ -163,36 +161,25 @@ def _best(line: StraightLine) -> str:
     far = np.abs(residuals) / line_goodness(fit).sd
     i = int(np.argmax(far))
     place = float(f"{x[order][i]:.4g}")
-    error = fit.standard_errors[fit.recommended]
-    values = (
-        (phrase("intercept"), units["intercept"], fit.intercept, error.u_intercept),
-        (phrase("slope"), units["slope"], fit.slope, error.u_slope),
-    )
     return best_words(
         [
             f"{name} = {with_unit(significant(value if abs(value) > _ROUNDING * u else 0.0), unit)}"
-            for name, unit, value, u in values
+            for name, unit, value, u in _coefficients(line).values()
         ],
         float(far[i]),
         f"{line.axes.x_name} = {with_unit(format_quantity(place), units['x'])}",
     )
 
 
-def _estimates(result: StraightLineResult) -> list[Estimate]:
+def _estimates(line: StraightLine) -> list[Estimate]:
     """Intercept and slope with the recommended standard errors."""
-    estimates, names = [], (phrase("intercept"), phrase("slope"))
-    for name, unit, value, u in zip(
-        names,
-        (result.units["intercept"], result.units["slope"]),
-        (result.intercept, result.slope),
-        result.standard_errors[result.recommended],
-        strict=False,
-    ):
+    estimates = []
+    for name, unit, value, u in _coefficients(line).values():
         if math.isfinite(value) and math.isfinite(u):
-            half = result.k * u
+            half = line.k * u
             low, high = (
                 # probability of the interval in the table to copy
-                (value - half, value + half) if result.probability == 0.95 else (None, None)
+                (value - half, value + half) if line.probability == 0.95 else (None, None)
             )
             estimates.append(
                 Estimate(
@@ -210,48 +197,44 @@ def straight_line_lines(line: StraightLine) -> list[str]:
     if not line.status.ok:
         step = phrase("first step: {words}", words=line.first_step)
         return [*filter(None, (line.message, _best(line))), step]
-    fit, x, y, units = line.fit, line.axes.x_name, line.axes.y_name, line.units
-    x_unit, y_unit = units["x"], units["y"]
-    error = fit.standard_errors[fit.recommended]
-    intercept = with_unit(_pair(fit.intercept, error.u_intercept), units["intercept"])
-    slope = with_unit(_pair(fit.slope, error.u_slope), units["slope"])
+    values = {
+        key: with_unit(_pair(value, u), unit)
+        for key, (_, unit, value, u) in _coefficients(line).items()
+    }
+    convention = line.fit.recommended
     lines = [
         phrase(
             "intercept {intercept}, slope {slope} ({errors}: {convention})",
-            intercept=intercept,
-            slope=slope,
-            errors=phrase("errors from the scatter of the points")
-            if fit.recommended == "scaled"
-            else phrase("errors as stated"),
-            convention=fit.recommended,
+            **values,
+            errors=phrase(
+                "errors from the scatter of the points"
+                if convention == "scaled"
+                else "errors as stated"
+            ),
+            convention=convention,
         )
     ]
-    percent = f"{100.0 * line.probability:g} %"
-    found = [
-        (
-            f"{x} = {with_unit(format_quantity(p.given, p.u_given or None), x_unit)}",
-            f"{y} = {with_unit(_pair(p.value, p.u), y_unit)}",
-            _ends(p.low, p.high, p.u, y_unit),
-        )
-        for p in line.predictions
-    ] + [
-        (
-            f"{y} = {with_unit(_pair(q.given, q.u_given), y_unit)}",
-            f"{x} = {with_unit(_pair(q.value, q.u), x_unit)}",
-            _ends(q.low, q.high, q.u, x_unit),
-        )
-        for q in line.inverses
-    ]
-    return lines + [
-        phrase(
-            "{given}: {found}, {percent} interval {ends}",
-            given=given,
-            found=estimate,
-            percent=percent,
-            ends=ends,
-        )
-        for given, estimate, ends in found
-    ]
+    x, y = (line.axes.x_name, line.units["x"]), (line.axes.y_name, line.units["y"])
+    for points, (given, given_unit), (found, unit) in (
+        (line.predictions, x, y),
+        (line.inverses, y, x),
+    ):
+        for p in points:
+            value = (
+                format_quantity(p.given, p.u_given or None)
+                if points is line.predictions
+                else _pair(p.given, p.u_given)
+            )
+            lines.append(
+                phrase(
+                    "{given}: {found}, {percent} interval {ends}",
+                    given=f"{given} = {with_unit(value, given_unit)}",
+                    found=f"{found} = {with_unit(_pair(p.value, p.u), unit)}",
+                    percent=f"{100.0 * line.probability:g} %",
+                    ends=_ends(p.low, p.high, p.u, unit),
+                )
+            )
+    return lines
 
 
 def _pair(value: float, u: float, digits: int = 2) -> str:
@@ -295,7 +278,7 @@ def straight_line_figure(line: StraightLine) -> Figure:
         if line.status.ok:
             band = confidence_band(fit, x, probability=line.probability)
             label = phrase("{percent} band of the line, point by point", percent=percent)
-            upper.fill_between(x, band.low, band.high, color=BLUE, alpha=0.25, lw=0, label=label)
+            fill(upper, x, band.low, band.high, BLUE, 0.25, label=label)
         upper.plot(
             x, fit.intercept + fit.slope * x, color=BLUE, lw=1.5, label=phrase(_METHODS[fit.method])
         )
@@ -313,23 +296,21 @@ def straight_line_figure(line: StraightLine) -> Figure:
         color=INK,
         ms=4,
         lw=1,
-        label=phrase("points, ± 1 standard uncertainty")
-        if fit.method != "ols"
-        else phrase("points"),
+        label=phrase("points, ± 1 standard uncertainty" if fit.method != "ols" else "points"),
     )
     if line.status.ok:
-        style: dict[str, Any] = {"mec": INK, "ms": 6, "lw": 2, "zorder": 5}
+        mark: dict[str, Any] = {"mec": INK, "ms": 6, "lw": 2, "zorder": 5}
         label = phrase("prediction, {percent}", percent=percent)
         for p in line.predictions:
-            ends = np.array([[p.value - p.low], [p.high - p.value]])
             upper.errorbar(
-                p.given, p.value, ends, p.u_given or None, "s", color=ORANGE, label=label, **style
+                p.given, p.value, _bar(p), p.u_given or None, "s", color=ORANGE, label=label, **mark
             )
         label = phrase("inverse prediction, {percent}", percent=percent)
         for q in line.inverses:
             if math.isfinite(q.low):
-                ends = np.array([[q.value - q.low], [q.high - q.value]])
-                upper.errorbar(q.value, q.given, None, ends, "D", color=GREEN, label=label, **style)
+                upper.errorbar(
+                    q.value, q.given, None, _bar(q), "D", color=GREEN, label=label, **mark
+                )
     units = line.units
     upper.set(ylabel=line.axes.y_name + bracketed(units["y"]))
     lower.set(
@@ -338,3 +319,8 @@ def straight_line_figure(line: StraightLine) -> Figure:
     )
     legend_below(figure, ncols=2)
     return figure
+
+
+def _bar(p: PredictedPoint) -> list[list[float]]:
+    """How far the ends of its interval are from a point, below and above."""
+    return [[p.value - p.low], [p.high - p.value]]

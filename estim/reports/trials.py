@@ -16,24 +16,12 @@ from estim.common import (
     FigureChoice,
     Notation,
     Quantity,
-    as_json,
     e_n,
     format_quantity,
     later,
     phrase,
 )
-from estim.drawing import (
-    BLUE,
-    GREY,
-    INK,
-    ORANGE,
-    Axes,
-    Figure,
-    draw_bands,
-    grid,
-    legend_below,
-    new_figure,
-)
+from estim.drawing import BLUE, GREY, INK, ORANGE, Axes, Figure, draw_bands, grid, legend_below
 from estim.line import (
     HIGH,
     LOW,
@@ -46,7 +34,6 @@ from estim.line import (
 )
 from estim.reports.pages import Drawers, page
 from estim.reports.records import Record, Report
-from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance_of
 from estim.sampling import Summary, number, trusted
 from estim.words import advice_for, told_apart
@@ -55,7 +42,6 @@ _LINES = {
     "york": later("York's line through the θ_min series"),
     "posterior": later("Bayesian line through the θ_min series"),
 }
-_GAMMA = Notation("γ").label("1")
 _MARKS = {
     (LOW, True): ("^", BLUE),
     (LOW, False): ("o", "white"),
@@ -204,24 +190,30 @@ def _apart(analysis: TrialsAnalysis) -> list[float] | None:
     )
 
 
-def trials_files(
+def trials_section(
     campaign: Campaign, analysis: TrialsAnalysis, *, line: LineAnalysis | None
-) -> tuple[Drawers, TrialsResult, bytes]:
-    """Figures, the record that the section of a report prints, and `trials.json`."""
-    result = trials_result(campaign, analysis, line=line)
-    drawers: dict[str, partial[Figure]] = {"figures/trials.png": partial(starts_figure, analysis)}
+) -> tuple[Drawers, TrialsResult]:
+    """Figures, and the record that the section of a report prints, which is `trials.json`."""
+    drawers: Drawers = {"figures/trials.png": partial(starts_figure, analysis)}
     if analysis.status.ok:
         drawers["figures/chances.png"] = partial(chances_figure, analysis)
-    return drawers, result, as_json(result)
+    return drawers, trials_result(campaign, analysis, line=line)
 
 
 def trials_report(
     campaign: Campaign, analysis: TrialsAnalysis, *, figures: FigureChoice = "main"
 ) -> dict[str, bytes]:
     """`report.md`, `trials.json` and the figures of trials by themselves."""
-    drawers, result, record = trials_files(campaign, analysis, line=None)
-    text = partial(render, "trials.md.j2", trials=result, labels=UNKNOWN_LABELS)
-    return page(drawers, text, wanted=figures, kind=campaign.kind) | {"trials.json": record}
+    drawers, result = trials_section(campaign, analysis, line=None)
+    return page(
+        drawers,
+        "trials.md.j2",
+        {"trials.json": result},
+        wanted=figures,
+        kind=campaign.kind,
+        trials=result,
+        labels=UNKNOWN_LABELS,
+    )
 
 
 def trials_lines(campaign: Campaign, analysis: TrialsAnalysis) -> list[str]:
@@ -247,8 +239,7 @@ def starts_figure(analysis: TrialsAnalysis) -> Figure:
     trials at once; a panel for each end.
     """
     trials = analysis.trials
-    figure = new_figure(3.4 * len(trials.ends) + 0.8)
-    axes = figure.subplots(len(trials.ends), 1, squeeze=False)[:, 0]
+    figure, axes = grid(len(trials.ends), height=3.6, columns=1)
     read = np.array([tilt.phi for tilt in trials.tilts])
     room = 0.08 * max(float(np.ptp(read)), 0.01)
     phi = np.linspace(min(0.0, read.min() - room), read.max() + room, 120)
@@ -279,15 +270,14 @@ def _draw_starts(ax: Axes, analysis: TrialsAnalysis, end: str, phi: FloatArray) 
         smallest = np.degrees(
             np.where(np.abs(sine) <= 1.0, np.arcsin(np.clip(sine, -1.0, 1.0)), np.nan)
         )
-        label = phrase(
-            "theory, with the stated γ = {gamma}", gamma=format_quantity(gamma.value, gamma.u)
-        )
         ax.plot(
             np.degrees(phi),
             smallest if end == LOW else 180.0 - smallest,
             color=ORANGE,
             lw=1.8,
-            label=label,
+            label=phrase(
+                "theory, with the stated γ = {gamma}", gamma=format_quantity(gamma.value, gamma.u)
+            ),
         )
     label = phrase("threshold of climbing, each tilt separately, 95 %")
     for threshold in (candidate for candidate in analysis.thresholds if candidate.end == end):
@@ -376,7 +366,7 @@ def chances_figure(analysis: TrialsAnalysis) -> Figure:
                     np.minimum(part.theta, np.pi - part.theta)[part.climbed == climbed], seen
                 )
                 mark, face = _MARKS[end, climbed]
-                label = phrase("climbed") if climbed else phrase("did not climb")
+                label = phrase("climbed" if climbed else "did not climb")
                 label += f", {phrase(_NAMES[end])}" if len(trials.ends) > 1 else ""
                 heights = [level + step * place for place, _ in placed]
                 ax.plot(

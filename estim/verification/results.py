@@ -130,9 +130,7 @@ def _estimates(name: str, place: str, unit: str, node: object) -> Iterator[_Esti
 
 
 def _inputs(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[str]:
-    for key in _TOLD[:-1]:
-        if first.get(key) != second.get(key):
-            yield f"{key}: {first.get(key)} and {second.get(key)}"
+    yield from _unlike("", first, second, _TOLD[:-1])
     a, b = (_table(record, "provenance") for record in (first, second))
     if a.get("campaign_sha256") != b.get("campaign_sha256"):
         yield f"the campaign file: {a.get('campaign')} and {b.get('campaign')} differ"
@@ -142,12 +140,17 @@ def _inputs(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[str
             yield f"data: {name} is in the {'first' if name in data[0] else 'second'} alone"
         elif data[0][name] != data[1][name]:
             yield f"data: {name} differs"
-    if a.get("seed") != b.get("seed"):
-        yield f"seed: {a.get('seed')} and {b.get('seed')}"
-    versions = [_table(p, "versions") for p in (a, b)]
-    for name in sorted(versions[0].keys() | versions[1].keys()):
-        if versions[0].get(name) != versions[1].get(name):
-            yield f"version of {name}: {versions[0].get(name)} and {versions[1].get(name)}"
+    yield from _unlike("", a, b, ["seed"])
+    was, now = (_table(p, "versions") for p in (a, b))
+    yield from _unlike("version of ", was, now, sorted(was.keys() | now.keys()))
+
+
+def _unlike(
+    what: str, first: Mapping[str, Any], second: Mapping[str, Any], keys: Sequence[str]
+) -> Iterator[str]:
+    for key in keys:
+        if first.get(key) != second.get(key):
+            yield f"{what}{key}: {first.get(key)} and {second.get(key)}"
 
 
 def _table(record: Mapping[str, Any], key: str) -> Mapping[str, Any]:

@@ -44,11 +44,12 @@ def _pull(f: Finding) -> str:
 
 def _tied(f: Finding) -> str:
     named = phrase("{names} and {last}", names=", ".join(f.names[:-1]), last=f.names[-1])
-    words = later(
+    return said(
+        f,
         "the runs disagree about the quantities they share ({p}), and these data cannot show which "
-        "of these is wrong: {named}"
-    )
-    return said(f, words, named=named) + _let_it_vary(f)
+        "of these is wrong: {named}",
+        named=named,
+    ) + _let_it_vary(f)
 
 
 def _let_it_vary(f: Finding) -> str:
@@ -59,14 +60,12 @@ def _let_it_vary(f: Finding) -> str:
     base, level = split_level(apart.name)
     factor, unit = (apart.label.factor, apart.label.unit) if apart.label else (1.0, "1")
     key = {"moment": "resisting_moment"}.get(base, base) + _KEY_UNITS.get(unit, "")
-    where = f"[bodies.{level[1:-1]}]" if level else "[shared]"
-    line = f"between_runs = {{{key} = {apart.value * factor:.2g}}}"
     return phrase(
         "; if the runs differ genuinely rather than by mistake, let {symbol} vary from run "
         "to run: {line}, under {where}",
         symbol=symbol(apart),
-        line=line,
-        where=where,
+        line=f"between_runs = {{{key} = {apart.value * factor:.2g}}}",
+        where=f"[bodies.{level[1:-1]}]" if level else "[shared]",
     )
 
 
@@ -99,16 +98,6 @@ def common_error(name: str, size: float, along: float | None) -> str:
     )
 
 
-def _common(f: Finding) -> str:
-    return said(
-        f,
-        "{error}: {symbol} shifts by {value:.1f}"
-        if f.parameters
-        else "{error}: no fit that allows for it converges",
-        error=common_error(f.test, f.size, f.numbers.get("along")),
-    )
-
-
 WORDS: Table = {
     Kind.STATED_UNCOMPARED: (
         "the data hardly constrain the quantities that were stated beforehand, so "
@@ -124,7 +113,13 @@ WORDS: Table = {
         + phrase("; but other values do not make the curve fit the data either")
     ),
     Kind.PULL: _pull,
-    Kind.COMMON_ERROR: _common,
+    Kind.COMMON_ERROR: lambda f: said(
+        f,
+        "{error}: {symbol} shifts by {value:.1f}"
+        if f.parameters
+        else "{error}: no fit that allows for it converges",
+        error=common_error(f.test, f.size, f.numbers.get("along")),
+    ),
     Kind.COMMON_ERRORS: (
         "errors that leave no trace in the residuals would shift the result, in "
         "posterior standard deviations: {parts}"

@@ -55,19 +55,15 @@ def _how(f: Finding) -> str:
     )
 
 
-def _found(f: Finding) -> str:
-    return said(
+WORDS: Table = {
+    Kind.DEVIATION_FOUND: lambda f: said(
         f,
         "{of_run}the residuals about the curve are not white noise; they are interpreted as "
         "{how}; the part that no parameter values can reproduce is {typical:.2g}{unit} (root "
         "mean square, at most {most:.2g}{unit}), P(amplitude > 0) = {prob:.3f}",
         how=_how(f),
         unit=behind(f.names[1]),
-    )
-
-
-WORDS: Table = {
-    Kind.DEVIATION_FOUND: _found,
+    ),
     Kind.DEVIATION_UNDECIDED: (
         "{of_run}it cannot be decided whether the curve deviates from the data, "
         "P(amplitude > 0) = {prob:.2f}; the intervals allow for an irregular "

@@ -6,22 +6,19 @@ from __future__ import annotations
 
 import math
 
-from estim.common import Finding, Kind, later, phrase
+from estim.common import Finding, Kind, phrase
 from estim.words.table import Table, filled, said
-
-
-def _stuck(f: Finding) -> str:
-    return said(f, "{n:.0f} walkers never moved" if f.size > 1 else "{n:.0f} walker never moved")
 
 
 def _differs(f: Finding) -> str:
     what = phrase(" and ").join(filled(WORDS, part) for part in f.parts)
-    words = (
-        later("chain and {test} differ (as they did before, with other random numbers) in {what}")
+    return said(
+        f,
+        "chain and {test} differ (as they did before, with other random numbers) in {what}"
         if "before" in f.numbers
-        else later("chain and {test} differ in {what}")
+        else "chain and {test} differ in {what}",
+        what=what,
     )
-    return said(f, words, what=what)
 
 
 def _unreliable(f: Finding) -> str:
@@ -40,26 +37,20 @@ def _agrees(f: Finding) -> str:
         "means, standard deviations and ends of the 95 % intervals agree within "
         "Monte-Carlo errors; largest difference {size:.3f} posterior standard deviations",
     )
-    again = later(
-        "; both were computed twice, because the first pair differed by {before:.1f} "
-        "Monte-Carlo errors, by chance"
-    )
-    return words + (said(f, again) if "before" in f.numbers else "")
-
-
-def _move(f: Finding) -> str:
-    cure = phrase("set n_node = 5") if f.numbers["nodes"] < 5 else phrase("use the sampler")
-    return said(
+    if "before" not in f.numbers:
+        return words
+    return words + said(
         f,
-        "the exact weights shift a shared parameter by {size:.2f} standard deviations "
-        "(Monte-Carlo error {u:.2f}): {cure}",
-        cure=cure,
+        "; both were computed twice, because the first pair differed by {before:.1f} "
+        "Monte-Carlo errors, by chance",
     )
 
 
 WORDS: Table = {
     Kind.CHAIN_SHORT: "sampling stopped after {n:.0f} steps although {parts}",
-    Kind.WALKERS_STUCK: _stuck,
+    Kind.WALKERS_STUCK: lambda f: said(
+        f, "{n:.0f} walkers never moved" if f.size > 1 else "{n:.0f} walker never moved"
+    ),
     Kind.RHAT_HIGH: "R-hat {size:.3f} is not below {limit}",
     Kind.BULK_LOW: "bulk ESS {size:.0f} is below {limit:.0f}",
     Kind.TAIL_LOW: "tail ESS {size:.0f} is below {limit:.0f}",
@@ -113,7 +104,12 @@ WORDS: Table = {
         "the exact weights in all dimensions are too uneven to validate the "
         "result (k-hat {size:.2f}, effective sample size {ess:.0f})"
     ),
-    Kind.WEIGHTS_MOVE: _move,
+    Kind.WEIGHTS_MOVE: lambda f: said(
+        f,
+        "the exact weights shift a shared parameter by {size:.2f} standard deviations "
+        "(Monte-Carlo error {u:.2f}): {cure}",
+        cure=phrase("set n_node = 5" if f.numbers["nodes"] < 5 else "use the sampler"),
+    ),
     Kind.WEIGHTS_AGREE: (
         "the exact weights in all dimensions confirm the result (k-hat "
         "{k_hat:.2f}): no shared parameter shifts by more than {size:.2f} "

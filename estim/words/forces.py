@@ -4,28 +4,22 @@ changes.
 
 from __future__ import annotations
 
-from estim.common import Finding, Kind, phrase
+from estim.common import Kind, phrase
 from estim.words.table import Table, said
 
-
-def _found(f: Finding) -> str:
-    what = (
-        phrase("an unmodelled force along the track that they share")
-        if f.numbers.get("runs", 1) > 1
-        else phrase("an unmodelled force along the track")
-    )
-    return said(
+WORDS: Table = {
+    Kind.FORCE_FOUND: lambda f: said(
         f,
         "{who}: the residuals about the curve are not white noise; interpreted as {what}, "
         "they amount to {share:.2g} % of the weight (root mean square along the track; at most "
         "{most:.2g} %), with correlation length about {length:.2g} {names} ({short:.2g} to "
         "{long:.2g}), P(amplitude > 0) = {prob:.3f}",
-        what=what,
-    )
-
-
-WORDS: Table = {
-    Kind.FORCE_FOUND: _found,
+        what=phrase(
+            "an unmodelled force along the track that they share"
+            if f.numbers.get("runs", 1) > 1
+            else "an unmodelled force along the track"
+        ),
+    ),
     Kind.FORCE_UNDECIDED: (
         "{who}: it cannot be decided whether there is an unmodelled force, P(amplitude > 0) = "
         "{prob:.2f}; if there is, it is about {share:.2g} % of the weight (root mean square "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from estim.common import Finding, Kind, format_quantity, later, phrase
+from estim.common import Finding, Kind, format_quantity, phrase
 from estim.words.table import Table, said
 
 
@@ -28,8 +28,9 @@ def _frame(f: Finding) -> str:
         where=_where(f),
         shift=_shift(f),
     )
-    cure = later("; to leave it out, put leave_out_s = [{t:.6g}] in the table of the run")
-    return off if math.isnan(f.numbers["t"]) else off + said(f, cure)
+    if math.isnan(f.numbers["t"]):
+        return off
+    return off + said(f, "; to leave it out, put leave_out_s = [{t:.6g}] in the table of the run")
 
 
 def _windows(f: Finding) -> str:
@@ -40,20 +41,8 @@ def _windows(f: Finding) -> str:
     )
 
 
-def _step(f: Finding) -> str:
-    return said(
-        f,
-        "run {run}: from the frame at {where} onwards all readings are displaced by {shift}; "
-        "the data are not altered: the displacement is an additional unknown; {windows}",
-        where=_where(f),
-        shift=_shift(f),
-        windows=_windows(f),
-    )
-
-
 def _lost(f: Finding) -> str:
     frames = f.numbers["frames"]
-    n = format_quantity(abs(frames), f.numbers["sd_frames"])
     return said(
         f,
         "run {run}: before the frame at {where} {what}, but the time stamps do not show it (P "
@@ -61,15 +50,23 @@ def _lost(f: Finding) -> str:
         "{windows}",
         where=_where(f),
         windows=_windows(f),
-        what=phrase("{n} frames were lost", n=n)
-        if frames > 0.0
-        else phrase("{n} frames were counted twice", n=n),
+        what=phrase(
+            "{n} frames were lost" if frames > 0.0 else "{n} frames were counted twice",
+            n=format_quantity(abs(frames), f.numbers["sd_frames"]),
+        ),
     )
 
 
 WORDS: Table = {
     Kind.FRAME_OFF: _frame,
-    Kind.STEP_STAYS: _step,
+    Kind.STEP_STAYS: lambda f: said(
+        f,
+        "run {run}: from the frame at {where} onwards all readings are displaced by {shift}; "
+        "the data are not altered: the displacement is an additional unknown; {windows}",
+        where=_where(f),
+        shift=_shift(f),
+        windows=_windows(f),
+    ),
     Kind.FRAMES_LOST: _lost,
     Kind.FRAMES_CROWD: (
         "run {run}: more than {n:.0f} frames are displaced: these are not "

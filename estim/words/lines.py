@@ -2,31 +2,16 @@
 
 from __future__ import annotations
 
-from estim.common import Finding, Kind, percentage
-from estim.words.table import Table, measured, said
+from estim.common import Kind, percentage
+from estim.words.table import Table, said
 
-
-def _not_rising(f: Finding) -> str:
-    return said(
+WORDS: Table = {
+    Kind.LINE_NOT_RISING: lambda f: said(
         f,
         "the points do not determine a rising line: the exact {probability} interval of its "
         "slope is [{low:.3g}, {high:.3g}]",
         probability=percentage(f.numbers["probability"]),
-    )
-
-
-def _gammas(f: Finding) -> str:
-    return said(
-        f,
-        "γ of the line, {line}, and γ as stated, {stated}, disagree: E_n = {size:+.1f}; the "
-        "line does not use the stated value",
-        line=measured(f, "line"),
-        stated=measured(f, "stated"),
-    )
-
-
-WORDS: Table = {
-    Kind.LINE_NOT_RISING: _not_rising,
+    ),
     Kind.SLOPES_DIFFER: (
         "York's slope {york:.3g} and the Bayesian one {bayes:.3g} differ by more "
         "than their combined uncertainty {u:.2g}"
@@ -39,5 +24,8 @@ WORDS: Table = {
         "the points scatter more than their uncertainties allow (S = {size:.1f}, "
         "{dof:.0f} degrees of freedom, {p})"
     ),
-    Kind.GAMMA_DISAGREES: _gammas,
+    Kind.GAMMA_DISAGREES: (
+        "γ of the line, {line}, and γ as stated, {stated}, disagree: E_n = {size:+.1f}; the "
+        "line does not use the stated value"
+    ),
 }

@@ -29,17 +29,8 @@ def _equal(f: Finding) -> str:
 
 
 def _solution(f: Finding) -> str:
-    share = percentage(f.size)
-    return said(f, "{values} ({share} of the posterior)", values=_equal(f), share=share)
-
-
-def _several(f: Finding) -> str:
-    more = phrase("; and {n:.0f} more", n=f.size - len(f.parts)) if f.size > len(f.parts) else ""
     return said(
-        f,
-        "the data allow {n:.0f} separate solutions: {solutions}{more}",
-        solutions=phrase("; or ").join(map(_solution, f.parts)),
-        more=more,
+        f, "{values} ({share} of the posterior)", values=_equal(f), share=percentage(f.size)
     )
 
 
@@ -56,39 +47,36 @@ def _moves(f: Finding) -> str:
         )
         up, symbol = amount.value > 0.0, amount.label.symbol
         parts.append(
-            phrase("{symbol} up by {size}", symbol=symbol, size=size)
-            if up
-            else phrase("{symbol} down by {size}", symbol=symbol, size=size)
+            phrase(
+                "{symbol} up by {size}" if up else "{symbol} down by {size}",
+                symbol=symbol,
+                size=size,
+            )
         )
     return ", ".join(parts)
 
 
 def _silent(f: Finding) -> str:
-    together = len(f.parameters) > 1
-    if f.size < 1e-6:
-        words = (
-            later("{moves} together do not change the predicted data at all")
-            if together
-            else later("{moves} does not change the predicted data at all")
+    together, still = len(f.parameters) > 1, f.size < 1e-6
+    return said(
+        f,
+        (
+            "{moves} together do not change the predicted data at all"
+            if still
+            else "{moves} together change the predicted data by only {noise:.2g} of the total noise"
         )
-    else:
-        words = (
-            later(
-                "{moves} together change the predicted data by only {noise:.2g} of the total noise"
-            )
-            if together
-            else later("{moves} changes the predicted data by only {noise:.2g} of the total noise")
-        )
-    return said(f, words, moves=_moves(f), noise=math.sqrt(f.size))
+        if together
+        else "{moves} does not change the predicted data at all"
+        if still
+        else "{moves} changes the predicted data by only {noise:.2g} of the total noise",
+        moves=_moves(f),
+        noise=math.sqrt(f.size),
+    )
 
 
 def _exchange(f: Finding) -> str:
     pairs = zip(f.names[::2], f.names[1::2], strict=True)
     return phrase(" and ").join(phrase("{a} with {b}", a=a, b=b) for a, b in pairs)
-
-
-def _image(f: Finding) -> str:
-    return ", ".join(_change(amount) for amount in f.parameters)
 
 
 def _change(amount: Amount) -> str:
@@ -100,15 +88,6 @@ def _change(amount: Amount) -> str:
         f"{amount.value:g}",
     )
     return f"{shift} - {amount.name}" if amount.whole < 0.0 else f"{amount.name} + {shift}"
-
-
-def _flat(f: Finding) -> str:
-    return phrase(
-        "a combination of parameters is constrained neither by the data nor by the priors, "
-        "but only by the edges of "
-        "their ranges: {moves}",
-        moves=_silent(f),
-    )
 
 
 _OPEN = {
@@ -128,10 +107,6 @@ _OPEN_BOTH = later(
     "large or small: with a flat "
     "prior without limits it has no interval"
 )
-
-
-def _open(f: Finding) -> str:
-    return said(f, _OPEN.get(f.test, _OPEN_BOTH))
 
 
 def _limit(f: Finding) -> str:
@@ -168,16 +143,6 @@ def _not_settled(f: Finding) -> str:
     )
 
 
-def _undetermined(f: Finding) -> str:
-    return said(
-        f,
-        "the data do not determine {names}, so there are no standard deviations"
-        if len(f.names) == 1
-        else "the data do not determine {names} individually, only a combination of them, so there "
-        "are no standard deviations",
-    )
-
-
 WORDS: Table = {
     Kind.FIT_UNSETTLED: _not_settled,
     Kind.COVARIANCE_HELD: _held,
@@ -201,7 +166,7 @@ WORDS: Table = {
         "one closest to the stated starting values is given, or otherwise the "
         "one with positive amplitudes and small angles"
     ),
-    Kind.IMAGE: _image,
+    Kind.IMAGE: lambda f: ", ".join(_change(amount) for amount in f.parameters),
     Kind.OTHER_NUMBERS: (
         "the curve is the same with other parameter values ({either}): the "
         "solution closest to the starting values is given"
@@ -211,20 +176,36 @@ WORDS: Table = {
         "one of them is intended, select it by bounds"
     ),
     Kind.VALUES: _equal,
-    Kind.SEVERAL_SOLUTIONS: _several,
+    Kind.SEVERAL_SOLUTIONS: lambda f: said(
+        f,
+        "the data allow {n:.0f} separate solutions: {solutions}{more}",
+        solutions=phrase("; or ").join(map(_solution, f.parts)),
+        more=phrase("; and {n:.0f} more", n=f.size - len(f.parts)) if f.size > len(f.parts) else "",
+    ),
     Kind.SOLUTION: _solution,
-    Kind.DIRECTION_FLAT: _flat,
+    Kind.DIRECTION_FLAT: lambda f: phrase(
+        "a combination of parameters is constrained neither by the data nor by the priors, "
+        "but only by the edges of "
+        "their ranges: {moves}",
+        moves=_silent(f),
+    ),
     Kind.DIRECTION_LEARNT: lambda f: phrase("constrained by the data: {moves}", moves=_moves(f)),
     Kind.DIRECTION_SILENT: _silent,
     Kind.SINGULAR: (
         "a combination of the parameters is determined neither by the data nor by the priors"
     ),
-    Kind.UNDETERMINED: _undetermined,
+    Kind.UNDETERMINED: lambda f: said(
+        f,
+        "the data do not determine {names}, so there are no standard deviations"
+        if len(f.names) == 1
+        else "the data do not determine {names} individually, only a combination of them, so there "
+        "are no standard deviations",
+    ),
     Kind.HARDLY_HELD: (
         "the data hardly constrain {name}: far from the fitted value, minus "
         "twice the log posterior density is only {size:.1f} above its minimum"
     ),
-    Kind.OPEN_SIDE: _open,
+    Kind.OPEN_SIDE: lambda f: said(f, _OPEN.get(f.test, _OPEN_BOTH)),
     Kind.PRESSED_EDGE: (
         "{symbol} lies at the edge of its prior, {shown}, and the data favour "
         "values beyond it ({p})"

@@ -5,46 +5,27 @@ from __future__ import annotations
 import math
 
 from estim.common import Finding, Kind, later, phrase, signed
-from estim.words.table import Table, measured, said
+from estim.words.table import Table, said
 
 _LEARNT, _SILENT = 0.5, 0.9  # posterior sd / prior sd
 
 
 def _silent(f: Finding) -> str:
     n = f.numbers["n_trial"]
-    outcome = (
-        later("none of {n_trial:.0f}")
+    outcome = said(
+        f,
+        "none of {n_trial:.0f}"
         if f.size == 0
-        else later("all of {n_trial:.0f}")
+        else "all of {n_trial:.0f}"
         if f.size == n
-        else later("{size:.0f} of {n_trial:.0f}")
+        else "{size:.0f} of {n_trial:.0f}",
     )
     return said(
         f,
         "the trials do not determine gamma: {outcome} climbed, and the standard deviation of "
         "gamma is still {share:.0f} % of its prior value",
-        outcome=said(f, outcome),
+        outcome=outcome,
         share=100 * f.numbers["share"],
-    )
-
-
-def _trials(f: Finding) -> str:
-    return said(
-        f,
-        "γ of the trials, {trials}, and γ as stated, {stated}, disagree: E_n = {size:+.1f}; "
-        "the trials do not use the stated value",
-        trials=measured(f, "trials"),
-        stated=measured(f, "stated"),
-    )
-
-
-def _ends(f: Finding) -> str:
-    return said(
-        f,
-        "γ from θ_min minus γ from θ_max is {apart}, {sds:+.1f} standard deviations (E_n = "
-        "{size:+.1f}): a zero error of the angle (the plumb line), or an effect of the release "
-        "on the angle that differs at θ_max, would explain it",
-        apart=measured(f, "apart"),
     )
 
 
@@ -122,6 +103,13 @@ WORDS: Table = {
         "stated {stated:.2g}°: no line separates the trials that climbed from "
         "those that did not"
     ),
-    Kind.TRIALS_DISAGREE: _trials,
-    Kind.ENDS_DISAGREE: _ends,
+    Kind.TRIALS_DISAGREE: (
+        "γ of the trials, {trials}, and γ as stated, {stated}, disagree: E_n = {size:+.1f}; "
+        "the trials do not use the stated value"
+    ),
+    Kind.ENDS_DISAGREE: (
+        "γ from θ_min minus γ from θ_max is {apart}, {sds:+.1f} standard deviations (E_n = "
+        "{size:+.1f}): a zero error of the angle (the plumb line), or an effect of the release "
+        "on the angle that differs at θ_max, would explain it"
+    ),
 }

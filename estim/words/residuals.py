@@ -50,8 +50,12 @@ def name_of_test(test: str) -> str:
 
 
 def _failed(f: Finding) -> str:
-    what = _times_too_far(f.numbers["times"]) if "times" in f.numbers else TESTS[f.test]
-    return said(f, "{of_run}{what} (test '{test}', {p})", what=what, test=name_of_test(f.test))
+    return said(
+        f,
+        "{of_run}{what} (test '{test}', {p})",
+        what=_times_too_far(f.numbers["times"]) if "times" in f.numbers else TESTS[f.test],
+        test=name_of_test(f.test),
+    )
 
 
 def _larger(f: Finding) -> str:
@@ -92,28 +96,6 @@ def _deviance(f: Finding) -> str:
     return said(f, "deviance = {size:.4g} for {dof:.0f} degrees of freedom")
 
 
-def _counts_scatter(f: Finding) -> str:
-    found = (
-        f"{_deviance(f)}, {facts(f)['p']}"
-        if "dof" in f.numbers
-        else said(f, "test '{test}', {p}", test=name_of_test(f.test))
-    )
-    return said(
-        f,
-        "{of_run}the counts scatter more about the curve than independent events can ({found})",
-        found=found,
-    )
-
-
-def _counts_even(f: Finding) -> str:
-    return said(
-        f,
-        "{of_run}the counts scatter less than independent events can ({found}): are they "
-        "averages, scaled, smoothed or made by hand?",
-        found=_deviance(f) if "dof" in f.numbers else facts(f)["p"],
-    )
-
-
 def _counts_as_readings(f: Finding) -> str:
     run = phrase("run {run}: ", run=f.run) if f.run not in ("", "data") else ""
     return run + phrase(
@@ -128,72 +110,9 @@ def _counts_as_readings(f: Finding) -> str:
 
 
 def _tests(f: Finding) -> str:
-    names = phrase(" and ").join(f"'{name}'" for name in f.names)
-    return (
-        phrase("tests {names}", names=names)
-        if len(f.names) > 1
-        else phrase("test {names}", names=names)
-    )
-
-
-def _alike(f: Finding) -> str:
-    return said(
-        f,
-        "{of_run}neighbouring residuals are correlated ({tests}, {p}), although they are no "
-        "larger than stated: the errors of successive readings are correlated. The unmodelled "
-        "force absorbs their common part, and in simulated runs of this kind the intervals had "
-        "their nominal coverage",
-        tests=_tests(f),
-    )
-
-
-def _covered(f: Finding) -> str:
-    return said(
-        f,
-        "{of_run}the stated error is conservative: the residuals are {size:.2g} times the "
-        "stated error and show a pattern ({failed}), but taken together they are smaller than "
-        "one stated standard deviation (chi2 = {chi2:.2g}); the stated value is kept, and "
-        "{failed} are disregarded"
-        if len(f.names) > 1
-        else "{of_run}the stated error is conservative: the residuals are {size:.2g} times the "
-        "stated error and show a pattern ({failed}), but taken together they are smaller than "
-        "one stated standard deviation (chi2 = {chi2:.2g}); the stated value is kept, and "
-        "{failed} is disregarded",
-        failed=_tests(f),
-    )
-
-
-def _few(f: Finding) -> str:
-    return said(
-        f,
-        "there are only {n:.0f} degrees of freedom: value ± standard error contains the true "
-        "value in {share:.0f} % of such experiments, not in 68 %; the intervals (Student's t) "
-        "have their nominal coverage"
-        if f.size > 1
-        else "there is only {n:.0f} degree of freedom: value ± standard error contains the true "
-        "value in {share:.0f} % of such experiments, not in 68 %; the intervals (Student's t) "
-        "have their nominal coverage",
-        share=100.0 * f.numbers["coverage"],
-    )
-
-
-def _crowd(f: Finding) -> str:
-    return said(
-        f,
-        "{of_run}{share} of the readings would be outliers: perhaps it is the others that do "
-        "not belong to the curve",
-        share=percentage(f.size),
-    )
-
-
-def _with_speed(f: Finding) -> str:
-    return said(
-        f,
-        "{of_run}the readings scatter more where the body is fast ({p}): were the images "
-        "blurred? State the exposure time of each frame, exposure_s in the noise table"
-        if f.numbers["pictures"]
-        else "{of_run}the readings scatter more where the body is fast ({p}): timing errors, or "
-        "counts missed by an encoder there, would explain it",
+    return phrase(
+        "tests {names}" if len(f.names) > 1 else "test {names}",
+        names=phrase(" and ").join(f"'{name}'" for name in f.names),
     )
 
 
@@ -213,13 +132,50 @@ WORDS: Table = {
         "{of_run}the residuals are smaller than the stated noise ({p}): is the "
         "stated sigma too large?"
     ),
-    Kind.NOISE_WITH_SPEED: _with_speed,
-    Kind.PATTERN_COVERED: _covered,
-    Kind.NEIGHBOURS_ALIKE: _alike,
+    Kind.NOISE_WITH_SPEED: lambda f: said(
+        f,
+        "{of_run}the readings scatter more where the body is fast ({p}): were the images "
+        "blurred? State the exposure time of each frame, exposure_s in the noise table"
+        if f.numbers["pictures"]
+        else "{of_run}the readings scatter more where the body is fast ({p}): timing errors, or "
+        "counts missed by an encoder there, would explain it",
+    ),
+    Kind.PATTERN_COVERED: lambda f: said(
+        f,
+        "{of_run}the stated error is conservative: the residuals are {size:.2g} times the "
+        "stated error and show a pattern ({failed}), but taken together they are smaller than "
+        "one stated standard deviation (chi2 = {chi2:.2g}); the stated value is kept, and "
+        "{failed} are disregarded"
+        if len(f.names) > 1
+        else "{of_run}the stated error is conservative: the residuals are {size:.2g} times the "
+        "stated error and show a pattern ({failed}), but taken together they are smaller than "
+        "one stated standard deviation (chi2 = {chi2:.2g}); the stated value is kept, and "
+        "{failed} is disregarded",
+        failed=_tests(f),
+    ),
+    Kind.NEIGHBOURS_ALIKE: lambda f: said(
+        f,
+        "{of_run}neighbouring residuals are correlated ({tests}, {p}), although they are no "
+        "larger than stated: the errors of successive readings are correlated. The unmodelled "
+        "force absorbs their common part, and in simulated runs of this kind the intervals had "
+        "their nominal coverage",
+        tests=_tests(f),
+    ),
     Kind.CHI2_TOO_LARGE: _larger,
     Kind.CHI2_SMALL: _small,
-    Kind.COUNTS_SCATTER: _counts_scatter,
-    Kind.COUNTS_EVEN: _counts_even,
+    Kind.COUNTS_SCATTER: lambda f: said(
+        f,
+        "{of_run}the counts scatter more about the curve than independent events can ({found})",
+        found=f"{_deviance(f)}, {facts(f)['p']}"
+        if "dof" in f.numbers
+        else said(f, "test '{test}', {p}", test=name_of_test(f.test)),
+    ),
+    Kind.COUNTS_EVEN: lambda f: said(
+        f,
+        "{of_run}the counts scatter less than independent events can ({found}): are they "
+        "averages, scaled, smoothed or made by hand?",
+        found=_deviance(f) if "dof" in f.numbers else facts(f)["p"],
+    ),
     Kind.COUNTS_AS_READINGS: _counts_as_readings,
     Kind.SCATTER_TOO_LARGE: (
         "{of_run}the inferred scatter is {n:.0f} times that expected from the instrument"
@@ -227,7 +183,12 @@ WORDS: Table = {
     Kind.SCATTER_LARGE: (
         "{of_run}the inferred scatter is {n:.1f} times that expected from the instrument"
     ),
-    Kind.OUTLIERS_CROWD: _crowd,
+    Kind.OUTLIERS_CROWD: lambda f: said(
+        f,
+        "{of_run}{share} of the readings would be outliers: perhaps it is the others that do "
+        "not belong to the curve",
+        share=percentage(f.size),
+    ),
     Kind.ROUNDING: (
         "floating-point rounding errors may shift the values by {n:.1g} standard deviations"
     ),
@@ -236,7 +197,17 @@ WORDS: Table = {
         "correct digits in the values: write the "
         "formula in x - x0, with x0 in the middle of the data"
     ),
-    Kind.FEW_DEGREES: _few,
+    Kind.FEW_DEGREES: lambda f: said(
+        f,
+        "there are only {n:.0f} degrees of freedom: value ± standard error contains the true "
+        "value in {share:.0f} % of such experiments, not in 68 %; the intervals (Student's t) "
+        "have their nominal coverage"
+        if f.size > 1
+        else "there is only {n:.0f} degree of freedom: value ± standard error contains the true "
+        "value in {share:.0f} % of such experiments, not in 68 %; the intervals (Student's t) "
+        "have their nominal coverage",
+        share=100.0 * f.numbers["coverage"],
+    ),
     Kind.NO_SCATTER: (
         "the points have no scatter beyond rounding errors (are they computed values, "
         "not readings?), so the size of their errors "

@@ -24,14 +24,16 @@ def _needs(f: Finding) -> str:
 
 
 def _with_friction(f: Finding, words: str) -> str:
-    p = (
-        phrase("above 0.995")
+    return said(
+        f,
+        words,
+        p=phrase("above 0.995")
         if f.p > 0.995
         else f"{f.p:.2f}"
         if f.p >= 0.005
-        else phrase("below 0.005")
+        else phrase("below 0.005"),
+        needs=_needs(f),
     )
-    return said(f, words, p=p, needs=_needs(f))
 
 
 WORDS: Table = {

@@ -30,7 +30,8 @@ def facts(f: Finding) -> dict[str, object]:
     and, in the unit of a reader, `shown` of its first parameter.
 
     of_run : how the sentence begins where the finding speaks of one run.
-    who : that run, or the runs of a body.  p : in words; prob : the number.
+    who : that run, or the runs of a body.  p : in words; prob : the number.  A number that has its
+        standard uncertainty beside it (x, u_x) is shown with it.
     """
     amount = f.parameters[0] if f.parameters else Amount(next(iter(f.names), ""))
     n = f.numbers.get("runs", 1)
@@ -51,12 +52,12 @@ def facts(f: Finding) -> dict[str, object]:
         "value": amount.value,
         "shown": value_words(amount),
         **f.numbers,
+        **{
+            name: format_quantity(value, f.numbers[f"u_{name}"])
+            for name, value in f.numbers.items()
+            if f"u_{name}" in f.numbers
+        },
     }
-
-
-def measured(finding: Finding, name: str) -> str:
-    """A number of a finding that has its standard uncertainty beside it."""
-    return format_quantity(finding.numbers[name], finding.numbers[f"u_{name}"])
 
 
 def value_words(amount: Amount) -> str:

@@ -20,11 +20,6 @@ def direction_words(direction: str) -> str:
     return phrase(_DIRECTIONS[direction])
 
 
-def _uneven(f: Finding) -> str:
-    how = direction_words(f.test) or phrase("uneven")
-    return said(f, "{name}: {how} (ranks not uniform, {p})", how=how)
-
-
 def _coverage(f: Finding) -> str:
     p, held = f.numbers["probability"], f.size
     return said(
@@ -41,7 +36,9 @@ def _coverage(f: Finding) -> str:
 
 
 WORDS: Table = {
-    Kind.RANKS_UNEVEN: _uneven,
+    Kind.RANKS_UNEVEN: lambda f: said(
+        f, "{name}: {how} (ranks not uniform, {p})", how=direction_words(f.test) or phrase("uneven")
+    ),
     Kind.COVERAGE_OFF: _coverage,
     Kind.TRIALS_FAILED: (
         "{n:.0f} of {trials:.0f} simulated campaigns gave no posterior, mostly: {name}"
