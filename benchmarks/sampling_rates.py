@@ -28,7 +28,7 @@ def rates(seed: int) -> tuple[float, float]:
     from estim.sampling import Target
     from estim.sampling.certificate import certify
     from estim.sampling.chain import sample_posterior
-    from estim.sampling.independent_check import both, second_opinion
+    from estim.sampling.independent_check import second_opinion
     from estim.sampling.proposal import adapt_proposal
     from estim.sampling.ridges import ridge_proposal
 
@@ -54,9 +54,8 @@ def rates(seed: int) -> tuple[float, float]:
     spent = time.process_time() - began
     draws = np.moveaxis(chain.draws, 1, 2)
     ess = described(draws.reshape(-1, *draws.shape[2:]))[0]
-    mixed = both(
-        adapted,
-        ridge_proposal(density, optima.value, optima.cov, starts=optima.modes, support=support),
+    mixed = adapted.beside(
+        ridge_proposal(density, optima.value, optima.cov, starts=optima.modes, support=support), 0.5
     )
     began = time.process_time()
     certificate = certify(density, mixed, rng=rng, least_ess=_TIMES * ESS)

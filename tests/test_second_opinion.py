@@ -25,7 +25,7 @@ from estim.sampling import certificate, certified
 from estim.sampling.certificate import Agreement, Certificate, certify, compare_with_chain
 from estim.sampling.chain import Chain, Target, sample_posterior
 from estim.sampling.diagnostics import effective_size
-from estim.sampling.independent_check import both, second_opinion
+from estim.sampling.independent_check import second_opinion
 from estim.sampling.proposal import Proposal, adapt_proposal
 from estim.sampling.ridges import ridge_proposal
 
@@ -135,7 +135,7 @@ def test_adapted_proposal_alone_leaves_it_out_and_its_own_weights_do_not_show_th
     # along the ridges it is seen, by importance sampling as well
     ridges = ridge_proposal(fit.posterior, fit.values, fit.cov, support=fit.problem.support())
     other = certify(
-        fit.posterior, both(alone, ridges), rng=np.random.default_rng(3), least_ess=20_000.0
+        fit.posterior, alone.beside(ridges, 0.5), rng=np.random.default_rng(3), least_ess=20_000.0
     )
     assert other.reliable
     assert abs(other.sd[1] - grid().sd) < 4.0 * other.mcse_sd[1] < 0.04 * grid().sd
@@ -156,9 +156,8 @@ def second_proposal(fit: Fit) -> Proposal:
     adapted = adapt_proposal(
         fit.posterior, fit.values, fit.cov, rng=np.random.default_rng(2), starts=tuple(fit.others)
     )
-    return both(
-        adapted, ridge_proposal(fit.posterior, fit.values, fit.cov, support=fit.problem.support())
-    )
+    ridges = ridge_proposal(fit.posterior, fit.values, fit.cov, support=fit.problem.support())
+    return adapted.beside(ridges, 0.5)
 
 
 def test_importance_sampling_goes_on_until_the_ends_of_a_heavy_tail_are_known(

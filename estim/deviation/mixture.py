@@ -22,14 +22,13 @@ from estim.arrays import FloatArray
 from estim.deviation.components import Deviation, Family
 from estim.deviation.linearised import Linearised
 from estim.deviation.precision import Precision
-from estim.deviation.terms import Terms, Weight, side_by_side, terms_of
+from estim.deviation.terms import Terms, Weight, terms_of
 from estim.problem import Root, beside
 
 # what the directions left out of a basis may add to the variances, relative to the noise and summed
 _ROUGHNESS = 1e-3
 
 _FELT = 1e-13  # share of a component below which rounding hides it
-_FEW = 16  # draws of which the calls cost more than the numbers
 _AT_ONCE = 50  # draws at once of the density of each point
 _CHUNK = 250  # draws at once: what they need stays in the processor's cache
 
@@ -49,14 +48,6 @@ class Mixture:
     def terms(self) -> tuple[Terms, ...]:
         """What every draw needs, one for each family."""
         return tuple(terms_of(family, self.columns) for family in self.deviation.families)
-
-    @cached_property
-    def together(self) -> tuple[FloatArray, Terms]:
-        """The bases of all families side by side (n_obs, n_dir), and their terms as those of
-        one.
-        """
-        basis = np.hstack([family.basis for family in self.deviation.families])
-        return basis, side_by_side(self.terms)
 
     @cached_property
     def highest(self) -> float:
@@ -84,18 +75,12 @@ class Mixture:
         """(n_component, n_draw) logarithm of each w_k N(r | 0, C_k + H H^T)."""
         z = np.ascontiguousarray(self.deviation.whiten(np.atleast_2d(residuals)).T)
         square, along = np.einsum("ij,ij->j", z, z), self.columns.T @ z
-        basis, terms = self.together
-        seen = basis.T @ z
-        if z.shape[1] <= _FEW:
-            density, explained = terms.unweighted(square, seen, along)
-        else:
-            ends = np.cumsum([family.spectrum.size for family in self.deviation.families])
-            each = zip(self.terms, np.split(seen, ends[:-1]), strict=True)
-            density, explained = map(
-                np.concatenate,
-                zip(*(own.unweighted(square, part, along) for own, part in each), strict=True),
-            )
-        logs = terms.log_density(density, explained, weight)
+        logs = np.concatenate(
+            [
+                terms.log_density(square, family.basis.T @ z, along, weight)
+                for family, terms in zip(self.deviation.families, self.terms, strict=True)
+            ]
+        )
         logs -= self.deviation.root.log_volume
         logs -= 0.5 * z.shape[0] * np.log(2.0 * np.pi)
         return logs
@@ -120,12 +105,25 @@ class Mixture:
         return np.asarray(np.exp(logs - np.logaddexp.reduce(logs)))
 
     @cached_property
-    def _span(self) -> tuple[FloatArray, FloatArray]:
-        """(n_obs, n) orthonormal columns, in which everything but white noise lies, and bases and H
-        in these.
+    def _directions(self) -> FloatArray:
+        """(n_obs, n_dir) the bases of all families side by side."""
+        return np.hstack([family.basis for family in self.deviation.families])
+
+    @cached_property
+    def _span(self) -> FloatArray:
+        """(n_obs, n) orthonormal columns, in which everything but white noise lies."""
+        return np.linalg.qr(np.hstack([self._directions, self.columns]))[0]
+
+    def _precisions(self, residuals: FloatArray) -> Iterator[tuple[float, FloatArray, FloatArray]]:
+        """white, D (n_obs, n), M (n, n) of each family: of whitened observations, its precision
+        white + D M D^T weighed by the shares of its components at residuals (n_obs,).
         """
-        span, lying = np.linalg.qr(np.hstack([self.together[0], self.columns]))
-        return span, lying
+        shares = self.deviation.each(self.shares(residuals))
+        for (family, share), terms in zip(shares, self.terms, strict=True):
+            *gain, white, _ = -2.0 * share @ terms.gain
+            middle = -np.einsum("k,kqi,kqj->ij", share, terms.cross, terms.cross, optimize=True)
+            middle[np.diag_indices(len(gain))] += gain
+            yield float(white), np.hstack([family.basis, self.columns]), middle
 
     def precision(self, residuals: FloatArray) -> Precision:
         """Q with d log L/dr = -Q r at residuals (n_obs,), of whitened observations.
@@ -133,32 +131,22 @@ class Mixture:
         Least squares weighted by Q, taken anew at its own result until nothing moves, ends at a
         maximum of the likelihood.
         """
-        (span, lying), terms, share = self._span, self.together[1], self.shares(residuals)
-        white, own = self._whites(share)
-        core = (lying * np.append(own, np.zeros(self.columns.shape[1]))) @ lying.T
-        explained = lying @ terms.rows.T
-        core -= (explained * np.repeat(share, self.columns.shape[1])) @ explained.T
-        return Precision(white, span, core)
+        span, total, core = self._span, 0.0, np.zeros((self._span.shape[1],) * 2)
+        for white, directions, middle in self._precisions(residuals):
+            lying = span.T @ directions
+            total += white
+            core += lying @ middle @ lying.T
+        return Precision(total, span, core)
 
     def pull(self, residuals: FloatArray) -> FloatArray:
         """(n_obs,) Q r of the same Q at residuals (n_obs,), in the unit of the observations: minus
-        the slope of `Terms.log_density`.
+        the slope of `log_likelihood`.
         """
-        basis, terms = self.together
-        z, share = self.deviation.whiten(residuals), self.shares(residuals)
-        seen, (white, own) = z @ basis, self._whites(share)
-        explained = terms.cross @ np.append(seen, z @ self.columns)
-        back = np.einsum("k,kq,kqi->i", share, explained, terms.cross, optimize=True)
-        pull = white * z - self.columns @ back[seen.size :]
-        pull += basis @ (own * seen - back[: seen.size])
+        z = self.deviation.whiten(residuals)
+        pull = np.zeros_like(z)
+        for white, directions, middle in self._precisions(residuals):
+            pull += white * z + directions @ (middle @ (z @ directions))
         return self.deviation.turned_back(pull)
-
-    def _whites(self, share: FloatArray) -> tuple[float, FloatArray]:
-        """Precision of whitened observations without H, by the `shares`: of all of them, and what
-        the directions (n_dir,) have beside it.
-        """
-        gain = -2.0 * share @ self.together[1].gain
-        return float(gain[-2]), gain[:-2]
 
     def variances(self, residuals: FloatArray) -> FloatArray:
         """(n_obs,) of the errors at residuals (n_obs,): the diagonal of the sum of the C_k by their
@@ -202,7 +190,7 @@ class Mixture:
             for family, weights in self.deviation.each(share)
         ]
         return (
-            self.together[0],
+            self._directions,
             np.concatenate(lifted),
             float(share @ np.square(self.deviation.column("scale"))),
         )
@@ -228,30 +216,17 @@ class Mixture:
         residuals.
         """
         back, precisions = self.deviation.turned_back, self.deviation.root.precisions
-        whole, moved = self.columns.T @ self.columns, back(self.columns.T).T
-        for family in self.deviation.families:
-            basis, lying = back(family.basis.T).T, family.basis.T @ self.columns
-            squared, given = basis**2, []
-            for variance, scale in zip(family.variances(), family.scale, strict=True):
-                gain = 1.0 / variance - 1.0 / scale**2
-                diagonal = precisions / scale**2 + squared @ gain
-                turned = gain[:, None] * lying
-                root = np.linalg.inv(
-                    np.linalg.cholesky(np.eye(len(whole)) + whole / scale**2 + lying.T @ turned)
-                ).T
-                pushed = (moved / scale**2 + basis @ turned) @ root
-                if len(whole):
-                    diagonal -= np.sum(pushed**2, axis=1)
-                half = np.sqrt(0.5 / diagonal)
-                seen = np.vstack(
-                    [
-                        gain[:, None] * basis.T - (turned @ root) @ pushed.T,
-                        -(root / scale**2) @ pushed.T,
-                    ]
-                )
-                given.append(
-                    _Given(half / scale**2, seen * half, 0.5 * np.log(diagonal / (2.0 * np.pi)))
-                )
+        for family, terms in zip(self.deviation.families, self.terms, strict=True):
+            directions = back(np.vstack([family.basis.T, self.columns.T]))
+            n_dir, given = family.spectrum.size, []
+            for row, cross in zip(-2.0 * terms.gain, terms.cross, strict=True):
+                gain = np.append(row[:n_dir], np.zeros(self.columns.shape[1]))
+                explained = cross @ directions
+                diagonal = row[n_dir] * precisions + gain @ directions**2
+                half = np.sqrt(0.5 / (diagonal - np.sum(explained**2, axis=0)))
+                seen = gain[:, None] * directions - cross.T @ explained
+                log = -np.log(2.0 * np.sqrt(np.pi) * half)
+                given.append(_Given(row[n_dir] * half, seen * half, log))
             yield tuple(given)
 
     def _pointwise(

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from estim.arrays import FloatArray
 from estim.deviation.components import Family
@@ -50,29 +48,14 @@ class Terms:
     root: FloatArray
     amplitude: FloatArray
 
-    @property
-    def rows(self) -> FloatArray:
-        """(n_component n_column, n_dir + n_column) `cross`, one component below the other."""
-        n_component, n_column, n_coordinate = self.cross.shape
-        return self.cross.reshape(n_component * n_column, n_coordinate)
-
-    def unweighted(
-        self, square: FloatArray, seen: FloatArray, along: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """(n_component, n_draw) the log density without the part of z that H explains, and that
-        part (n_component, n_column, n_draw), for |z|^2 (n_draw,), basis z (n_dir, n_draw) and H z
-        (n_column, n_draw).
+    def log_density(
+        self, square: FloatArray, seen: FloatArray, along: FloatArray, weight: Weight | None
+    ) -> FloatArray:
+        """(n_component, n_draw) for |z|^2 (n_draw,), basis z (n_dir, n_draw) and H z (n_column,
+        n_draw).  weight : of the draws, where it is not that of the fit.
         """
         density = self.gain @ np.vstack([np.square(seen), square, np.ones_like(square)])
-        explained = self.rows @ np.vstack([seen, along])
-        return density, explained.reshape(*self.cross.shape[:2], square.size)
-
-    def log_density(
-        self, density: FloatArray, explained: FloatArray, weight: Weight | None = None
-    ) -> FloatArray:
-        """(n_component, n_draw) from what `unweighted` says, in whose place it is put; weight :
-        where it is not that of the fit.
-        """
+        explained = np.tensordot(self.cross, np.vstack([seen, along]), axes=1)
         density += 0.5 * np.einsum("kqn,kqn->kn", explained, explained)
         if weight is not None:
             if explained.shape[1] and weight.n_start:
@@ -122,25 +105,4 @@ def terms_of(family: Family, columns: FloatArray) -> Terms:
     )
     return Terms(
         np.column_stack([-0.5 * gain, -0.5 * inverse, log_norm]), cross, root, family.amplitude
-    )
-
-
-def side_by_side(each: Sequence[Terms]) -> Terms:
-    """Those of all families as one whose basis is theirs side by side."""
-    (_, n_column, _), root = each[0].cross.shape, np.concatenate([own.root for own in each])
-    gain = _joined([own.gain for own in each], 2)
-    cross = _joined([own.rows for own in each], n_column)
-    return Terms(
-        gain,
-        cross.reshape(len(root), n_column, gain.shape[1] - 2 + n_column),
-        root,
-        np.concatenate([own.amplitude for own in each]),
-    )
-
-
-def _joined(matrices: Sequence[FloatArray], n_common: int) -> FloatArray:
-    """Matrices below each other, whose last `n_common` columns are those of all."""
-    parts = [np.split(matrix, [matrix.shape[1] - n_common], axis=1) for matrix in matrices]
-    return np.hstack(
-        [block_diag(*(own for own, _ in parts)), np.vstack([common for _, common in parts])]
     )

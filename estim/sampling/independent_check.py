@@ -40,18 +40,12 @@ def second_opinion(
     Raises NumericalError where the density is not a number.
     """
     ridges = ridge_proposal(density, start, cov, starts=starts, support=support)
-    certificate = certify(density, both(adapted, ridges), rng=rng)
+    certificate = certify(density, adapted.beside(ridges, 0.5), rng=rng)
     if not certificate.reliable:
         return certificate, adapted
     return certificate, repaired(
         density, adapted, ridges, certificate.draws, certificate.log_evidence, rng=rng
     )
-
-
-def both(a: Proposal, b: Proposal, share: float = 0.5) -> Proposal:
-    """A `share` of the draws from `b`, the others from `a`."""
-    weights = np.concatenate([(1.0 - share) * a.weights, share * b.weights])
-    return Proposal(weights, np.vstack([a.means, b.means]), np.concatenate([a.factors, b.factors]))
 
 
 def repaired(
@@ -76,4 +70,5 @@ def repaired(
     # density over proposal, root mean square at draws of the posterior, from which another is made
     if np.sqrt(np.mean(ratio**2)) < 2.0:
         return adapted
-    return both(both(adapted, grown(draws, _N_COMPONENT, rng)), ridges, _RIDGE_SHARE)
+    mended = adapted.beside(grown(draws, _N_COMPONENT, rng), 0.5)
+    return mended.beside(ridges, _RIDGE_SHARE)

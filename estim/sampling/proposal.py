@@ -91,16 +91,15 @@ class Proposal:
             np.einsum("k,kij,klj->il", self.weights, self.factors, self.factors)
             + (self.weights[:, None] * away).T @ away
         )
-        return self.beside(mean[None], factor * lower_factor(scale)[None], share)
+        return self.beside(Proposal.single(mean, factor**2 * scale), share)
 
-    def beside(self, means: FloatArray, factors: FloatArray, share: float) -> Proposal:
-        """A `share` of the draws from further components (n, n_par), (n, n_par, n_par)."""
-        weights = np.append((1.0 - share) * self.weights, np.full(len(means), share / len(means)))
+    def beside(self, other: Proposal, share: float) -> Proposal:
+        """A `share` of the draws from another proposal."""
         return replace(
             self,
-            weights=weights,
-            means=np.vstack([self.means, means]),
-            factors=np.concatenate([self.factors, factors]),
+            weights=np.concatenate([(1.0 - share) * self.weights, share * other.weights]),
+            means=np.vstack([self.means, other.means]),
+            factors=np.concatenate([self.factors, other.factors]),
         )
 
     def draw(self, rng: np.random.Generator, n: int) -> FloatArray:
@@ -161,7 +160,7 @@ def adapt_proposal(
     centres = np.vstack([start, *starts])
     n_round = max(n_round, 500 * len(centres))
     factors = lower_factor(np.stack([cov, *(covs or [cov] * len(starts))]))
-    mixture = Proposal(np.full(len(centres), 1.0 / len(centres)), centres, factors)
+    mixture = _even(centres, factors)
     best, quality, draws, weights = _settle(density, _shrunk(density, mixture, rng), rng, n_round)
     for n_component in (4, 8):
         # the weights of normal densities are the less even the more parameters there are
@@ -176,7 +175,11 @@ def adapt_proposal(
             best, quality, draws, weights = candidate, better, candidate_draws, candidate_weights
     # of the draws from components that are told to be there: a rare wide part is seldom drawn, and
     # then no chain leaves it soon
-    return best.beside(centres[1:], factors[1:], 0.4) if covs else best
+    return best.beside(_even(centres[1:], factors[1:]), 0.4) if covs else best
+
+
+def _even(means: FloatArray, factors: FloatArray) -> Proposal:
+    return Proposal(np.full(len(means), 1.0 / len(means)), means, factors)
 
 
 def _settle(
@@ -274,10 +277,8 @@ def _split(
             break
         centres.append(int(rng.choice(weights.size, p=chance / np.sum(chance))))
     n = len(centres)
-    start = Proposal(
-        np.full(n, 1.0 / n), draws[centres], np.stack([n ** (-1.0 / draws.shape[1]) * factor] * n)
-    )
-    return _fit(start, draws, weights)
+    factors = np.stack([n ** (-1.0 / draws.shape[1]) * factor] * n)
+    return _fit(_even(draws[centres], factors), draws, weights)
 
 
 def _guarded(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
@@ -287,7 +288,7 @@ def _guarded(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Propo
     if mixture.weights.size == 1:
         return mixture
     mean, cov = _covariance(draws, weights)
-    return mixture.beside(mean[None], _WIDE_FACTOR * lower_factor(cov)[None], _WIDE_SHARE)
+    return mixture.beside(Proposal.single(mean, _WIDE_FACTOR**2 * cov), _WIDE_SHARE)
 
 
 def grown(draws: FloatArray, n_component: int, rng: np.random.Generator) -> Proposal:
