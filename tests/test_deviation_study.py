@@ -12,6 +12,7 @@ import pytest
 from one_way import fine_places, position_response
 from scipy import stats
 from scipy.linalg import block_diag
+from test_deviation import innovations
 from wheels import FINE, FIRST, G_R, PHI, SIGMA, Wheel, WhiteFit, places, white_fit
 
 from estim.deviation.components import diagonalise
@@ -96,7 +97,7 @@ def test_repeated_runs_of_a_real_wheel_agree_once_the_force_is_known_of(kind):
         assert 0.003 < force.amplitude[1] < 0.04
         assert 0.8 < found.size("scale")[1] < 2.0
         assert 0.2 * force.amplitude[1] < force.material_sd < force.amplitude[1]
-        left = found.innovations()
+        left = innovations(found)
         assert abs(left[1:] @ left[:-1]) / (left @ left) < 0.45
         assert stats.chi2(y.size).sf(left @ left) > 1e-3
     assert 0.9 < np.mean(moments, axis=0)[0] < 1.15
@@ -142,7 +143,7 @@ def test_repeated_runs_share_a_profile_and_each_has_some_of_its_own():
         return linearise(deviation, residuals, jacobian, precision=precision, pull=pull)
 
     def memory(found):
-        left = found.innovations()
+        left = innovations(found)
         return left[1:] @ left[:-1] / (left @ left)
 
     both, shared = joint((0.0, 0.1, 0.3, 1.0)), joint((0.0,))

@@ -52,7 +52,6 @@ class Linearised:
     scales: FloatArray
     steps: FloatArray
     covariances: FloatArray
-    followed: FloatArray
     log_evidence: float
     residuals: FloatArray
     jacobian: FloatArray
@@ -170,14 +169,6 @@ class Linearised:
             (z - ((z @ family.basis) * share) @ family.basis.T)[None]
         )[0]
 
-    def innovations(self) -> FloatArray:
-        """(n_obs,) residuals of the best component, white where it is right, in the order of the
-        observations: for tests of order.
-
-        In units of the noise as the evidence has it, which `size("scale")` says.
-        """
-        return self.best_root().whiten(self.residuals - self.jacobian @ self.followed)
-
     def best_root(self, columns: FloatArray | None = None, *, size: float = 1.0) -> Root:
         """Of the covariance of the most probable component, with the scale of the noise that the
         evidence has, over `size` squared.
@@ -224,7 +215,7 @@ def linearise(
     pulled = precision @ np.broadcast_to(np.asarray(pull, dtype=float), (n_par,))
     offset = float(np.sum(np.asarray(pull) * pulled))
     square, along, whole = float(r @ r), j.T @ r, j.T @ j
-    logs, own_steps, steps, covariances, families = [], [], [], [], []
+    logs, steps, covariances, families = [], [], [], []
     for family in deviation.families:
         seen, turned = r @ family.basis, family.basis.T @ j
         variance, white = family.variances(), 1.0 / np.square(family.scale)
@@ -253,7 +244,6 @@ def linearise(
         log_likelihood = -0.5 * (misfit + log_volume)
         serves = _at_least_stated(family) if stated else np.arange(family.amplitude.size)
         logs.append(family.log_prior + log_likelihood)
-        own_steps.append(step)
         steps.append(step[serves])
         covariances.append(covariance[serves])
         carried = family.log_prior + log_likelihood - log_likelihood[serves]
@@ -273,7 +263,6 @@ def linearise(
         scales=deviation.column("scale"),
         steps=np.vstack(steps),
         covariances=np.concatenate(covariances),
-        followed=np.vstack(own_steps)[np.argmax(weights)],
         log_evidence=float(total + constant),
         residuals=residuals,
         jacobian=jacobian,
