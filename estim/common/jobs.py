@@ -9,6 +9,7 @@ what is missing is done again, once, by half as many.
 from __future__ import annotations
 
 import copyreg
+import gc
 import os
 import pickle
 import signal
@@ -203,6 +204,7 @@ copyreg.pickle(MappingProxyType, lambda mapping: (_read_only, (dict(mapping),)))
 def _start(task: bytes) -> None:
     """Prepare a worker process."""
     global _task
+    gc.set_threshold(50_000)  # as in the command line, before the task loads its modules
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if sys.platform != "win32":
         # held when this process was started; its parent ends it so
