@@ -245,6 +245,10 @@ def test_proposal_density_is_normalised_and_is_that_of_its_draws(rng: np.random.
         for w, m, f in zip(proposal.weights, proposal.means, factors, strict=True)
     ]
     assert np.allclose(np.exp(proposal.log_density(points)), sum(parts), rtol=1e-10)
+    # far from 0, at numbers without rounding
+    points, far = np.round(1024.0 * points) / 1024.0, 2.0**30
+    moved = dataclasses.replace(proposal, means=proposal.means + far)
+    assert np.allclose(moved.log_density(points + far), proposal.log_density(points), rtol=1e-12)
     draws = proposal.draw(rng, 40_000)
     covariance = [5.0 / 3.0 * f @ f.T for f in factors]
     mean = 0.3 * proposal.means[0] + 0.7 * proposal.means[1]

@@ -10,7 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.special import ndtri
 
+from estim import fit_curve
 from estim.campaign import load_campaign
 from estim.deviation import Completed
 from estim.deviation.force import force_kernel, work_along
@@ -160,3 +162,17 @@ def test_noise_that_is_larger_than_stated_widens_the_band_of_new_points(
         np.ptp(after.predictive[0.95], axis=0)[middle]
         / np.ptp(before.predictive[0.95], axis=0)[middle]
     ) == pytest.approx(2.0, abs=0.2)
+
+
+def test_a_new_reading_has_the_error_of_the_readings_beside_it() -> None:
+    """Draws that are all alike: the band of a reading is as wide as its error says, between two
+    readings as a straight line says; alike for one size of all errors.
+    """
+    x, u_y = np.arange(5.0), np.array([0.1, 0.3, 0.2, 0.4, 0.1])
+    for u in (u_y, 0.2):
+        fit = fit_curve("a*x + b", x[::-1], 2.0 * x[::-1] + 1.0, u_y=np.broadcast_to(u, 5)[::-1])
+        draws = np.tile([2.0, 1.0], (20_000, 1))
+        (bands,) = posterior_bands(fit.problem, draws, rng=np.random.default_rng(1))
+        width = np.ptp(bands.predictive[0.68], axis=0) / (2.0 * ndtri(0.84))
+        assert np.allclose(width, np.interp(bands.x, x, np.broadcast_to(u, 5)), rtol=0.03)
+        assert np.allclose(bands.median, 2.0 * bands.x + 1.0)

@@ -19,6 +19,7 @@ from estim.common import InputError, Quantity
 from estim.deviation import force_sizes
 from estim.fitting import expected_information, fit_problem, information
 from estim.planning.changes import MORE, OTHERWISE, Readings, Wish, measured_better
+from estim.planning.halving import ways_to_halve
 from estim.planning.options import sds_with, weigh
 from estim.planning.own_curve import CurveBasis
 from estim.planning.planning import plan, targets_of
@@ -324,6 +325,27 @@ phi_deg = 14.0
 name = "a better protractor"
 u = {phi_deg = 0.1}
 """
+
+
+def test_a_change_of_the_readings_is_weighed_once_for_all_targets(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    campaign = load_campaign(line(tmp_path))
+    fit = fit_problem(campaign.problem(["line"]), rng=np.random.default_rng(1))
+    basis, asked = CurveBasis(campaign, ("line",), fit), []
+    here, targets = basis.outlook(NOTHING), fit.problem.parameters
+    now, plain = sds_with(here, {}, targets), CurveBasis.outlook
+
+    def counted(self: CurveBasis, wish: Wish) -> object:
+        asked.append((wish.frames, wish.error))
+        return plain(self, wish)
+
+    monkeypatch.setattr(CurveBasis, "outlook", counted)
+    both = ways_to_halve(basis, here, targets, now, [])
+    assert len(asked) == len(set(asked)) > 2
+    for k, target in enumerate(targets):
+        (alone,) = ways_to_halve(basis, here, [target], now[[k]], [])
+        assert [vars(way) for way in both[k].ways] == [vars(way) for way in alone.ways]
 
 
 def test_what_the_data_refuse_is_no_ground_for_a_plan(tmp_path: Path) -> None:
