@@ -146,17 +146,16 @@ def _new_errors(
     scale: FloatArray,
     rng: np.random.Generator,
 ) -> FloatArray:
-    """Errors of one more reading, (n_draw, n_x) or (n_draw, 1), as large as those of the readings
-    beside it or a share of the curve (n_draw, n_x); one normal score for all positions of a draw,
-    so that the band is smooth.
+    """Errors of one more reading (n_draw, n_x), as large as those of the readings beside it or a
+    share of the curve (n_draw, n_x); one normal score for all positions of a draw, so that the band
+    is smooth.
     """
-    reading = np.atleast_2d(reading_sd(run.noise, named, curve))
-    if reading.shape[1] == run.n_obs > 1 and not run.noise.share:
+    if run.noise.share:
+        reading = reading_sd(run.noise, named, curve)
+    else:
         order = np.argsort(run.x)
-        at = np.interp(x, run.x[order], np.arange(run.n_obs))
-        left = np.minimum(at.astype(int), run.n_obs - 2)
-        low, high = reading[:, order[left]], reading[:, order[left + 1]]
-        reading = low + (at - left) * (high - low)
+        gain = np.interp(x, run.x[order], run.noise.reading_gain()[order])
+        reading = np.sqrt(run.noise.size.reading_variance(named)) * gain
     sd = np.hypot(reading, run.noise.size.scatter.at(named)) * scale[:, None]
     return np.asarray(sd * rng.standard_normal((scale.size, 1)))
 
