@@ -14,9 +14,9 @@ from uncertainties import ufloat
 
 from estim import InputError, load_campaign
 from estim.campaign.campaign_file import RunTable
-from estim.campaign.dialect_table import DialectKeys
+from estim.campaign.curve_keys import CurveRunTable
+from estim.campaign.dialect_table import TRACK_KEYS
 from estim.campaign.selection import Window, select
-from estim.campaign.track_table import TrackKeys
 from estim.common import Kind
 from estim.model import Body, trajectory, turning_point
 from estim.problem.noise import Differentiated, Independent
@@ -943,8 +943,11 @@ def test_rows_that_cannot_be_fit_are_told_without_a_window(load, folder, change,
 
 def test_the_keys_of_tracks_are_the_same_for_bodies_and_for_curves() -> None:
     """msgspec allows a record one base with fields, so that the keys stand in two."""
-    of_runs = {one.name: (one.type, one.default) for one in msgspec.structs.fields(RunTable)}
-    of_tracks = {one.name: (one.type, one.default) for one in msgspec.structs.fields(TrackKeys)}
-    own = of_tracks.keys() - set(DialectKeys.__struct_fields__)
-    assert own == {"track", "along", "unit", "release", "frame_ms", "drop_duplicates"}
-    assert {name: of_runs[name] for name in own} == {name: of_tracks[name] for name in own}
+    of_runs, of_curves = (
+        {one.name: (one.type, one.default) for one in msgspec.structs.fields(table)}
+        for table in (RunTable, CurveRunTable)
+    )
+    assert set(TRACK_KEYS) == {"track", "along", "unit", "release", "frame_ms", "drop_duplicates"}
+    assert {name: of_runs[name] for name in TRACK_KEYS} == {
+        name: of_curves[name] for name in TRACK_KEYS
+    }

@@ -226,7 +226,7 @@ def test_shared_errors_are_one_parameter_of_all_runs(
         (
             "u_y = 0.02",
             "errors = {zero_y = true}",
-            r":7: 'errors' must be a number or a table, not true or false",
+            r":7: 'zero_y' must be a number or a table, not true or false",
         ),
         (
             "U0 = {start = 2.0}",

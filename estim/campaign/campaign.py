@@ -225,11 +225,15 @@ class Campaign(ABC):
         only one.
         """
 
-    @abstractmethod
     def curve_models(self, names: Sequence[str]) -> tuple[CurveModel, ...]:
         """The models of the runs `names`, fit together, that can be compared, the simplest first.
         Raises InputError where there is only one.
         """
+        self.problem(names)
+        raise self.source.error(
+            "is a formula of your own; estim compare-models compares models of a rolling body",
+            ("curve",),
+        )
 
     @abstractmethod
     def _placed(self, error: InputError, problem: Problem) -> InputError:
@@ -243,9 +247,9 @@ class Campaign(ABC):
     def require_draws(self, problem: Problem) -> None:
         """Raises InputError where a prior cannot be drawn from, or data cannot be simulated."""
 
-    @abstractmethod
     def require_body(self) -> None:
         """Raises InputError where there is no rolling body to speak of."""
+        raise self.source.error("has no rolling body, which this command is about", ("curve",))
 
     def require_complete(self, names: Sequence[str], command: str) -> None:
         """Raises InputError where there is no rolling body, or an unmodelled force was asked for,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -18,15 +18,15 @@ from typing import Any, Literal, TypeVar
 
 import msgspec
 
+from estim.campaign.curve_keys import CurveRunTable, CurveTable
 from estim.campaign.effect_table import EffectTable
-from estim.campaign.mismatch import known_keys, meant, mismatch_words, wrong_word
+from estim.campaign.mismatch import known_keys, located, meant, mismatch
 from estim.campaign.name_rules import check_body_names, check_run_names
 from estim.campaign.part_table import PartTable
-from estim.campaign.plan_table import NO_PLAN, PlanTable, check_plan
-from estim.campaign.prior_table import PriorTable, Value, read_prior
+from estim.campaign.plan_table import PlanTable, check_plan
+from estim.campaign.prior_table import Value
 from estim.campaign.trial_table import TrialsTable
-from estim.common import EXTREME, InputError, Quantity, extreme, phrase, read_quantity
-from estim.problem import Prior
+from estim.common import EXTREME, InputError, extreme, phrase
 from estim.reading import (
     TOML_BYTES,
     KeyPath,
@@ -39,6 +39,7 @@ from estim.reading import (
     way_to,
 )
 
+_OF_BODIES = ("shared", "parts", "bodies", "line", "trials", "published")
 Kind = Literal["synthetic", "measured", "published"]
 
 _FIELDS = frozenset(
@@ -144,34 +145,26 @@ class LineTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only
     u_zero_theta_min_deg: float = 0.0
 
 
+class DerivedTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    formula: str
+    unit: str | None = None
+    symbol: str | None = None
+    meaning: str | None = None
+
+
 class _TopTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     title: str
     kind: Kind
     published: str | None = None
-    shared: dict[str, Any] = {}
-    parts: dict[str, dict[str, Any]] = {}
-    bodies: dict[str, dict[str, Any]] = {}
+    shared: LevelTable = LevelTable()
+    parts: dict[str, PartTable] = {}
+    bodies: dict[str, LevelTable] = {}
     runs: list[dict[str, Any]] = []
-    line: dict[str, Any] | None = None
-    trials: dict[str, Any] | None = None
-    curve: dict[str, Any] | None = None
-    derived: dict[str, Any] = {}
-    plan: dict[str, Any] | None = None
-
-
-class _CurveRun(msgspec.Struct, frozen=True):
-    """What every run of a user's own curve has; `estim.campaign.curve_tables` checks the rest."""
-
-    name: str
-    file: str
-
-
-@dataclass(frozen=True, eq=False)
-class OwnCurve:
-    """The raw `curve` table and `runs` of a campaign whose curve is the user's own."""
-
-    table: Mapping[str, Any]
-    runs: Sequence[Mapping[str, Any]]
+    line: LineTable | None = None
+    trials: TrialsTable | None = None
+    curve: CurveTable | None = None
+    derived: dict[str, str | DerivedTable] = {}
+    plan: PlanTable = PlanTable()
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,9 +172,9 @@ class CampaignFile:
     """A campaign file as read, structure checked, numbers not yet interpreted.
 
     files : run -> its file as written.
-    plan : what might be measured next.  derived : the raw `derived` table.
+    plan : what might be measured next.
     published, shared, bodies, runs, line, trials, parts : of rolling bodies.
-    curve : None where the runs are of rolling bodies.
+    curve, curve_runs : of a user's own curve; None and none where the runs are of rolling bodies.
     written : the text of a campaign that stands in no file, else "".
     """
 
@@ -190,7 +183,7 @@ class CampaignFile:
     places: Places
     title: str
     kind: Kind
-    derived: Mapping[str, Any]
+    derived: Mapping[str, str | DerivedTable]
     files: Mapping[str, str]
     plan: PlanTable
     published: str | None = None
@@ -200,7 +193,8 @@ class CampaignFile:
     line: LineTable | None = None
     trials: TrialsTable | None = None
     parts: Mapping[str, PartTable] = field(default_factory=dict)
-    curve: OwnCurve | None = None
+    curve: CurveTable | None = None
+    curve_runs: tuple[CurveRunTable, ...] = ()
     written: str = ""
 
     @property
@@ -308,43 +302,35 @@ def _checked_file(
     path: Path, digest: str, tree: dict[str, Any], places: Places, *, measured: bool
 ) -> CampaignFile:
     top = checked(tree, _TopTable, places, ())
-    if top.curve is not None:
-        return _with_own_curve(path, digest, places, top)
-    parts = {
-        name: checked(table, PartTable, places, ("parts", name))
-        for name, table in top.parts.items()
-    }
-    bodies = {
-        name: checked(table, LevelTable, places, ("bodies", name))
-        for name, table in top.bodies.items()
-    }
-    runs = tuple(checked(table, RunTable, places, ("runs", i)) for i, table in enumerate(top.runs))
-    line = None if top.line is None else checked(top.line, LineTable, places, ("line",))
-    trials = None if top.trials is None else checked(top.trials, TrialsTable, places, ("trials",))
-    shared = checked(top.shared, LevelTable, places, ("shared",))
-    if measured and not runs and line is None and trials is None:
-        raise places.error(
-            "must hold at least one [[runs]] table, a [line] or a [trials] table",
-            (),
-            field="campaign",
-        )
-    check_run_names([run.name for run in runs], places)
-    check_body_names(bodies, places)
-    for i, run in enumerate(runs):
-        if run.body not in bodies:
+    runs, curve_runs = list[RunTable](), list[CurveRunTable]()
+    if top.curve is None:
+        runs = checked(top.runs, list[RunTable], places, ("runs",))
+    else:
+        curve_runs = checked(top.runs, list[CurveRunTable], places, ("runs",))
+    for key in () if top.curve is None else _OF_BODIES:
+        if tree.get(key):
+            raise places.error("cannot be combined with a [curve] table", (key,))
+    if measured and not top.runs and top.line is None and top.trials is None:
+        others = ", a [line] or a [trials] table" if top.curve is None else ""
+        rule = f"must hold at least one [[runs]] table{others}"
+        raise places.error(rule, (), field="campaign")
+    every: list[RunTable | CurveRunTable] = [*runs, *curve_runs]
+    files = {run.name: run.file for run in every}
+    check_run_names([run.name for run in every], places)
+    check_body_names(top.bodies, places)
+    of_body: list[tuple[KeyPath, str]] = [
+        *((("runs", i), run.body) for i, run in enumerate(runs)),
+        *((("line",), table.body) for table in (top.line,) if table is not None),
+        *((("trials",), table.body) for table in (top.trials,) if table is not None),
+    ]
+    for path_of_table, body in of_body:
+        if body not in top.bodies:
             raise places.error(
-                f"must name one of the bodies ({', '.join(bodies) or 'none defined'})",
-                ("runs", i, "body"),
-                value=run.body,
+                f"must name one of the bodies ({', '.join(top.bodies) or 'none defined'})",
+                (*path_of_table, "body"),
+                value=body,
             )
-    for key, table in (("line", line), ("trials", trials)):
-        if table is not None and table.body not in bodies:
-            raise places.error(
-                f"must name one of the bodies ({', '.join(bodies) or 'none defined'})",
-                (key, "body"),
-                value=table.body,
-            )
-    files = {run.name: run.file for run in runs}
+    check_plan(top.plan, tuple(files), places, own_curve=top.curve is not None)
     return CampaignFile(
         path,
         digest,
@@ -353,38 +339,17 @@ def _checked_file(
         top.kind,
         top.derived,
         files,
-        _plan(top, files, places, own_curve=False),
+        top.plan,
         published=top.published,
-        shared=shared,
-        bodies=bodies,
-        runs=runs,
-        line=line,
-        trials=trials,
-        parts=parts,
+        shared=top.shared,
+        bodies=top.bodies,
+        runs=tuple(runs),
+        line=top.line,
+        trials=top.trials,
+        parts=top.parts,
+        curve=top.curve,
+        curve_runs=tuple(curve_runs),
     )
-
-
-def _with_own_curve(path: Path, digest: str, places: Places, top: _TopTable) -> CampaignFile:
-    for key in ("shared", "parts", "bodies", "line", "trials", "published"):
-        if getattr(top, key):
-            raise places.error("cannot be combined with a [curve] table", (key,))
-    if not top.runs:
-        raise places.error("must hold at least one [[runs]] table", (), field="campaign")
-    named = [checked(run, _CurveRun, places, ("runs", i)) for i, run in enumerate(top.runs)]
-    check_run_names([run.name for run in named], places)
-    files = {run.name: run.file for run in named}
-    plan = _plan(top, files, places, own_curve=True)
-    curve = OwnCurve(top.curve or {}, top.runs)
-    return CampaignFile(
-        path, digest, places, top.title, top.kind, top.derived, files, plan, curve=curve
-    )
-
-
-def _plan(
-    top: _TopTable, files: Mapping[str, str], places: Places, *, own_curve: bool
-) -> PlanTable:
-    plan = NO_PLAN if top.plan is None else checked(top.plan, PlanTable, places, ("plan",))
-    return check_plan(plan, tuple(files), places, own_curve=own_curve)
 
 
 T = TypeVar("T")
@@ -398,8 +363,9 @@ def checked(tree: object, kind: type[T], places: Places, path: KeyPath) -> T:
         return msgspec.convert(tree, kind)
     except msgspec.ValidationError as error:
         message, _, where = str(error).partition(" - at `$")
-        inner = [part for part in re.findall(r"[^.\[\]`]+", where) if part != "..."]
-        full = (*path, *(int(part) if part.isdigit() else part for part in inner))
+        inner = re.findall(r"\.\.\.|[^.\[\]`]+", where)
+        within, found = located(tree, kind, inner)
+        full = (*path, *within)
         if match := re.search(r"unknown field `(.*)`", message):
             raise places.error(
                 f"is not a known key here{meant(match[1], known_keys(kind, inner))}",
@@ -407,10 +373,8 @@ def checked(tree: object, kind: type[T], places: Places, path: KeyPath) -> T:
             ) from None
         if match := re.search(r"missing required field `(.*)`", message):
             raise places.error("is missing", (*full, match[1])) from None
-        rule = mismatch_words(message, kind, inner)
-        raise places.error(
-            rule, full, field=None if full else "campaign", value=wrong_word(message)
-        ) from None
+        rule, value = mismatch(message, kind, inner, found)
+        raise places.error(rule, full, field=None if full else "campaign", value=value) from None
 
 
 def _check_numbers(tree: object, places: Places, path: KeyPath) -> None:
@@ -426,13 +390,3 @@ def _check_numbers(tree: object, places: Places, path: KeyPath) -> None:
         )
     elif isinstance(tree, float) and extreme(tree):
         raise places.error(EXTREME, path, value=tree)
-
-
-def read_value(value: Value, *, factor: float, field: str) -> Quantity | Prior:
-    """A number, a measured quantity or a prior, in SI units (`factor` times the unit of the key).
-
-    Raises InputError naming `field`.
-    """
-    if isinstance(value, PriorTable):
-        return read_prior(value, factor=factor, field=field)
-    return read_quantity(value, field=field).scaled(factor)

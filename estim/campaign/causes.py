@@ -14,12 +14,11 @@ from functools import cached_property
 
 import msgspec
 
-from estim.campaign.campaign_file import read_value
-from estim.campaign.prior_table import Value
+from estim.campaign.prior_table import Value, read_source
 from estim.campaign.quantities import EFFECTS, QUANTITIES
-from estim.common import Quantity, format_rounded, phrase
+from estim.common import format_rounded, phrase
 from estim.curves import Place, Setting
-from estim.problem import Prior, as_prior
+from estim.problem import Prior
 
 _RESISTANCE = 0.01  # of the weight
 _SAG, _BOW = 0.005, 0.03  # of the length
@@ -73,10 +72,9 @@ class Sketch:
         for name, kind in {**QUANTITIES, **EFFECTS}.items():
             for key in kind.keys.keys() & stated.keys():
                 written: Value = msgspec.convert(stated[key], Value)
-                value = read_value(written, factor=kind.keys[key], field=key)
-                priors[name] = (
-                    as_prior(value, low=kind.low) if isinstance(value, Quantity) else value
-                )
+                value = read_source(written, factor=kind.keys[key], field=key, low=kind.low)
+                assert not isinstance(value, float), "no candidate is exact"
+                priors[name] = value
         return priors
 
     def setting(self, stated: Setting) -> Setting:

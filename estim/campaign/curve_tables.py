@@ -1,6 +1,6 @@
-"""The tables of a campaign file that say a user's own curve: their keys, and what each may hold.
+"""The tables of a campaign file that say a user's own curve: what goes together in them.
 
-`docs/your-own-curve.md` explains them to users; `estim.campaign.own_curve` gives them meaning.
+`estim.campaign.own_curve` gives them meaning.
 """
 
 from __future__ import annotations
@@ -10,15 +10,19 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from typing import Literal
 
-import msgspec
-
-from estim.campaign.campaign_file import CampaignFile, read_value
-from estim.campaign.dialect_table import DialectKeys
-from estim.campaign.prior_table import PriorKeys, PriorTable
-from estim.campaign.track_table import TrackKeys
-from estim.common import InputError, Quantity, phrase, same_looks
+from estim.campaign.campaign_file import CampaignFile
+from estim.campaign.curve_keys import (
+    AxisTable,
+    CurveKeys,
+    CurveRunTable,
+    CurveTable,
+    ParameterTable,
+    ReadingErrorTable,
+)
+from estim.campaign.prior_table import PriorKeys, read_source
+from estim.common import InputError, phrase, same_looks
 from estim.curves import SIGMA, Formula, Limits, ModelSum, read_formula, read_model, within
-from estim.problem import Flat, Prior, as_prior
+from estim.problem import Flat, Prior
 from estim.reading import KeyPath, Places, bare_name
 
 _NAME = re.compile(r"[^\s$|\\`][^$|\\`\n]{0,39}")
@@ -29,92 +33,10 @@ _PATTERNS = {
     "meaning": re.compile(r"[^|\n`]{1,120}"),
 }
 
-
-class AxisTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    column: str
-    name: str | None = None
-    unit: str = "1"
-
-
-class ParameterTable(PriorKeys, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """`start` with limits, a `value`, or a `prior` with its keys."""
-
-    start: float | None = None
-    value: float | str | None = None
-    unit: str | None = None
-    meaning: str | None = None
-
-
-class ReadingErrorTable(PriorKeys, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """A standard deviation of y: a column of the runs' files, or a prior (then it is inferred)."""
-
-    column: str | None = None
-
-
 _PRIOR = PriorKeys.__struct_fields__
 
 
-class RangeTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    min: float | None = None
-    max: float | None = None
-
-
-class ComponentTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    kind: Literal["zero_y", "scale_y", "zero_x", "scale_x"]
-    u: float
-
-
-class CountTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """How y was counted, or that x are times of single events.
-
-    noise = {model = "poisson", bins = ["low_us", "high_us"]}      # or a width; without it
-    counts belong to single x
-    noise = {model = "binomial", trials = "shots"}                 # or a number
-    noise = {model = "event-times"}                                # x are times of single
-    events within `window`; no y
-    """
-
-    model: Literal["poisson", "binomial", "event-times"]
-    bins: float | list[str] | None = None
-    trials: float | str | None = None
-    cells: int | None = None
-
-
-class CurveTable(DialectKeys, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    x: AxisTable | str
-    expression: str | None = None
-    model: str | None = None
-    y: AxisTable | str | None = None
-    noise: CountTable | None = None
-    u_y: float | str | ReadingErrorTable | None = None
-    u_x: float | str | ReadingErrorTable | None = None
-    robust: Literal["student-t", "mixture"] | None = None
-    jitter: bool | str | PriorTable | None = None
-    deviation: float | None = None
-    correlated: bool | str | None = None
-    window: RangeTable | None = None
-    every: int | None = None
-    parameters: dict[str, float | str | ParameterTable] = msgspec.field(default_factory=dict)
-    errors: dict[str, float | ComponentTable] = msgspec.field(default_factory=dict)
-
-
-class CurveRunTable(TrackKeys, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    name: str
-    file: str
-    u_y: float | str | ReadingErrorTable | None = None
-    u_x: float | str | ReadingErrorTable | None = None
-    robust: Literal["student-t", "mixture"] | None = None
-    jitter: bool | str | PriorTable | None = None
-    deviation: float | None = None
-    correlated: bool | str | None = None
-    window: RangeTable | None = None
-    every: int | None = None
-    parameters: dict[str, float | str | ParameterTable] = msgspec.field(default_factory=dict)
-
-
-def _levels(
-    table: CurveTable, runs: Sequence[CurveRunTable]
-) -> list[tuple[KeyPath, CurveTable | CurveRunTable]]:
+def _levels(table: CurveTable, runs: Sequence[CurveRunTable]) -> list[tuple[KeyPath, CurveKeys]]:
     """The tables that may speak of a run, with their places."""
     return [(("curve",), table), *((("runs", i), run) for i, run in enumerate(runs))]
 
@@ -171,7 +93,10 @@ def check_words(
             if (
                 isinstance(error, ReadingErrorTable)
                 and error.column is not None
-                and any(getattr(error, attribute) is not None for attribute in _PRIOR)
+                and any(
+                    getattr(error, attribute) is not None
+                    for attribute in PriorKeys.__struct_fields__
+                )
             ):
                 raise source.error("must be a 'column' or have a 'prior', not both", (*path, key))
         for name, entry in level.parameters.items():
@@ -316,29 +241,21 @@ def source_of(
     """An exact number, or the prior of an unknown; limits : of the model that has it, which hold
     where the entry states none.
     """
-    if isinstance(value, ParameterTable) and value.value is None and value.prior is None:
-        refuse_keys(value, ("mean", "sd", "scale", "median", "log_sd"), "requires a 'prior'")
+    of_prior = ("mean", "sd", "scale", "median", "log_sd")
+    if isinstance(value, ParameterTable) and value.prior is not None:
+        refuse_keys(value, ("start", "value"), "must not stand beside 'prior'")
+    elif isinstance(value, ParameterTable) and value.value is not None:
+        refuse_keys(value, ("start", "low", "high", *of_prior), "must not stand beside 'value'")
+        value = value.value
+    elif isinstance(value, ParameterTable):
+        refuse_keys(value, of_prior, "requires a 'prior'")
         low, high = (
             known if stated is None else stated
             for stated, known in zip((value.low, value.high), limits, strict=True)
         )
         start = within((low, high)) if value.start is None else value.start
         return Flat(-math.inf if low is None else low, math.inf if high is None else high, start)
-    if isinstance(value, ParameterTable) and value.prior is not None:
-        refuse_keys(value, ("start", "value"), "must not stand beside 'prior'")
-        read = read_value(prior_table(value, field), factor=1.0, field=field)
-    elif isinstance(value, ParameterTable):
-        refuse_keys(
-            value,
-            ("start", "low", "high", "mean", "sd", "scale", "median", "log_sd"),
-            "must not stand beside 'value'",
-        )
-        read = read_value(value.value if value.value is not None else 0.0, factor=1.0, field=field)
-    else:
-        read = read_value(value, factor=1.0, field=field)
-    if isinstance(read, Quantity):
-        return read.value if read.exact else as_prior(read, low=-math.inf)
-    return read
+    return read_source(value, field=field)
 
 
 def refuse_keys(table: ParameterTable, keys: Sequence[str], rule: str) -> None:
@@ -346,9 +263,3 @@ def refuse_keys(table: ParameterTable, keys: Sequence[str], rule: str) -> None:
     for key in keys:
         if getattr(table, key) is not None:
             raise InputError(rule, field=key)
-
-
-def prior_table(table: PriorKeys, field: str) -> PriorTable:
-    if table.prior is None:
-        raise InputError("needs a 'prior' or a 'column'", field=field)
-    return PriorTable(**{key: getattr(table, key) for key in PriorKeys.__struct_fields__})

@@ -11,11 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
 
-import msgspec
-
-from estim.campaign.campaign_file import checked
+from estim.campaign.campaign_file import DerivedTable
 from estim.campaign.curve_tables import check_printable
 from estim.common import InputError
 from estim.curves import SoughtQuantity, check_derived_names, in_units, seek
@@ -25,21 +22,14 @@ from estim.reading import Places
 UnitOf = Callable[[str, str], str]
 
 
-class DerivedTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    formula: str
-    unit: str | None = None
-    symbol: str | None = None
-    meaning: str | None = None
-
-
-def read_derived(raw: Mapping[str, Any], places: Places) -> tuple[SoughtQuantity, ...]:
+def read_derived(
+    written: Mapping[str, str | DerivedTable], places: Places
+) -> tuple[SoughtQuantity, ...]:
     """The quantities of a `[derived]` table.  Raises InputError with its place."""
     quantities = []
-    for name, entry in raw.items():
+    for name, entry in written.items():
         path = ("derived", name)
-        kind: Any = DerivedTable if isinstance(entry, dict) else str
-        table = checked(entry, kind, places, path)
-        table = DerivedTable(table) if isinstance(table, str) else table
+        table = DerivedTable(entry) if isinstance(entry, str) else entry
         words = {"unit": table.unit, "symbol": table.symbol, "meaning": table.meaning}
         check_printable(places, path, words)
         with places.at(path):

@@ -1,5 +1,6 @@
 """The keys that say how the tables of runs are written: `columns`, `delimiter`, `decimal`,
-`skip_rows`, `header`, `encoding`, `sheet`, `range`, `dates`, `since`, `time_unit`.
+`skip_rows`, `header`, `encoding`, `sheet`, `range`, `dates`, `since`, `time_unit`; and those that
+say how a file of the program Tracker is read.
 """
 
 from __future__ import annotations
@@ -10,7 +11,9 @@ from typing import Any
 import msgspec
 
 from estim.common import InputError
-from estim.reading import Dates, Decimal, Dialect, Encoding, KeyPath, Places
+from estim.reading import Choices, Dates, Decimal, Dialect, Encoding, KeyPath, Places
+
+TRACK_KEYS = tuple(Choices.__dataclass_fields__)
 
 
 class DialectKeys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -52,3 +55,11 @@ def dialect_of(levels: Sequence[tuple[KeyPath, DialectKeys]], places: Places) ->
             else ()
         )
         raise places.error(error.rule, (*path, str(error.field)), value=error.value) from None
+
+
+def choices_of(run: msgspec.Struct) -> Choices | None:
+    """How a file of the program Tracker is to be read, by any table with these keys; None where
+    nothing is said.
+    """
+    stated = {key: value for key in TRACK_KEYS if (value := getattr(run, key)) is not None}
+    return Choices(**stated) if stated else None

@@ -10,14 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from estim.campaign.campaign_file import (
-    CampaignFile,
-    LevelTable,
-    NoiseTable,
-    RunTable,
-    Value,
-    read_value,
-)
+from estim.campaign.campaign_file import CampaignFile, LevelTable, NoiseTable, RunTable
+from estim.campaign.prior_table import Value, read_value
 from estim.common import InputError, Quantity
 from estim.problem import Prior
 from estim.reading import KeyPath

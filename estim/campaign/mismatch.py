@@ -4,12 +4,11 @@ was likely meant.
 
 from __future__ import annotations
 
-import ast
 import difflib
 import re
 import types
 from collections.abc import Iterator, Sequence
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 
@@ -26,32 +25,48 @@ _TYPES = {
 }
 
 
-def mismatch_words(message: str, kind: object, path: Sequence[str]) -> str:
-    """A mismatch as a rule; any other message of msgspec as it is.  kind : the type that was asked
-    for.  path : where in it, keys and numbers.
+def mismatch(message: str, kind: object, path: Sequence[str], found: object) -> tuple[str, object]:
+    """A mismatch as a rule, any other message of msgspec as it is; and what was `found`, where more
+    than its type is wrong.  kind : the type that was asked for.  path : where in it.
     """
     if match := re.fullmatch(r"Expected `(.+)`, got `(\w+)`", message):
         wanted = [_TYPES.get(kind, kind) for kind in match[1].split(" | ") if kind != "null"]
-        return f"must be {' or '.join(wanted)}, not {_TYPES.get(match[2], match[2])}"
-    if (word := wrong_word(message)) is not None:
-        choices = list(dict.fromkeys(_choices(kind, path)))
-        if choices:
-            return f"must be one of {', '.join(choices)}{meant(word, choices)}"
-    return message[0].lower() + message[1:].replace("`", "")
-
-
-def wrong_word(message: str) -> str | None:
-    """The word of which msgspec says that it is none of those that may stand there; it quotes it as
-    Python does.
-    """
-    match = re.fullmatch(r"Invalid enum value ('.*'|\".*\")", message)
-    return None if match is None else str(ast.literal_eval(match[1]))
+        return f"must be {' or '.join(wanted)}, not {_TYPES.get(match[2], match[2])}", None
+    if match := re.fullmatch(r"Expected `\w+` ([<>]=?) (.+)", message):
+        return f"must be {match[1]} {float(match[2]):g}", found
+    choices = list(dict.fromkeys(_choices(kind, path)))
+    if message.startswith("Invalid enum value") and choices:
+        return f"must be one of {', '.join(choices)}{meant(str(found), choices)}", found
+    return message[0].lower() + message[1:].replace("`", ""), None
 
 
 def meant(written: str, choices: Sequence[str]) -> str:
     """' (did you mean 'gamma'?)', or "" where nothing is like it."""
     close = difflib.get_close_matches(written, choices, n=1)
     return f" (did you mean '{close[0]}'?)" if close else ""
+
+
+def located(tree: Any, kind: object, path: Sequence[str]) -> tuple[tuple[str | int, ...], object]:
+    """A path of msgspec with the keys of mappings, in whose place it says "..." (each is the first
+    whose value is none of what may stand there); and what stands at it.
+    """
+    found: list[str | int] = []
+    for i, part in enumerate(path):
+        step: str | int = int(part) if isinstance(tree, list) else part
+        if part == "...":
+            inside: Any = Union[tuple(_at(kind, path[: i + 1]))]  # noqa: UP007
+            step = next(key for key, value in tree.items() if not _fits(value, inside))
+        found.append(step)
+        tree = tree[step]
+    return tuple(found), tree
+
+
+def _fits(value: object, kind: Any) -> bool:
+    try:
+        msgspec.convert(value, kind)
+    except msgspec.ValidationError:
+        return False
+    return True
 
 
 def known_keys(kind: object, path: Sequence[str]) -> list[str]:
@@ -75,20 +90,20 @@ def _choices(kind: object, path: Sequence[str]) -> Iterator[str]:
 
 
 def _at(kind: object, path: Sequence[str]) -> Iterator[object]:
-    """The types that may stand at `path` in a value of type `kind`; the keys of a mapping are not
-    in the path.
-    """
+    """The types that may stand at `path` in a value of type `kind`."""
     origin, inside = get_origin(kind), get_args(kind)
-    if origin in (Union, types.UnionType):
+    if origin is Annotated and path:
+        yield from _at(inside[0], path)
+    elif origin in (Union, types.UnionType):
         for variant in inside:
             yield from _at(variant, path)
     elif origin in (list, tuple):
         for variant in inside:
             yield from _at(variant, path[1:] if path and path[0].isdigit() else path)
     elif origin is dict:
-        yield from _at(inside[1], path)
+        yield from _at(inside[1], path[1:]) if path else ()
     elif not path:
         yield kind
     elif isinstance(kind, type) and issubclass(kind, msgspec.Struct):
-        hints: dict[str, Any] = get_type_hints(kind)
+        hints: dict[str, Any] = get_type_hints(kind, include_extras=True)
         yield from _at(hints[path[0]], path[1:]) if path[0] in hints else ()

@@ -22,17 +22,15 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
+import msgspec
 import numpy as np
 
 from estim.campaign.campaign import Campaign
-from estim.campaign.campaign_file import CampaignFile, NoiseTable, OwnCurve, checked
-from estim.campaign.curve_models import CurveModel
+from estim.campaign.campaign_file import CampaignFile, NoiseTable
+from estim.campaign.curve_keys import CurveKeys, CurveTable, ParameterTable
 from estim.campaign.curve_tables import (
-    CurveRunTable,
-    CurveTable,
-    ParameterTable,
     axis_of,
     check_counts,
     check_parameters,
@@ -63,18 +61,21 @@ from estim.explanation import Suspects
 from estim.problem import Parameter, Problem, shared_first
 from estim.reading import KeyPath, Places, of_any_curve, run_of_table
 
+Keys = TypeVar("Keys", bound=CurveKeys)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CurveCampaign(Campaign):
     """A campaign whose curve is the user's own: its `[curve]` table and runs, read and checked.
 
+    runs : run -> what is said of it.
     run_axes : run -> its axes, whose units are those of its header where the campaign says none.
     """
 
     curve: Formula
     axes: AxisNames
     table: CurveTable
-    runs: tuple[CurveRunTable, ...]
+    runs: Mapping[str, RunOfCurve]
     asked: Unstarted
     run_axes: Mapping[str, AxisNames]
     _problems: dict[tuple[str, ...], Problem] = field(default_factory=dict, init=False, repr=False)
@@ -93,14 +94,10 @@ class CurveCampaign(Campaign):
 
     def columns(self, names: Sequence[str]) -> str:
         sentences = (
-            self._run(name).columns_sentence(self.run_axes[name], self.tables[name])
+            self.runs[name].columns_sentence(self.run_axes[name], self.tables[name])
             for name in names
         )
         return "; ".join(dict.fromkeys(sentences))
-
-    def _run(self, name: str) -> RunOfCurve:
-        index = [run.name for run in self.runs].index(name)
-        return RunOfCurve(self.source, self.table, self.runs[index], index)
 
     def _posed(
         self, names: Sequence[str], *, noise: NoiseTable | None = None, usual: bool = False
@@ -123,7 +120,7 @@ class CurveCampaign(Campaign):
             entry.parameter_name: entry.parameter(x_unit=self.axes.x_unit, y_unit=self.axes.y_unit)
             for entry in components
         }
-        runs = [self._run(name) for name in names]
+        runs = [self.runs[name] for name in names]
         parameters: dict[str, Parameter] = {}
         of_noise: dict[str, Parameter] = {}
         observed = []
@@ -258,8 +255,8 @@ class CurveCampaign(Campaign):
         """Raises InputError where the campaign asks for what a curve may lack, which `command` does
         not know.
         """
-        for run in self.runs:
-            self._run(run.name).refuse_discrepancy(command)
+        for run in self.runs.values():
+            run.refuse_discrepancy(command)
 
     def check(self, name: str) -> None:
         self._posed([name])
@@ -267,7 +264,7 @@ class CurveCampaign(Campaign):
     def _unit_of(self, argument: str, name: str) -> str:
         """As stated nearest to the run, or as it follows from the axes."""
         follows = units_of(self.curve, self.axes, [argument], density=is_density(self.table))
-        return self._word(argument, self._run(name), "unit") or follows.get(argument, "1")
+        return self._word(argument, self.runs[name], "unit") or follows.get(argument, "1")
 
     def _word(self, argument: str, run: RunOfCurve, word: Literal["unit", "meaning"]) -> str | None:
         """The unit or meaning that is stated of a parameter of a run."""
@@ -277,14 +274,6 @@ class CurveCampaign(Campaign):
         """Raises InputError: the tables of a curve state one noise."""
         raise self._only_noise()
 
-    def curve_models(self, names: Sequence[str]) -> tuple[CurveModel, ...]:
-        """Raises InputError: the models that are compared are those of a rolling body."""
-        self.problem(names)
-        raise self.source.error(
-            "is a formula of your own; estim compare-models compares models of a rolling body",
-            ("curve",),
-        )
-
     def _only_noise(self) -> InputError:
         return self.source.error(
             "is fit with the noise that its own tables state: no other model to compare", ("curve",)
@@ -292,9 +281,6 @@ class CurveCampaign(Campaign):
 
     def _place_of_unknowns(self, name: str) -> KeyPath:
         return ("curve", "parameters")
-
-    def require_body(self) -> None:
-        raise self.source.error("has no rolling body, which this command is about", ("curve",))
 
     def require_draws(self, problem: Problem) -> None:
         """Raises InputError where the prior of a parameter is flat without limits, so that no true
@@ -341,12 +327,7 @@ class CurveCampaign(Campaign):
     def _place(self, parameter: str) -> KeyPath:
         """Where a parameter stands in the campaign file."""
         name, _, level = parameter.partition("[")
-        run = [r.name for r in self.runs].index(level[:-1]) if level else 0
-        return (
-            ("runs", run, "parameters", name)
-            if level and name in self.runs[run].parameters
-            else ("curve", "parameters", name)
-        )
+        return self.runs[level[:-1]].place(name) if level else ("curve", "parameters", name)
 
     def _bind(self, name: str, run: RunOfCurve) -> Parameter | float:
         """A parameter of the formula for one run: an unknown, or an exact value."""
@@ -398,18 +379,16 @@ class CurveCampaign(Campaign):
 
 
 def read_curve_campaign(
-    source: CampaignFile, written_curve: OwnCurve, *, only: Collection[str]
+    source: CampaignFile, table: CurveTable, *, only: Collection[str]
 ) -> CurveCampaign:
     """The campaign of a curve of the user's own, with the tables of the runs `only`.
 
     Raises InputError with file, line, field, rule and value for whatever breaks a rule.
     """
-    places = source.places
-    table = checked(
-        _with_names(written_curve.table, places, ("curve",)), CurveTable, places, ("curve",)
+    table = _with_names(table, source.places, ("curve",))
+    runs = tuple(
+        _with_names(run, source.places, ("runs", i)) for i, run in enumerate(source.curve_runs)
     )
-    written = [_with_names(run, places, ("runs", i)) for i, run in enumerate(written_curve.runs)]
-    runs = tuple(checked(run, CurveRunTable, places, ("runs", i)) for i, run in enumerate(written))
     formula, named = read_curve(source, table)
     check_counts(source, table)
     x, y = axis_of(table.x), y_axis(table)
@@ -417,15 +396,9 @@ def read_curve_campaign(
     formula = with_variable(source, formula, x, table, runs)
     check_parameters(source, formula, table, runs)
     axes = AxisNames(x.name or x.column, x.unit, y.name or y.column, y.unit)
-    curve_runs = {
-        run.name: RunOfCurve(source, table, run, i)
-        for i, run in enumerate(runs)
-        if run.name in only
-    }
-    read = {name: run.read() for name, run in curve_runs.items()}
-    run_axes = MappingProxyType(
-        {name: run.axes_of(axes, read[name]) for name, run in curve_runs.items()}
-    )
+    every = {run.name: RunOfCurve(source, table, run, i) for i, run in enumerate(runs)}
+    read = {name: run.read() for name, run in every.items() if name in only}
+    run_axes = {name: every[name].axes_of(axes, data) for name, data in read.items()}
     tables = {
         name: replace(run_of_table(data, name), warnings=of_any_curve(data.warnings))
         for name, data in read.items()
@@ -436,26 +409,22 @@ def read_curve_campaign(
         curve=formula,
         axes=axes,
         table=table,
-        runs=runs,
+        runs=MappingProxyType(every),
         asked=BareFormula(formula) if named is None else named,
-        run_axes=run_axes,
+        run_axes=MappingProxyType(run_axes),
     )
 
 
-def _with_names(raw: Mapping[str, Any], places: Places, path: KeyPath) -> dict[str, Any]:
+def _with_names(table: Keys, places: Places, path: KeyPath) -> Keys:
     """A table with the names of its parameters as Python reads them in a formula (the micro sign is
-    the letter mu).
-
-    The parameters are checked one by one, for their lines.  Raises InputError.
+    the letter mu).  Raises InputError.
     """
-    given, named = raw.get("parameters", {}), dict[str, Any]()
-    for name, entry in given.items() if isinstance(given, dict) else ():
-        kind: Any = ParameterTable if isinstance(entry, dict) else float | str | ParameterTable
-        checked(entry, kind, places, (*path, "parameters", name))
+    named = dict[str, Any]()
+    for name, entry in table.parameters.items():
         read = unicodedata.normalize("NFKC", name)
         if read in named:
             raise places.error(
                 "is the same name as another in a formula", (*path, "parameters", name)
             )
         named[read] = entry
-    return {**raw, "parameters": named} if named else dict(raw)
+    return msgspec.structs.replace(table, parameters=named)

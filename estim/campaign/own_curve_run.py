@@ -17,18 +17,12 @@ from typing import Any
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, IntArray, max_abs
-from estim.campaign.campaign_file import CampaignFile, read_value
-from estim.campaign.curve_tables import (
-    CurveRunTable,
-    CurveTable,
-    ReadingErrorTable,
-    axis_of,
-    prior_table,
-    y_axis,
-)
-from estim.campaign.dialect_table import DialectKeys, dialect_of
-from estim.campaign.track_table import choices_of
-from estim.common import Finding, InputError, Kind, Quantity, phrase, same_unit
+from estim.campaign.campaign_file import CampaignFile
+from estim.campaign.curve_keys import CurveRunTable, CurveTable, RangeTable, ReadingErrorTable
+from estim.campaign.curve_tables import axis_of, y_axis
+from estim.campaign.dialect_table import DialectKeys, choices_of, dialect_of
+from estim.campaign.prior_table import PriorKeys, read_source
+from estim.common import Finding, InputError, Kind, phrase, same_unit
 from estim.curves import (
     MAX_DENSE,
     SIGMA,
@@ -46,7 +40,7 @@ from estim.curves import (
     roughness,
 )
 from estim.fitting import PERFECT
-from estim.problem import Observations, Parameter, Prior, Scale, Unstated, as_prior
+from estim.problem import Observations, Parameter, Prior, Scale, Unstated
 from estim.reading import (
     Choices,
     KeyPath,
@@ -99,6 +93,11 @@ class RunOfCurve:
     def error(self, rule: str, key: str, *, value: object = None) -> InputError:
         """An InputError at the line of a key."""
         return self.source.error(rule, self.stated(key)[1], value=value)
+
+    def size(self, key: str, written: float | str | PriorKeys) -> float | Prior:
+        """A size as it is written under a key: exact, or the prior of one.  Raises InputError."""
+        with self.source.places.at(self.stated(key)[1]):
+            return read_source(written, field=key, low=0.0)
 
     def place(self, parameter: str) -> KeyPath:
         """Where a parameter is stated."""
@@ -290,28 +289,20 @@ class RowsOfRun:
             return self.column("u_y")
         if isinstance(written, str) and "%" in written:
             return written
-        with run.source.places.at(run.stated("u_y")[1]):
-            read = read_value(
-                prior_table(written, "u_y") if isinstance(written, ReadingErrorTable) else written,
-                factor=1.0,
-                field="u_y",
-            )
-        centre = read.value if isinstance(read, Quantity) else read.centre
-        if centre <= 0.0 or (not isinstance(read, Quantity) and read.low < 0.0):
+        read = run.size("u_y", written)
+        known = isinstance(read, float)
+        centre, low = (read, 0.0) if isinstance(read, float) else (read.centre, read.low)
+        if centre <= 0.0 or low < 0.0:
             raise run.error(
                 "must be > 0, and a prior of it must not reach below 0", "u_y", value=centre
             )
-        if not isinstance(read, Quantity):
-            return read
-        if not read.exact:
-            return as_prior(read, low=0.0)
-        if run.curve.noise is None and read.value < PERFECT * max_abs(self.column("y")):
+        if known and run.curve.noise is None and centre < PERFECT * max_abs(self.column("y")):
             raise run.error(
                 "must be above the last digit that a number of the size of y has here",
                 "u_y",
-                value=read.value,
+                value=centre,
             )
-        return read.value
+        return read
 
     def observed(
         self, posed: CurveProblem, axes: AxisNames, arguments: Mapping[str, str | float]
@@ -365,38 +356,27 @@ class RowsOfRun:
 
 def _check_keys(run: RunOfCurve, posed: CurveProblem, size: object) -> None:
     """Raises InputError for keys of a campaign alone that do not go with others."""
-    robust = run.stated("robust")[0] is not None
-    for key in ("robust", "every") if posed.counted is not None else ():
-        if run.stated(key)[0] is not None:
-            raise run.error(
-                "does not go with 'noise', which says how counts scatter: leave it out", key
-            )
-    if posed.lacks is not None:
-        key = "deviation" if posed.lacks.deviation else "correlated"
-        if robust:
-            raise run.error(
-                "does not go with 'robust' errors: it takes those of the readings as normal", key
-            )
-        if isinstance(size, Prior):
-            raise run.error(
-                "does not go with a 'u_y' that has an uncertainty itself: state a number, "
-                "or leave 'u_y' out",
-                key,
-            )
+    if posed.counted is not None and run.stated("every")[0] is not None:
+        raise run.error(
+            "does not go with 'noise', which says how counts scatter: leave it out", "every"
+        )
+    if posed.lacks is not None and isinstance(size, Prior):
+        raise run.error(
+            "does not go with a 'u_y' that has an uncertainty itself: state a number, "
+            "or leave 'u_y' out",
+            "deviation" if posed.lacks.deviation else "correlated",
+        )
 
 
 def _jitter(run: RunOfCurve) -> bool | Prior:
     """Whether errors beside the stated ones are inferred, or the prior of their size."""
-    written, path = run.stated("jitter")
+    written = run.stated("jitter")[0]
     if written is None or isinstance(written, bool):
         return bool(written)
-    with run.source.places.at(path):
-        read = read_value(written, factor=1.0, field="jitter")
-    if isinstance(read, Quantity):
-        if read.exact:
-            rule = "must be true, or have an uncertainty or a prior (a known one belongs into u_y)"
-            raise run.error(rule, "jitter", value=read.value)
-        return as_prior(read, low=0.0)
+    read = run.size("jitter", written)
+    if isinstance(read, float):
+        rule = "must be true, or have an uncertainty or a prior (a known one belongs into u_y)"
+        raise run.error(rule, "jitter", value=read)
     return read
 
 
@@ -430,8 +410,9 @@ def _placed(error: InputError, rows: RowsOfRun) -> InputError:
 def rows_of(run: RunOfCurve, data: Run) -> RowsOfRun:
     """The rows that are fit.  Raises InputError."""
     window, path = run.stated("window")
-    low = -math.inf if window is None or window.min is None else window.min
-    high = math.inf if window is None or window.max is None else window.max
+    window = RangeTable() if window is None else window
+    low = -math.inf if window.min is None else window.min
+    high = math.inf if window.max is None else window.max
     if not low < high:
         raise run.source.error(
             "must have 'min' below 'max'", path, field="window", value=f"min = {low}, max = {high}"

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import msgspec
 
-from estim.common import InputError
-from estim.problem import PRIORS, Prior
+from estim.common import InputError, Quantity, read_quantity
+from estim.problem import PRIORS, Prior, as_prior
 
 if TYPE_CHECKING:
     PriorKind = str
@@ -41,6 +41,8 @@ class PriorTable(PriorKeys, forbid_unknown_fields=True, frozen=True, kw_only=Tru
 
 Value = float | str | PriorTable
 
+Keys = TypeVar("Keys", bound=PriorKeys)
+
 
 def numbers_of(table: PriorKeys) -> dict[str, float]:
     """The numbers that a prior's table gives, by key."""
@@ -51,7 +53,7 @@ def numbers_of(table: PriorKeys) -> dict[str, float]:
     }
 
 
-def times(table: PriorTable, factor: float) -> PriorTable:
+def times(table: Keys, factor: float) -> Keys:
     """The same prior in a unit `factor` times as small."""
     return msgspec.structs.replace(
         table,
@@ -61,12 +63,14 @@ def times(table: PriorTable, factor: float) -> PriorTable:
     )
 
 
-def read_prior(table: PriorTable, *, factor: float, field: str) -> Prior:
+def read_prior(table: PriorKeys, *, factor: float, field: str) -> Prior:
     """The prior of a quantity in SI units, `factor` times the unit of the table.
 
     Raises InputError naming `field` where a key is missing, does not belong to this prior, or has
     no sense.
     """
+    if table.prior is None:
+        raise InputError("needs a 'prior' or a 'column'", field=field)
     prior, given = PRIORS[table.prior], numbers_of(table)
     for key in prior.keys:
         if key not in given:
@@ -84,3 +88,27 @@ def read_prior(table: PriorTable, *, factor: float, field: str) -> Prior:
         raise InputError(
             f"has a prior whose '{error.field}' {error.rule}", field=field, value=error.value
         ) from None
+
+
+def read_value(
+    value: float | str | PriorKeys, *, factor: float = 1.0, field: str
+) -> Quantity | Prior:
+    """A number, a measured quantity or a prior, in SI units (`factor` times the unit of the key).
+
+    Raises InputError naming `field`.
+    """
+    if isinstance(value, PriorKeys):
+        return read_prior(value, factor=factor, field=field)
+    return read_quantity(value, field=field).scaled(factor)
+
+
+def read_source(
+    value: float | str | PriorKeys, *, factor: float = 1.0, field: str, low: float = -math.inf
+) -> float | Prior:
+    """The same as an exact number, or as a prior that does not reach below `low` where a quantity
+    was measured.
+    """
+    read = read_value(value, factor=factor, field=field)
+    if not isinstance(read, Quantity):
+        return read
+    return read.value if read.exact else as_prior(read, low=low)

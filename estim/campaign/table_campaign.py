@@ -18,9 +18,9 @@ import numpy as np
 from estim.campaign.campaign import Campaign
 from estim.campaign.campaign_file import Kind, NoiseTable, WindowTable, campaign_file_of
 from estim.campaign.curve_tables import variable_of
+from estim.campaign.dialect_table import TRACK_KEYS
 from estim.campaign.loading import bound
-from estim.campaign.toml_text import toml_lines
-from estim.campaign.track_table import TRACK_KEYS
+from estim.campaign.toml_text import toml_text
 from estim.common import (
     InputError,
     listed,
@@ -188,10 +188,7 @@ def text_of_table(
 def _text(
     file: Path, choices: TableChoices, tables: Sequence[tuple[str, Mapping[str, object]]]
 ) -> str:
-    lines = toml_lines({"title": choices.title or file.stem, "kind": choices.kind})
-    for head, table in tables:
-        lines += ["", head, *toml_lines(table)]
-    return "\n".join(lines) + "\n"
+    return toml_text({"title": choices.title or file.stem, "kind": choices.kind}, tables)
 
 
 def _text_of_rolling(file: Path, choices: TableChoices, named: Mapping[str, str]) -> str:

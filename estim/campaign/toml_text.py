@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 
 def toml_string(text: str) -> str:
@@ -38,3 +38,11 @@ def toml_lines(table: Mapping[str, object]) -> list[str]:
         for key, value in table.items()
         if value is not None
     ]
+
+
+def toml_text(top: Mapping[str, object], tables: Iterable[tuple[str, Mapping[str, object]]]) -> str:
+    """A whole text: the keys above all tables, then each table below its header."""
+    lines = toml_lines(top)
+    for header, table in tables:
+        lines += ["", header, *toml_lines(table)]
+    return "\n".join(lines) + "\n"

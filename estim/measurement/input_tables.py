@@ -10,13 +10,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import get_args
+from typing import Annotated, get_args
 
 import msgspec
+from msgspec import Meta
 
 from estim.common import InputError, read_quantity
 from estim.propagation import BOUNDED, Distribution, Input
 
+_SIZES = ("u", "u_percent", "U", "k", "half_width")
 _OTHER_NAMES = {
     "uniform": "rectangular",
     "student-t": "t",
@@ -36,7 +38,7 @@ class ComponentTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw
     half_width: float | None = None
     distribution: str | None = None
     dof: float | None = None
-    relative_u_of_u: float | None = None
+    relative_u_of_u: Annotated[float, Meta(gt=0.0, le=1.0)] | None = None
     plateau: float | None = None
     half_width_error: float | None = None
 
@@ -58,21 +60,8 @@ def inputs_of(name: str, table: InputTable) -> tuple[Input, ...]:
     Raises InputError whose field is the key, for a component "components.NAME.key".
     """
     if table.readings is not None:
-        _refuse(
-            table,
-            "readings",
-            "value",
-            "u",
-            "u_percent",
-            "U",
-            "k",
-            "half_width",
-            "low",
-            "high",
-            "distribution",
-            "dof",
-            "relative_u_of_u",
-        )
+        others = ("value", *_SIZES, "low", "high", "distribution", "dof", "relative_u_of_u")
+        _refuse(table, "readings", *others)
         base = _named(
             "readings", lambda: Input.from_readings(name, table.readings or [], unit=table.unit)
         )
@@ -106,39 +95,25 @@ def _value(table: InputTable) -> tuple[float, float | None, float | None]:
     `low` and `high`.
     """
     if table.low is not None or table.high is not None:
-        _refuse(table, "low", "u", "u_percent", "U", "k", "half_width")
+        _refuse(table, "low", *_SIZES)
         if table.low is None or table.high is None or not table.low < table.high:
             raise InputError("requires 'high' and must be smaller", field="low", value=table.low)
         middle = 0.5 * (table.low + table.high)
-        if table.value is not None and abs(_exact(table.value) - middle) > 1e-9 * (
-            table.high - table.low
-        ):
+        half = 0.5 * (table.high - table.low)
+        value = middle if table.value is None else read_quantity(table.value, field="value").value
+        if abs(value - middle) > 2e-9 * half:
             raise InputError(
                 "must be the middle of low and high, or be left out",
                 field="value",
                 value=table.value,
             )
-        return middle, None, 0.5 * (table.high - table.low)
+        return middle, None, half
     if table.value is None:
         raise InputError("is missing (or give 'readings', or 'low' and 'high')", field="value")
     quantity = read_quantity(table.value, field="value")
     if not quantity.exact:
-        _refuse(
-            table,
-            "value",
-            "u",
-            "u_percent",
-            "U",
-            "k",
-            "half_width",
-            why="an uncertainty stands in 'value' already",
-        )
-        return quantity.value, quantity.u, None
-    return quantity.value, None, None
-
-
-def _exact(value: str | float) -> float:
-    return read_quantity(value, field="value").value
+        _refuse(table, "value", *_SIZES, why="an uncertainty stands in 'value' already")
+    return quantity.value, None if quantity.exact else quantity.u, None
 
 
 def _stated(
@@ -153,20 +128,14 @@ def _stated(
     may_be_exact: bool = False,
 ) -> Input:
     """scale : the value of the input that a component belongs to, for `u_percent`."""
-    given = {
-        "u": table.u,
-        "u_percent": table.u_percent,
-        "U": table.U,
-        "half_width": table.half_width,
-    }
-    keys = [key for key, number in given.items() if number is not None]
-    if len(keys) > 1:
-        raise InputError(f"does not go with '{keys[0]}': state the uncertainty once", field=keys[1])
-    for key in keys:
-        if not (math.isfinite(given[key] or 0.0) and (given[key] or 0.0) > 0.0):
-            raise InputError(
-                "must be > 0 (leave it out for an exact value)", field=key, value=given[key]
-            )
+    keys = ("u", "u_percent", "U", "half_width")
+    given = {key: size for key in keys if (size := getattr(table, key)) is not None}
+    if len(given) > 1:
+        first, second, *_ = given
+        raise InputError(f"does not go with '{first}': state the uncertainty once", field=second)
+    for key, size in given.items():
+        if not (math.isfinite(size) and size > 0.0):
+            raise InputError("must be > 0 (leave it out for an exact value)", field=key, value=size)
     if (table.U is None) != (table.k is None) or not (table.k or 1.0) > 0.0:
         raise InputError(
             "requires 'U', an expanded uncertainty, and must be > 0", field="k", value=table.k
@@ -217,10 +186,6 @@ def _dof(table: ComponentTable) -> float:
     """Degrees of freedom; from the relative uncertainty of u they are 1/(2 r^2) (GUM eq. G.3)."""
     if table.relative_u_of_u is not None:
         _refuse(table, "relative_u_of_u", "dof")
-        if not 0.0 < table.relative_u_of_u <= 1.0:
-            raise InputError(
-                "must lie between 0 and 1", field="relative_u_of_u", value=table.relative_u_of_u
-            )
         return 0.5 / table.relative_u_of_u**2
     return math.inf if table.dof is None else table.dof
 

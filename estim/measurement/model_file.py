@@ -12,10 +12,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 import numpy as np
+from msgspec import Meta
 
 from estim.arrays import all_finite
 from estim.campaign import checked
@@ -27,7 +28,6 @@ from estim.reading import TOML_BYTES, KeyPath, Places, parse_toml, read_text
 
 _MOST_INPUTS, _MOST_OUTPUTS = 60, 12
 _NO_FILE = "command line"
-_LEAST_DRAWS, _MOST_DRAWS = 10_000, 10_000_000
 
 
 class _OutputTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -39,21 +39,21 @@ class _OutputTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_o
 
 class _CorrelationTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     between: list[str]
-    r: float
+    r: Annotated[float, Meta(ge=-1.0, le=1.0)]
 
 
 class _TopTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     title: str = ""
     source: str = ""
     measurand: dict[str, Any]
-    inputs: dict[str, Any]
+    inputs: dict[str, InputTable]
     correlations: list[_CorrelationTable] = []
     simultaneous: list[list[str]] = []
     simultaneous_dof: Literal["n - 1", "n - N"] = "n - 1"
-    probability: float = 0.95
-    digits: int = 2
+    probability: Annotated[float, Meta(ge=0.5, le=0.9999)] = 0.95
+    digits: Annotated[int, Meta(ge=1, le=4)] = 2
     interval: Literal["symmetric", "shortest"] = "symmetric"
-    draws: int | None = None
+    draws: Annotated[int, Meta(ge=10_000, le=10_000_000)] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,8 +157,12 @@ def model_of_formula(formula: str, given: Mapping[str, str]) -> MeasurementModel
 def _model_of(
     tree: dict[str, Any], places: Places, path: Path, digest: str, title: str = ""
 ) -> MeasurementModel:
+    inputs = tree.get("inputs")
+    for name, raw in inputs.items() if isinstance(inputs, dict) else ():
+        if not isinstance(raw, dict):
+            rule = "must be a table, like {value = 1.0, u = 0.1}"
+            raise places.error(rule, ("inputs", name), value=raw)
     top = checked(tree, _TopTable, places, ())
-    _check_choices(top, places)
     quantities = tuple(_quantity(name, table, places) for name, table in top.inputs.items())
     if not 1 <= sum(len(quantity.parts) for quantity in quantities) <= _MOST_INPUTS:
         raise places.error(
@@ -185,39 +189,16 @@ def _model_of(
     )
 
 
-def _check_choices(top: _TopTable, places: Places) -> None:
-    if not 0.5 <= top.probability <= 0.9999:
-        raise places.error(
-            "must lie between 0.5 and 0.9999", ("probability",), value=top.probability
-        )
-    if not 1 <= top.digits <= 4:
-        raise places.error("must be 1 to 4", ("digits",), value=top.digits)
-    if top.draws is not None and not _LEAST_DRAWS <= top.draws <= _MOST_DRAWS:
-        raise places.error(
-            f"must lie between {_LEAST_DRAWS} and {_MOST_DRAWS}", ("draws",), value=top.draws
-        )
-
-
-def _quantity(name: str, raw: Any, places: Places) -> Quantity:
+def _quantity(name: str, table: InputTable, places: Places) -> Quantity:
     _check_name(name, ("inputs", name), places)
-    if not isinstance(raw, dict):
-        raise places.error(
-            "must be a table, like {value = 1.0, u = 0.1}", ("inputs", name), value=raw
-        )
-    table = checked(dict(raw), InputTable, places, ("inputs", name))
     try:
         parts = inputs_of(name, table)
     except InputError as error:
         raise places.error(
             error.rule, ("inputs", name, *(error.field or "").split(".")), value=error.value
         ) from None
-    return Quantity(
-        name,
-        table.unit,
-        table.meaning,
-        parts,
-        (table.meaning, *(component.meaning for component in table.components.values())),
-    )
+    meanings = (component.meaning for component in table.components.values())
+    return Quantity(name, table.unit, table.meaning, parts, (table.meaning, *meanings))
 
 
 def _outputs(top: _TopTable, places: Places) -> tuple[Output, ...]:
@@ -243,10 +224,8 @@ def _outputs(top: _TopTable, places: Places) -> tuple[Output, ...]:
                 "does not go with several measurands: the table has the name", (*path, "name")
             )
         _check_name(name, (*path, "name") if alone else path, places)
-        try:
+        with places.at((*path, "formula")):
             formula = read_formula(table.formula, field="formula")
-        except InputError as error:
-            raise places.error(error.rule, (*path, "formula"), value=error.value) from None
         outputs.append(Output(name, formula, table.unit or "1", table.meaning, table.unit))
     return tuple(outputs)
 
@@ -363,8 +342,6 @@ def _correlations(
                     (*path, "between"),
                     value=name,
                 )
-        if not -1.0 <= r <= 1.0:
-            raise places.error("must lie between -1 and 1", (*path, "r"), value=r)
         if tuple(between) in pairs or tuple(reversed(between)) in pairs:
             raise places.error(
                 "must give each pair once", (*path, "between"), value=", ".join(between)
@@ -382,7 +359,7 @@ def _check_sets(top: _TopTable, places: Places) -> None:
             "needs 'simultaneous'", ("simultaneous_dof",), value=top.simultaneous_dof
         )
     for group in top.simultaneous:
-        n = len(top.inputs[group[0]]["readings"])
+        n = len(top.inputs[group[0]].readings or [])
         if n <= len(group):
             raise places.error(
                 f"needs more sets of readings than inputs, here {n} sets of {len(group)}",
@@ -411,8 +388,8 @@ def _of_readings(
     for name in group:
         if sum(name in other for other in top.simultaneous) > 1 or list(group).count(name) > 1:
             raise places.error("must name each input once", path, field="simultaneous", value=name)
-        readings = top.inputs.get(name, {}).get("readings")
-        if not isinstance(readings, list):
+        readings = top.inputs[name].readings if name in top.inputs else None
+        if readings is None:
             raise places.error(
                 "must name inputs that are given by readings",
                 path,

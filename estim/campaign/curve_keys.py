@@ -1,0 +1,96 @@
+"""The keys of a user's own curve in a campaign file, and what each may hold.
+
+`docs/your-own-curve.md` explains them to users; `estim.campaign.curve_tables` says what goes
+together.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+from estim.campaign.dialect_table import DialectKeys
+from estim.campaign.prior_table import PriorKeys, PriorTable
+from estim.reading import Unit
+
+
+class AxisTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    column: str
+    name: str | None = None
+    unit: str = "1"
+
+
+class ParameterTable(PriorKeys, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """`start` with limits, a `value`, or a `prior` with its keys."""
+
+    start: float | None = None
+    value: float | str | None = None
+    unit: str | None = None
+    meaning: str | None = None
+
+
+class ReadingErrorTable(PriorKeys, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """A standard deviation of y: a column of the runs' files, or a prior (then it is inferred)."""
+
+    column: str | None = None
+
+
+class RangeTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    min: float | None = None
+    max: float | None = None
+
+
+class ComponentTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    kind: Literal["zero_y", "scale_y", "zero_x", "scale_x"]
+    u: float
+
+
+class CountTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """How y was counted, or that x are times of single events.
+
+    noise = {model = "poisson", bins = ["low_us", "high_us"]}      # or a width; without it
+    counts belong to single x
+    noise = {model = "binomial", trials = "shots"}                 # or a number
+    noise = {model = "event-times"}                                # x are times of single
+    events within `window`; no y
+    """
+
+    model: Literal["poisson", "binomial", "event-times"]
+    bins: float | list[str] | None = None
+    trials: float | str | None = None
+    cells: int | None = None
+
+
+class CurveKeys(DialectKeys, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """What may stand under [curve] and at a run, which has the last word."""
+
+    u_y: float | str | ReadingErrorTable | None = None
+    u_x: float | str | ReadingErrorTable | None = None
+    robust: Literal["student-t", "mixture"] | None = None
+    jitter: bool | str | PriorTable | None = None
+    deviation: float | None = None
+    correlated: bool | str | None = None
+    window: RangeTable | None = None
+    every: int | None = None
+    parameters: dict[str, float | str | ParameterTable] = msgspec.field(default_factory=dict)
+
+
+class CurveTable(CurveKeys, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    x: AxisTable | str
+    expression: str | None = None
+    model: str | None = None
+    y: AxisTable | str | None = None
+    noise: CountTable | None = None
+    errors: dict[str, float | ComponentTable] = msgspec.field(default_factory=dict)
+
+
+class CurveRunTable(CurveKeys, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    name: str
+    file: str
+    track: str | None = None
+    along: str | float | None = None
+    unit: Unit | None = None
+    release: Literal["first", "keep"] | float | None = None
+    frame_ms: float | None = None
+    drop_duplicates: bool | None = None
