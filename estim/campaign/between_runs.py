@@ -7,7 +7,6 @@ of the runs.  Sampled as mean, spread and one standard normal shift a run.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -39,8 +38,8 @@ def spreads_of(levels: Levels, kinds: Mapping[str, QuantityKind]) -> dict[str, S
     """Quantity -> how it varies, by the most particular level that says so; not those that the run
     states for itself.
 
-    Raises InputError at the key's line for what is no quantity, is no scale, stands at a run, or
-    has nothing to vary: fewer than two of several runs take the quantity from there.
+    Raises InputError at the key's line for what is no quantity, stands at a run, or has nothing to
+    vary: fewer than two of several runs take the quantity from there.
     """
     of_key = {key: (quantity, kind) for quantity, kind in kinds.items() for key in kind.keys}
     spreads: dict[str, Spread] = {}
@@ -54,10 +53,6 @@ def spreads_of(levels: Levels, kinds: Mapping[str, QuantityKind]) -> dict[str, S
             if key not in of_key:
                 raise levels.error(f"must name a quantity ({', '.join(sorted(of_key))})", path)
             quantity, kind = of_key[key]
-            if not (math.isfinite(scale) and scale > 0.0):
-                raise levels.error(
-                    "is the scale of a standard deviation: it must be > 0", path, value=scale
-                )
             runs = [
                 run
                 for run in levels.source.runs

@@ -24,8 +24,8 @@ from estim.campaign.mismatch import known_keys, located, meant, mismatch
 from estim.campaign.name_rules import check_body_names, check_run_names
 from estim.campaign.part_table import PartTable
 from estim.campaign.plan_table import PlanTable, check_plan
-from estim.campaign.prior_table import Value
-from estim.campaign.trial_table import TrialsTable
+from estim.campaign.prior_table import Finite, Positive, Stated
+from estim.campaign.trial_table import Degrees, TrialsTable
 from estim.common import EXTREME, InputError, extreme, phrase
 from estim.reading import (
     TOML_BYTES,
@@ -69,56 +69,56 @@ _FIELDS = frozenset(
 
 class NoiseTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     model: Literal["independent", "differentiated", "positions"] | None = None
-    sigma_x_m: Value | None = None
-    sigma_theta_rad: Value | None = None
-    sigma_v_m_s: Value | None = None
-    sigma_omega_rad_s: Value | None = None
-    encoder_step_rad: float | None = None
+    sigma_x_m: Stated = None
+    sigma_theta_rad: Stated = None
+    sigma_v_m_s: Stated = None
+    sigma_omega_rad_s: Stated = None
+    encoder_step_rad: Positive | None = None
     exposure_s: float | None = None
     derivative: Literal["central", "five-point", "spill2"] | None = None
-    scatter: Value | None = None
+    scatter: Stated = None
     robust: Literal["student-t", "mixture"] | None = None
 
 
 class WindowTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    t_min_s: float | None = None
-    t_max_s: float | None = None
-    x_min_m: float | None = None
-    x_max_m: float | None = None
-    theta_min_rad: float | None = None
-    theta_max_rad: float | None = None
+    t_min_s: Finite | None = None
+    t_max_s: Finite | None = None
+    x_min_m: Finite | None = None
+    x_max_m: Finite | None = None
+    theta_min_rad: Finite | None = None
+    theta_max_rad: Finite | None = None
 
 
 class LevelTable(EffectTable, forbid_unknown_fields=True, frozen=True):
     """What may stand at every level: [shared], [bodies.NAME], [[runs]]."""
 
-    radius_m: Value | None = None
-    gamma: Value | None = None
-    kappa: Value | None = None
-    rho: Value | None = None
-    trailing_fraction: Value | None = None
-    particle_gyration: Value | None = None
-    mass_disk_kg: Value | None = None
-    mass_particle_kg: Value | None = None
-    mass_trailing_kg: Value | None = None
+    radius_m: Stated = None
+    gamma: Stated = None
+    kappa: Stated = None
+    rho: Stated = None
+    trailing_fraction: Stated = None
+    particle_gyration: Stated = None
+    mass_disk_kg: Stated = None
+    mass_particle_kg: Stated = None
+    mass_trailing_kg: Stated = None
     parts: list[str] | None = None
     particle: list[str] | None = None
-    phi_deg: Value | None = None
-    phi_rad: Value | None = None
-    theta0_deg: Value | None = None
-    theta0_rad: Value | None = None
-    phi_zero_deg: Value | None = None
-    phi_zero_rad: Value | None = None
-    theta0_zero_deg: Value | None = None
-    theta0_zero_rad: Value | None = None
-    rolling_resistance: Value | None = None
-    g: Value | None = None
-    friction: Value | None = None
-    release_time_s: Value | None = None
-    offset_m: Value | None = None
-    offset_rad: Value | None = None
+    phi_deg: Stated = None
+    phi_rad: Stated = None
+    theta0_deg: Stated = None
+    theta0_rad: Stated = None
+    phi_zero_deg: Stated = None
+    phi_zero_rad: Stated = None
+    theta0_zero_deg: Stated = None
+    theta0_zero_rad: Stated = None
+    rolling_resistance: Stated = None
+    g: Stated = None
+    friction: Stated = None
+    release_time_s: Stated = None
+    offset_m: Stated = None
+    offset_rad: Stated = None
     unmodelled_force: float | None = None
-    between_runs: dict[str, float] | None = None
+    between_runs: dict[str, Positive] | None = None
     noise: NoiseTable | None = None
     window: WindowTable | None = None
 
@@ -141,8 +141,8 @@ class LineTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only
     body: str
     u_phi_deg: float | None = None
     u_theta_min_deg: float | None = None
-    u_zero_phi_deg: float = 0.0
-    u_zero_theta_min_deg: float = 0.0
+    u_zero_phi_deg: Degrees = 0.0
+    u_zero_theta_min_deg: Degrees = 0.0
 
 
 class DerivedTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):

@@ -6,9 +6,10 @@ together.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import msgspec
+from msgspec import Meta
 
 from estim.campaign.dialect_table import DialectKeys
 from estim.campaign.prior_table import PriorKeys, PriorTable
@@ -72,7 +73,7 @@ class CurveKeys(DialectKeys, forbid_unknown_fields=True, frozen=True, kw_only=Tr
     deviation: float | None = None
     correlated: bool | str | None = None
     window: RangeTable | None = None
-    every: int | None = None
+    every: Annotated[int, Meta(ge=1)] | None = None
     parameters: dict[str, float | str | ParameterTable] = msgspec.field(default_factory=dict)
 
 

@@ -7,7 +7,7 @@ Each may stand under [shared], at a body or at a run; docs/campaign.md has their
 from __future__ import annotations
 
 from estim.campaign.dialect_table import DialectKeys
-from estim.campaign.prior_table import Value
+from estim.campaign.prior_table import Positive, Stated
 
 
 class EffectTable(DialectKeys, forbid_unknown_fields=True, frozen=True):
@@ -33,23 +33,23 @@ class EffectTable(DialectKeys, forbid_unknown_fields=True, frozen=True):
         release.
     """
 
-    release_energy: Value | None = None
-    release_speed_m_s: Value | None = None
-    scale_x: Value | None = None
-    scale_t: Value | None = None
-    resisting_moment_n_m: Value | None = None
-    load_resistance: Value | None = None
-    viscous_drag_per_s: Value | None = None
-    quadratic_drag_per_m: Value | None = None
-    moment_once_cos: Value | None = None
-    moment_once_sin: Value | None = None
-    moment_twice_cos: Value | None = None
-    moment_twice_sin: Value | None = None
-    phi_slope_deg_m: Value | None = None
-    phi_slope_rad_m: Value | None = None
-    sag_m: Value | None = None
-    ramp_length_m: float | None = None
+    release_energy: Stated = None
+    release_speed_m_s: Stated = None
+    scale_x: Stated = None
+    scale_t: Stated = None
+    resisting_moment_n_m: Stated = None
+    load_resistance: Stated = None
+    viscous_drag_per_s: Stated = None
+    quadratic_drag_per_m: Stated = None
+    moment_once_cos: Stated = None
+    moment_once_sin: Stated = None
+    moment_twice_cos: Stated = None
+    moment_twice_sin: Stated = None
+    phi_slope_deg_m: Stated = None
+    phi_slope_rad_m: Stated = None
+    sag_m: Stated = None
+    ramp_length_m: Positive | None = None
     ramp_start_m: float | None = None
-    distortion_m: Value | None = None
-    picture_length_m: float | None = None
+    distortion_m: Stated = None
+    picture_length_m: Positive | None = None
     picture_start_m: float | None = None

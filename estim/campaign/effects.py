@@ -4,7 +4,6 @@ exact numbers that go with it.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -139,8 +138,6 @@ def _stated_place(levels: Levels, of_what: str) -> Place | None:
     (length, path), (start, where) = entries.values()
     if not path:
         return None
-    if not (math.isfinite(length) and length > 0.0):
-        raise levels.error("must be > 0", path, value=length)
     if not 0.0 <= start <= length:
         raise levels.error(
             f"must lie between 0 and '{of_what}_length_m' = {length:g}", where, value=start

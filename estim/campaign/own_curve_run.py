@@ -424,10 +424,7 @@ def rows_of(run: RunOfCurve, data: Run) -> RowsOfRun:
             path,
             field="window",
         )
-    stated = run.stated("every")[0]
-    every = 1 if stated is None else stated
-    if every < 1:
-        raise run.error("takes one point of so many: it must be at least 1", "every", value=every)
+    every = run.stated("every")[0] or 1
     x = data.columns[run.x]
     inside, order = (x >= low) & (x <= high), np.argsort(x, kind="stable")
     within = order[inside[order]]

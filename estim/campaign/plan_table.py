@@ -7,7 +7,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from estim.campaign.prior_table import Value
+from estim.campaign.prior_table import Stated
 from estim.reading import Places
 
 _Factor = Annotated[float, Meta(ge=0.01, le=100.0)]
@@ -17,9 +17,9 @@ class PlannedRunTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
     """A further run, like one that was measured but for what is said here."""
 
     like: str
-    phi_deg: Value | None = None
-    theta0_deg: Value | None = None
-    gamma: Value | None = None
+    phi_deg: Stated = None
+    theta0_deg: Stated = None
+    gamma: Stated = None
     repeats: Annotated[int, Meta(ge=1, le=100)] = 1
 
 

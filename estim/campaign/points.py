@@ -16,10 +16,11 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.campaign.blur import relative_blur
 from estim.campaign.campaign_file import NoiseTable
-from estim.campaign.levels import Levels, StatedNoise, read_at, stated_noise
+from estim.campaign.levels import Levels, StatedNoise, stated_noise
 from estim.campaign.plausible import check_reading_error
+from estim.campaign.prior_table import read_source
 from estim.campaign.selection import MAX_OBS, Selection, Window, check_count, select
-from estim.common import Finding, InputError, Kind, Notation, Quantity, phrase
+from estim.common import Finding, InputError, Kind, Notation, phrase
 from estim.curves import MAX_DENSE
 from estim.problem import (
     STENCILS,
@@ -32,7 +33,6 @@ from estim.problem import (
     Rows,
     Scale,
     Uniform,
-    as_prior,
     differentiate,
     shape_of,
 )
@@ -345,11 +345,9 @@ def _reading(run: Run, noise: StatedNoise) -> tuple[_Size, float]:
     """The standard deviation of one position as it is read, and the step of an encoder, 0 where
     there is none.
     """
-    units, step = _UNITS[run.coordinate], noise.table.encoder_step_rad
-    if step is not None and not (step > 0.0 and math.isfinite(step)):
-        raise noise.error("must be > 0", "encoder_step_rad", value=step)
-    meaning = phrase("standard deviation of one position reading")
-    return _size(noise, units.position_sigma, units.position, meaning), step or 0.0
+    units, meaning = _UNITS[run.coordinate], phrase("standard deviation of one position reading")
+    size = _size(noise, units.position_sigma, units.position, meaning)
+    return size, noise.table.encoder_step_rad or 0.0
 
 
 def _scatter_of_speeds(run: Run, noise: StatedNoise) -> _Size:
@@ -410,10 +408,10 @@ def _nuisance(levels: Levels, key: str, unknown: Parameter) -> tuple[str | float
     parameter = replace(unknown, name=f"{unknown.name}[{levels.run.name}]")
     level = levels.first(key)
     if level is not None:
-        value = levels.read(level, key)
-        if isinstance(value, Quantity) and value.exact:
-            return value.value, None
-        stated = as_prior(value, low=-math.inf) if isinstance(value, Quantity) else value
+        with levels.source.places.at((*level.path, key)):
+            stated = read_source(getattr(level.table, key), field=key)
+        if isinstance(stated, float):
+            return stated, None
         parameter = replace(unknown, name=unknown.name + level.suffix, prior=stated)
     return parameter.name, parameter
 
@@ -425,17 +423,17 @@ def _size(noise: StatedNoise, key: str, unit: str, meaning: str) -> _Size:
     written = getattr(noise.table, key)
     if written is None:
         return _Size(Scale())
-    value = read_at(noise.levels.source, written, (*noise.path, key))
-    if isinstance(value, Quantity) and value.exact:
-        if value.value <= 0.0:
-            raise noise.error("must be > 0", key, value=value.value)
-        return _Size(Scale(value.value))
-    prior = as_prior(value, low=0.0) if isinstance(value, Quantity) else value
-    if prior.low < 0.0 and not isinstance(value, Quantity):
+    with noise.levels.source.places.at((*noise.path, key)):
+        size = read_source(written, field=key, low=0.0)
+    if isinstance(size, float):
+        if size <= 0.0:
+            raise noise.error("must be > 0", key, value=size)
+        return _Size(Scale(size))
+    if size.low < 0.0:
         raise noise.error("is a standard deviation: its prior must not reach below 0", key)
     name, symbol = _SCALES[key]
     name += noise.suffix
-    return _Size(Scale(parameter=name), Parameter(name, unit, prior, meaning, Notation(symbol)))
+    return _Size(Scale(parameter=name), Parameter(name, unit, size, meaning, Notation(symbol)))
 
 
 def _window(run: Run, levels: Levels) -> Window:
@@ -452,20 +450,14 @@ def _window(run: Run, levels: Levels) -> Window:
             raise levels.error(
                 f"does not fit a run whose positions are {run.coordinate}", (*path, key)
             )
+    low, high = (getattr(table, key) for key in here)
     if "t_s" not in run.columns and (table.t_min_s is not None or table.t_max_s is not None):
         raise levels.error("needs times: the run's file has no t_s column", path, field="window")
-
-    def limit(key: str, otherwise: float) -> float:
-        number = getattr(table, key)
-        if number is not None and not math.isfinite(number):
-            raise levels.error("must be finite", (*path, key), value=number)
-        return otherwise if number is None else float(number)
-
     window = Window(
-        limit("t_min_s", -math.inf),
-        limit("t_max_s", math.inf),
-        limit(here[0], -math.inf),
-        limit(here[1], math.inf),
+        -math.inf if table.t_min_s is None else table.t_min_s,
+        math.inf if table.t_max_s is None else table.t_max_s,
+        -math.inf if low is None else low,
+        math.inf if high is None else high,
     )
     if window.low >= window.high or window.t_min >= window.t_max:
         limits = (

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 import msgspec
+from msgspec import Meta
 
 from estim.common import InputError, Quantity, read_quantity
 from estim.problem import PRIORS, Prior, as_prior
@@ -40,6 +41,9 @@ class PriorTable(PriorKeys, forbid_unknown_fields=True, frozen=True, kw_only=Tru
 
 
 Value = float | str | PriorTable
+Stated = Value | None  # under a key that may be left out
+Positive = Annotated[float, Meta(gt=0.0, le=1e100)]
+Finite = Annotated[float, Meta(ge=-1e100, le=1e100)]
 
 Keys = TypeVar("Keys", bound=PriorKeys)
 

@@ -4,7 +4,12 @@ climbed.
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import msgspec
+from msgspec import Meta
+
+Degrees = Annotated[float, Meta(ge=0.0, lt=45.0)]  # an uncertainty of an angle
 
 
 class TrialsTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -14,8 +19,9 @@ class TrialsTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
 
     file: str
     body: str
-    u_phi_deg: float
-    u_theta_deg: float
-    release_deg: float = 3.0
-    u_zero_phi_deg: float = 0.0
-    u_zero_theta_deg: float = 0.0
+    u_phi_deg: Degrees
+    # no angle is set more closely, and the integral over the tilt has no nodes for less
+    u_theta_deg: Annotated[float, Meta(ge=0.01, lt=45.0)]
+    release_deg: Degrees = 3.0
+    u_zero_phi_deg: Degrees = 0.0
+    u_zero_theta_deg: Degrees = 0.0

@@ -97,12 +97,6 @@ def read_theta_min(source: CampaignFile) -> ThetaMinSeries:
         raise table.error(
             "must not be the same in every row: a line needs several tilts", "phi_deg", 0
         )
-    for key, value in (
-        ("u_zero_phi_deg", line.u_zero_phi_deg),
-        ("u_zero_theta_min_deg", line.u_zero_theta_min_deg),
-    ):
-        if not 0.0 <= value < 45.0:
-            raise source.error("must lie between 0 and 45", ("line", key), value=value)
     return ThetaMinSeries(
         body=line.body,
         file=table.file,

@@ -105,14 +105,6 @@ def read_trials(source: CampaignFile) -> Trials:
     either = np.isin(table.columns["climbed"], (0.0, 1.0))
     table.require("climbed", either, "must be 1 (it climbed) or 0 (it did not)")
     keys = ("u_phi_deg", "u_theta_deg", "release_deg", "u_zero_phi_deg", "u_zero_theta_deg")
-    for key in keys:
-        # degrees: no angle is set more closely, and the integral over the tilt has no nodes for
-        # less
-        least = 0.01 if key == "u_theta_deg" else 0.0
-        if not least <= getattr(stated, key) < 45.0:
-            raise source.error(
-                f"must lie between {least:g} and 45", ("trials", key), value=getattr(stated, key)
-            )
     tilts = by_tilt(
         np.radians(table.columns["phi_deg"]),
         np.radians(table.columns["theta_deg"]),

@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import phrase
-from estim.planning.changes import (
-    MORE,
-    OTHERWISE,
-    Readings,
-    Wish,
-    better_words,
-    by_quantity,
-    measured_better,
-)
+from estim.planning.changes import MORE, OTHERWISE, Wish, better_words, by_quantity, measured_better
 from estim.planning.options import Option, sds_with, weigh
 from estim.planning.own_curve import Basis
 from estim.planning.rolling import Outlook
@@ -134,25 +126,12 @@ def _steps(of_readings: Callable[[float, float], Option], here: Outlook, k: int)
 
 
 def _many(basis: Basis, here: Outlook, best: Option, target: Parameter, now: float) -> Way:
-    wish = best.wish
-
     def of(n: int) -> tuple[str, float]:
-        several = again(wish, n) if wish.runs else _more_often(wish, n)
+        several = again(best.wish, n)
         option = weigh(basis, here, several, [target], np.array([now]))
         return several.words, float("inf") if option.reason else float(option.ratio[0])
 
     return _doubled(of, between=True)
-
-
-def _more_often(wish: Wish, times: int) -> Wish:
-    readings = tuple(Readings(one.run, one.x, one.n * times) for one in wish.readings)
-    return replace(
-        wish,
-        words=phrase(
-            "{n} additional readings{which}", n=wish.readings[0].n * times, which=wish.which
-        ),
-        readings=readings,
-    )
 
 
 def _doubled(of: Callable[[int], tuple[str, float]], *, between: bool = False) -> Way:

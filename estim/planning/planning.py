@@ -24,7 +24,7 @@ from estim.arrays import FloatArray
 from estim.calibration import Engine, posterior_draws
 from estim.campaign import Campaign, as_complete, quantity_of_key
 from estim.checks import check_goodness, check_stated_values, failed_tests, stated_values
-from estim.common import Finding, InputError, Stream, phrase, split_level, stream, wrong
+from estim.common import Finding, InputError, Stream, later, phrase, split_level, stream, wrong
 from estim.fitting import Fit, fit_problem
 from estim.planning.changes import (
     BETTER,
@@ -254,17 +254,12 @@ def _asked_changes(campaign: Campaign, problem: Problem) -> list[Wish]:
             new = {p.name: size * factor for p in hit}
             u |= new
             words.append(better_words(hit, new))
-        words += (
-            [phrase("{n:g} times as many frames", n=change.frames)] if change.frames != 1.0 else []
-        )
-        words += (
-            [phrase("{n:g} times the error of a reading", n=change.reading_error)]
-            if change.reading_error != 1.0
-            else []
-        )
-        words += (
-            [phrase("{n:g} times the path length", n=change.reach)] if change.reach != 1.0 else []
-        )
+        for times, text in (
+            (change.frames, later("{n:g} times as many frames")),
+            (change.reading_error, later("{n:g} times the error of a reading")),
+            (change.reach, later("{n:g} times the path length")),
+        ):
+            words += [phrase(text, n=times)] if times != 1.0 else []
         said = f"{change.name} ({'; '.join(words)})" if change.name else "; ".join(words)
         group = BETTER if len(words) == len(change.u) else OTHERWISE
         wishes.append(

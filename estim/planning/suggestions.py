@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import degrees, radians
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from estim.campaign import Campaign, NewRun, planned_quantities
 from estim.common import Quantity, phrase
 from estim.fitting import Fit
-from estim.planning.changes import MORE, Wish
+from estim.planning.changes import MORE, Wish, further_readings
 from estim.problem import Observations
 
 _RELEASES = (1.0, 179.0)  # degrees, of a body that climbs
@@ -54,14 +55,17 @@ def planned_runs(campaign: Campaign) -> tuple[Wish, ...]:
 
 
 def again(wish: Wish, times: int) -> Wish:
-    """The wish with each of its runs so many times."""
+    """The wish with each of its runs and readings so many times."""
     runs = tuple(
         NewRun(f"{run.name}.{k}", run.like, run.said) for run in wish.runs for k in range(times)
     )
+    readings = tuple(replace(one, n=one.n * times) for one in wish.readings)
     words = phrase("{words}, {n} times", words=wish.words, n=times)
-    if wish.which:
-        words = phrase("{n} runs{which}", n=times * len(wish.runs), which=wish.which)
-    return Wish(words, MORE, wish.own, runs=runs, which=wish.which)
+    if readings:
+        words = further_readings(readings[0].n, wish.which)
+    elif wish.which:
+        words = phrase("{n} runs{which}", n=len(runs), which=wish.which)
+    return Wish(words, MORE, wish.own, runs=runs, readings=readings, which=wish.which)
 
 
 def _once_more(names: Sequence[str], campaign: Campaign) -> Wish:
