@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Mapping, Sequence
-from typing import Literal
 
 from estim.campaign.campaign_file import CampaignFile
 from estim.campaign.curve_keys import (
@@ -65,16 +64,6 @@ def check_printable(places: Places, path: KeyPath, words: Mapping[str, str | Non
                 path,
                 value=text,
             )
-
-
-def stated_word(
-    levels: Sequence[Mapping[str, float | str | ParameterTable]],
-    name: str,
-    word: Literal["unit", "meaning"],
-) -> str | None:
-    """The unit or meaning of a parameter, as the first of `levels` that states one has it."""
-    entries = [entry for level in levels if isinstance(entry := level.get(name), ParameterTable)]
-    return next((text for entry in entries if (text := getattr(entry, word)) is not None), None)
 
 
 def check_words(

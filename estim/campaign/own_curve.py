@@ -22,7 +22,7 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -39,7 +39,6 @@ from estim.campaign.curve_tables import (
     is_unstarted,
     read_curve,
     source_of,
-    stated_word,
     with_variable,
     y_axis,
 )
@@ -124,35 +123,23 @@ class CurveCampaign(Campaign):
         parameters: dict[str, Parameter] = {}
         of_noise: dict[str, Parameter] = {}
         observed = []
-        for run, bound in zip(runs, self._bound(runs), strict=True):
+        for run, (bound, exact) in zip(runs, self._bound(runs), strict=True):
             name = run.table.name
             # what runs share begins where the first of them found a start
-            entries = {
-                argument: parameters.get(entry.name, entry)
-                if isinstance(entry, Parameter)
-                else entry
-                for argument, entry in bound.items()
-            }
-            unknown = {a: entry for a, entry in entries.items() if isinstance(entry, Parameter)}
+            unknown = {argument: parameters.get(p.name, p) for argument, p in bound.items()}
             chosen = {
                 argument
-                for argument, entry in unknown.items()
-                if entry.name not in parameters and is_unstarted(self._entry(argument, run))
+                for argument, p in unknown.items()
+                if p.name not in parameters and is_unstarted(run.entry(argument))
             }
-            stated = {
-                argument: unit
-                for argument in self.curve.names
-                if (unit := self._word(argument, run, "unit")) is not None
-            }
+            stated = {argument: run.word(argument, "unit") for argument in self.curve.names}
             rows = rows_of(run, self.tables[name])
             posed = rows.posed(
                 self.curve,
                 self.run_axes[name],
-                {
-                    argument: entry.prior if isinstance(entry, Parameter) else entry
-                    for argument, entry in entries.items()
-                },
-                units=stated,
+                {argument: p.prior for argument, p in unknown.items()},
+                exact,
+                units={argument: unit for argument, unit in stated.items() if unit is not None},
                 components=components,
                 chosen=chosen,
             )
@@ -164,12 +151,11 @@ class CurveCampaign(Campaign):
                 )
             begun = self._started(posed, {*self.curve.names} - chosen)
             parameters |= {
-                entry.name: replace(entry, prior=begun[argument].prior)
-                for argument, entry in unknown.items()
+                p.name: replace(p, prior=begun[argument].prior) for argument, p in unknown.items()
             }
             sources = {
-                argument: entry.name if isinstance(entry, Parameter) else entry
-                for argument, entry in entries.items()
+                argument: unknown[argument].name if argument in unknown else exact[argument]
+                for argument in self.curve.names
             }
             arguments = MappingProxyType({**sources, **{of_all: of_all for of_all in shared}})
             points, further = rows.observed(posed, self.axes, arguments)
@@ -188,28 +174,25 @@ class CurveCampaign(Campaign):
             tuple(observed),
         )
 
-    def _bound(self, runs: Sequence[RunOfCurve]) -> list[dict[str, Parameter | float]]:
-        """Of each run argument of the curve -> its parameter, or an exact value; one that all other
-        runs override is of this run.
+    def _bound(
+        self, runs: Sequence[RunOfCurve]
+    ) -> list[tuple[dict[str, Parameter], dict[str, float]]]:
+        """Of each run argument of the curve -> its parameter, and argument -> exact value; a
+        parameter that all other runs override is of this run.
         """
-        bound = [{name: self._bind(name, run) for name in self.curve.names} for run in runs]
-        uses = Counter(
-            entry.name
-            for of_run in bound
-            for entry in of_run.values()
-            if isinstance(entry, Parameter)
-        )
+        bound = []
+        for run in runs:
+            sources = {name: self._bind(name, run) for name in self.curve.names}
+            unknown = {a: s for a, s in sources.items() if isinstance(s, Parameter)}
+            bound.append((unknown, {a: s for a, s in sources.items() if isinstance(s, float)}))
+        uses = Counter(p.name for unknown, _ in bound for p in unknown.values())
         if any(count > 1 for count in uses.values()):
             self._refuse_other_units([run.table.name for run in runs])
-        return [
-            {
-                argument: replace(entry, name=f"{argument}[{run.table.name}]")
-                if isinstance(entry, Parameter) and uses[argument] == 1 < len(runs)
-                else entry
-                for argument, entry in of_run.items()
-            }
-            for run, of_run in zip(runs, bound, strict=True)
-        ]
+        for run, (unknown, _) in zip(runs, bound, strict=True):
+            for argument, p in unknown.items():
+                if uses[argument] == 1 < len(runs):
+                    unknown[argument] = replace(p, name=f"{argument}[{run.table.name}]")
+        return bound
 
     def _started(self, posed: CurveProblem, held: Collection[str]) -> Mapping[str, Parameter]:
         """Argument -> parameter, with starts found from the points but for those `held`.  Raises
@@ -264,11 +247,7 @@ class CurveCampaign(Campaign):
     def _unit_of(self, argument: str, name: str) -> str:
         """As stated nearest to the run, or as it follows from the axes."""
         follows = units_of(self.curve, self.axes, [argument], density=is_density(self.table))
-        return self._word(argument, self.runs[name], "unit") or follows.get(argument, "1")
-
-    def _word(self, argument: str, run: RunOfCurve, word: Literal["unit", "meaning"]) -> str | None:
-        """The unit or meaning that is stated of a parameter of a run."""
-        return stated_word([run.table.parameters, self.table.parameters], argument, word)
+        return self.runs[name].word(argument, "unit") or follows.get(argument, "1")
 
     def noise_models(self, name: str) -> tuple[NoiseModel, ...]:
         """Raises InputError: the tables of a curve state one noise."""
@@ -331,7 +310,7 @@ class CurveCampaign(Campaign):
 
     def _bind(self, name: str, run: RunOfCurve) -> Parameter | float:
         """A parameter of the formula for one run: an unknown, or an exact value."""
-        entry = self._entry(name, run)
+        entry = run.entry(name)
         if entry is None and not isinstance(self.asked, ModelSum):
             raise self.source.error(
                 f"is missing for run '{run.table.name}': say it under [curve.parameters] or "
@@ -350,16 +329,12 @@ class CurveCampaign(Campaign):
             rule = error.rule if error.field in (None, name) else f"'{error.field}' {error.rule}"
             raise self.source.error(rule, run.place(name), value=error.value) from None
         named = f"{name}[{run.table.name}]" if name in run.table.parameters else name
-        meaning = self._word(name, run, "meaning") or phrase("parameter of the curve")
+        meaning = run.word(name, "meaning") or phrase("parameter of the curve")
         return (
             source
             if isinstance(source, float)
             else Parameter(named, self._unit_of(name, run.table.name), source, meaning)
         )
-
-    def _entry(self, name: str, run: RunOfCurve) -> float | str | ParameterTable | None:
-        """What the nearest level says of a parameter of one run."""
-        return run.table.parameters.get(name, self.table.parameters.get(name))
 
     def _components(self) -> tuple[Component, ...]:
         components = []

@@ -12,13 +12,19 @@ import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, IntArray, max_abs
 from estim.campaign.campaign_file import CampaignFile
-from estim.campaign.curve_keys import CurveRunTable, CurveTable, RangeTable, ReadingErrorTable
+from estim.campaign.curve_keys import (
+    CurveRunTable,
+    CurveTable,
+    ParameterTable,
+    RangeTable,
+    ReadingErrorTable,
+)
 from estim.campaign.curve_tables import axis_of, y_axis
 from estim.campaign.dialect_table import DialectKeys, choices_of, dialect_of
 from estim.campaign.prior_table import PriorKeys, read_source
@@ -106,6 +112,16 @@ class RunOfCurve:
             if parameter in self.table.parameters
             else ("curve", "parameters", parameter)
         )
+
+    def entry(self, parameter: str) -> float | str | ParameterTable | None:
+        """What the nearest level says of a parameter."""
+        return self.table.parameters.get(parameter, self.curve.parameters.get(parameter))
+
+    def word(self, parameter: str, word: Literal["unit", "meaning"]) -> str | None:
+        """The unit or meaning of a parameter, as the nearest level that states one has it."""
+        entries = (level.parameters.get(parameter) for level in (self.table, self.curve))
+        words = (getattr(entry, word, None) for entry in entries)
+        return next((text for text in words if text is not None), None)
 
     @cached_property
     def columns(self) -> Mapping[str, str]:
@@ -226,7 +242,8 @@ class RowsOfRun:
         self,
         curve: Formula,
         axes: AxisNames,
-        values: Mapping[str, float | Prior],
+        priors: Mapping[str, Prior],
+        exact: Mapping[str, float],
         *,
         units: Mapping[str, str],
         components: tuple[Component, ...],
@@ -234,13 +251,12 @@ class RowsOfRun:
     ) -> CurveProblem:
         """The rows as the points of a curve.
 
-        values : argument of the curve -> exact value, or prior.
+        priors, exact : argument of the curve -> its prior, or its exact value.
         units : the same -> stated unit.  chosen : those whose start nobody stated.
 
         Raises InputError with file and line.
         """
         run, size = self.run, self.size
-        priors = {name: value for name, value in values.items() if not isinstance(value, float)}
         deviation, correlated = run.stated("deviation")[0], run.stated("correlated")[0]
         along = (
             self.column("correlated")
@@ -263,7 +279,7 @@ class RowsOfRun:
                 errors=components,
                 units=units,
                 axes=axes,
-                fixed={name: value for name, value in values.items() if isinstance(value, float)},
+                fixed=exact,
                 deviation=deviation or 0.0,
                 correlated=along,
                 noise=_counting(self),

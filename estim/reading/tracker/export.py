@@ -21,7 +21,7 @@ from estim.arrays import BoolArray, FloatArray
 from estim.common import InputError, in_its_file, listed, phrase
 from estim.reading.cells import Row, is_comment, is_missing, looks_like_a_number
 from estim.reading.columns import table_of
-from estim.reading.dialect import Decimal, Dialect
+from estim.reading.dialect import Decimal, Dialect, shown_delimiter
 from estim.reading.input_file import lines_of, read_text
 from estim.reading.table import (
     DECIMAL_COMMAS,
@@ -57,7 +57,7 @@ def head_of_export(text: str) -> tuple[int, str, bool] | None:
     if at is None:
         return None
     number, line = lines[at]
-    delimiter = _delimiter(line)
+    delimiter = shown_delimiter(line)
     names = [_named(cell)[0] for cell in split_cells(line, delimiter)]
     nameless = _track_names(lines[:at], delimiter, len(names)) == [("unnamed", 0)]
     return number, line, nameless and not {"x", "y"} <= set(names)
@@ -144,10 +144,6 @@ def _where_given(name: str, layout: Layout, table: Table) -> FloatArray | None:
 # the header
 
 
-def _delimiter(line: str) -> str:
-    return next((mark for mark in ("\t", ";", ",", "|") if mark in line), " ")
-
-
 def _named(cell: str) -> tuple[str, str]:
     """Name and unit of a column: ("x", "cm") for `x (cm)`, ("x", "") for `x`."""
     match = _NAME.fullmatch(cell.strip())
@@ -163,7 +159,7 @@ def _is_header(line: str) -> bool:
     if len(line) > 5000:
         return False
     try:
-        names = {_named(cell)[0] for cell in split_cells(line, _delimiter(line))}
+        names = {_named(cell)[0] for cell in split_cells(line, shown_delimiter(line))}
     except csv.Error:
         return False
     return "t" in names and bool({"x", "y"} & names)
@@ -177,7 +173,7 @@ def _laid_out(file: str, digest: str, lines: Lines, wanted: str | None) -> tuple
     if at is None:
         raise _no_header(lines)
     number, text = lines[at]
-    delimiter = _delimiter(text)
+    delimiter = shown_delimiter(text)
     cells = split_cells(text, delimiter)
     while cells and not cells[-1]:
         cells.pop()
