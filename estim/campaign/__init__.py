@@ -7,6 +7,7 @@ from estim.campaign.campaign import Campaign
 from estim.campaign.campaign_file import CampaignFile, Kind, NoiseTable, checked, read_campaign_file
 from estim.campaign.design import load_design, simulate_campaign
 from estim.campaign.forced import as_complete
+from estim.campaign.key_table import KeyTable
 from estim.campaign.levels import body_levels
 from estim.campaign.loading import load_campaign
 from estim.campaign.curve_models import CurveModel

@@ -20,9 +20,10 @@ import msgspec
 
 from estim.campaign.curve_keys import CurveRunTable, CurveTable
 from estim.campaign.effect_table import EffectTable
+from estim.campaign.key_table import KeyTable
 from estim.campaign.mismatch import known_keys, located, meant, mismatch
 from estim.campaign.name_rules import check_body_names, check_run_names
-from estim.campaign.part_table import PartTable
+from estim.campaign.part_table import AnyPart
 from estim.campaign.plan_table import PlanTable, check_plan
 from estim.campaign.prior_table import Finite, Positive, Stated
 from estim.campaign.trial_table import Degrees, TrialsTable
@@ -67,7 +68,7 @@ _FIELDS = frozenset(
 )
 
 
-class NoiseTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class NoiseTable(KeyTable, frozen=True):
     model: Literal["independent", "differentiated", "positions"] | None = None
     sigma_x_m: Stated = None
     sigma_theta_rad: Stated = None
@@ -80,7 +81,7 @@ class NoiseTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     robust: Literal["student-t", "mixture"] | None = None
 
 
-class WindowTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class WindowTable(KeyTable, frozen=True):
     t_min_s: Finite | None = None
     t_max_s: Finite | None = None
     x_min_m: Finite | None = None
@@ -89,7 +90,7 @@ class WindowTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     theta_max_rad: Finite | None = None
 
 
-class LevelTable(EffectTable, forbid_unknown_fields=True, frozen=True):
+class LevelTable(EffectTable, frozen=True):
     """What may stand at every level: [shared], [bodies.NAME], [[runs]]."""
 
     radius_m: Stated = None
@@ -123,7 +124,7 @@ class LevelTable(EffectTable, forbid_unknown_fields=True, frozen=True):
     window: WindowTable | None = None
 
 
-class RunTable(LevelTable, forbid_unknown_fields=True, frozen=True, kw_only=True):
+class RunTable(LevelTable, frozen=True, kw_only=True):
     name: str
     body: str
     file: str
@@ -136,7 +137,7 @@ class RunTable(LevelTable, forbid_unknown_fields=True, frozen=True, kw_only=True
     leave_out_s: list[float] | None = None
 
 
-class LineTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+class LineTable(KeyTable, frozen=True, kw_only=True):
     file: str
     body: str
     u_phi_deg: float | None = None
@@ -145,7 +146,7 @@ class LineTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only
     u_zero_theta_min_deg: Degrees = 0.0
 
 
-class DerivedTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class DerivedTable(KeyTable, frozen=True):
     formula: str
     unit: str | None = None
     symbol: str | None = None
@@ -157,7 +158,7 @@ class _TopTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only
     kind: Kind
     published: str | None = None
     shared: LevelTable = LevelTable()
-    parts: dict[str, PartTable] = {}
+    parts: dict[str, AnyPart] = {}
     bodies: dict[str, LevelTable] = {}
     runs: list[dict[str, Any]] = []
     line: LineTable | None = None
@@ -192,7 +193,7 @@ class CampaignFile:
     runs: tuple[RunTable, ...] = ()
     line: LineTable | None = None
     trials: TrialsTable | None = None
-    parts: Mapping[str, PartTable] = field(default_factory=dict)
+    parts: Mapping[str, AnyPart] = field(default_factory=dict)
     curve: CurveTable | None = None
     curve_runs: tuple[CurveRunTable, ...] = ()
     written: str = ""

@@ -12,17 +12,18 @@ import msgspec
 from msgspec import Meta
 
 from estim.campaign.dialect_table import DialectKeys
+from estim.campaign.key_table import KeyTable
 from estim.campaign.prior_table import PriorKeys, PriorTable
 from estim.reading import Unit
 
 
-class AxisTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class AxisTable(KeyTable, frozen=True):
     column: str
     name: str | None = None
     unit: str = "1"
 
 
-class ParameterTable(PriorKeys, forbid_unknown_fields=True, frozen=True, kw_only=True):
+class ParameterTable(PriorKeys, frozen=True, kw_only=True):
     """`start` with limits, a `value`, or a `prior` with its keys."""
 
     start: float | None = None
@@ -31,23 +32,23 @@ class ParameterTable(PriorKeys, forbid_unknown_fields=True, frozen=True, kw_only
     meaning: str | None = None
 
 
-class ReadingErrorTable(PriorKeys, forbid_unknown_fields=True, frozen=True, kw_only=True):
+class ReadingErrorTable(PriorKeys, frozen=True, kw_only=True):
     """A standard deviation of y: a column of the runs' files, or a prior (then it is inferred)."""
 
     column: str | None = None
 
 
-class RangeTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class RangeTable(KeyTable, frozen=True):
     min: float | None = None
     max: float | None = None
 
 
-class ComponentTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class ComponentTable(KeyTable, frozen=True):
     kind: Literal["zero_y", "scale_y", "zero_x", "scale_x"]
     u: float
 
 
-class CountTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class CountTable(KeyTable, frozen=True, tag_field="model", kw_only=True):
     """How y was counted, or that x are times of single events.
 
     noise = {model = "poisson", bins = ["low_us", "high_us"]}      # or a width; without it
@@ -57,13 +58,20 @@ class CountTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     events within `window`; no y
     """
 
-    model: Literal["poisson", "binomial", "event-times"]
-    bins: float | list[str] | None = None
-    trials: float | str | None = None
+
+class PoissonTable(CountTable, frozen=True, tag="poisson"):
+    bins: float | tuple[str, str] | None = None
+
+
+class BinomialTable(CountTable, frozen=True, tag="binomial"):
+    trials: float | str
+
+
+class EventsTable(CountTable, frozen=True, tag="event-times"):
     cells: int | None = None
 
 
-class CurveKeys(DialectKeys, forbid_unknown_fields=True, frozen=True, kw_only=True):
+class CurveKeys(DialectKeys, frozen=True, kw_only=True):
     """What may stand under [curve] and at a run, which has the last word."""
 
     u_y: float | str | ReadingErrorTable | None = None
@@ -77,16 +85,16 @@ class CurveKeys(DialectKeys, forbid_unknown_fields=True, frozen=True, kw_only=Tr
     parameters: dict[str, float | str | ParameterTable] = msgspec.field(default_factory=dict)
 
 
-class CurveTable(CurveKeys, forbid_unknown_fields=True, frozen=True, kw_only=True):
+class CurveTable(CurveKeys, frozen=True, kw_only=True):
     x: AxisTable | str
     expression: str | None = None
     model: str | None = None
     y: AxisTable | str | None = None
-    noise: CountTable | None = None
+    noise: PoissonTable | BinomialTable | EventsTable | None = None
     errors: dict[str, float | ComponentTable] = msgspec.field(default_factory=dict)
 
 
-class CurveRunTable(CurveKeys, forbid_unknown_fields=True, frozen=True, kw_only=True):
+class CurveRunTable(CurveKeys, frozen=True, kw_only=True):
     name: str
     file: str
     track: str | None = None

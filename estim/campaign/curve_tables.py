@@ -15,7 +15,9 @@ from estim.campaign.curve_keys import (
     CurveKeys,
     CurveRunTable,
     CurveTable,
+    EventsTable,
     ParameterTable,
+    PoissonTable,
     ReadingErrorTable,
 )
 from estim.campaign.prior_table import PriorKeys, read_source
@@ -165,36 +167,18 @@ def read_curve(source: CampaignFile, table: CurveTable) -> tuple[Formula, ModelS
 
 def is_density(table: CurveTable) -> bool | None:
     """Whether the curve is y per unit of x; None where it is known up to a factor."""
-    return (
-        None
-        if table.noise is not None and table.noise.model == "event-times"
-        else table.noise is not None and table.noise.bins is not None
-    )
+    if isinstance(table.noise, EventsTable):
+        return None
+    return isinstance(table.noise, PoissonTable) and table.noise.bins is not None
 
 
 def check_counts(source: CampaignFile, table: CurveTable) -> None:
-    """Raises InputError at the key where those of `noise` do not go together, or y is missing."""
-    noise, places = table.noise, source.places
-    events = noise is not None and noise.model == "event-times"
+    """Raises InputError where y is missing, or is stated beside times of single events."""
+    events = isinstance(table.noise, EventsTable)
     if table.y is None and not events:
-        raise places.error("is missing", ("curve", "y"))
+        raise source.error("is missing", ("curve", "y"))
     if events and table.y is not None:
-        raise places.error("must be left out where x are times of single events", ("curve", "y"))
-    if noise is None:
-        return
-    for model, key in {"poisson": "bins", "binomial": "trials", "event-times": "cells"}.items():
-        if model != noise.model and getattr(noise, key) is not None:
-            raise places.error(
-                f'belongs to model = "{model}", not to "{noise.model}"', ("curve", "noise", key)
-            )
-    if noise.model == "binomial" and noise.trials is None:
-        raise places.error(
-            "is missing: the number of trials of each row, a column or a number",
-            ("curve", "noise", "trials"),
-        )
-    if isinstance(noise.bins, list) and len(noise.bins) != 2:
-        rule = "must be a width, or the names of two columns with low and high edges"
-        raise places.error(rule, ("curve", "noise", "bins"), value=noise.bins)
+        raise source.error("must be left out where x are times of single events", ("curve", "y"))
 
 
 def check_parameters(

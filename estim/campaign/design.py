@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-import msgspec
 import numpy as np
 from msgspec import Meta
 
 from estim.campaign.campaign_file import checked
+from estim.campaign.key_table import KeyTable
 from estim.campaign.name_rules import check_body_names, check_run_names
 from estim.campaign.toml_text import toml_key, toml_text
 from estim.common import one_line
@@ -38,7 +38,7 @@ Tilts = list[Annotated[float, Meta(ge=-90.0, le=90.0)]]
 Scatter = Annotated[float, Meta(ge=0.0, le=45.0)]
 
 
-class ConstantsTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class ConstantsTable(KeyTable, frozen=True):
     g: Annotated[float, Meta(ge=1e-3, le=1e3)]
     radius_m: Annotated[float, Meta(ge=1e-4, le=1e3)]
     mass_disk_kg: Annotated[float, Meta(ge=1e-6, le=1e6)]
@@ -47,7 +47,7 @@ class ConstantsTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     rolling_resistance: Annotated[float, Meta(ge=0.0, le=1.0)]
 
 
-class InstrumentsTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class InstrumentsTable(KeyTable, frozen=True):
     frames_per_second: Annotated[float, Meta(ge=1e-3, le=1e6)]
     sigma_x_m: Size
     u_phi_deg: Size
@@ -58,23 +58,23 @@ class InstrumentsTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     u_gamma: Size
 
 
-class BodyTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class BodyTable(KeyTable, frozen=True):
     gamma: Annotated[float, Meta(gt=0.0, lt=1.0)]
 
 
-class RunDesign(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class RunDesign(KeyTable, frozen=True):
     name: str
     body: str
     phi_deg: Angle
     theta0_deg: Angle
 
 
-class LineDesign(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class LineDesign(KeyTable, frozen=True):
     body: str
     phi_deg: Tilts
 
 
-class TrialsDesign(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class TrialsDesign(KeyTable, frozen=True):
     """Trials of release at both ends, as `estim.model.simulate.simulate_trials` makes them."""
 
     body: str
@@ -86,7 +86,7 @@ class TrialsDesign(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     release_deg: Scatter
 
 
-class Design(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class Design(KeyTable, frozen=True):
     """A design as it stands in its TOML file; units are in the keys."""
 
     title: str

@@ -10,13 +10,14 @@ from typing import Any
 
 import msgspec
 
+from estim.campaign.key_table import KeyTable
 from estim.common import InputError
 from estim.reading import Choices, Dates, Decimal, Dialect, Encoding, KeyPath, Places
 
 TRACK_KEYS = tuple(Choices.__dataclass_fields__)
 
 
-class DialectKeys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class DialectKeys(KeyTable, frozen=True):
     columns: list[str] | None = None
     delimiter: str | None = None
     decimal: Decimal | None = None

@@ -10,7 +10,7 @@ from estim.campaign.dialect_table import DialectKeys
 from estim.campaign.prior_table import Positive, Stated
 
 
-class EffectTable(DialectKeys, forbid_unknown_fields=True, frozen=True):
+class EffectTable(DialectKeys, frozen=True):
     """What is known of a run besides gravity; how its table is written may be stated at the same
     levels (`DialectKeys`).
 

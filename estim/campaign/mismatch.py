@@ -35,7 +35,7 @@ def mismatch(message: str, kind: object, path: Sequence[str], found: object) -> 
     if match := re.fullmatch(r"Expected `\w+` ([<>]=?) (.+)", message):
         return f"must be {match[1]} {float(match[2]):g}", found
     choices = list(dict.fromkeys(_choices(kind, path)))
-    if message.startswith("Invalid enum value") and choices:
+    if message.startswith("Invalid ") and choices:
         return f"must be one of {', '.join(choices)}{meant(str(found), choices)}", found
     return message[0].lower() + message[1:].replace("`", ""), None
 
@@ -87,6 +87,10 @@ def _choices(kind: object, path: Sequence[str]) -> Iterator[str]:
             for choice in get_args(variant)
             if get_origin(variant) is Literal and isinstance(choice, str)
         )
+    for table in _at(kind, path[:-1]) if path else ():
+        if isinstance(table, type) and issubclass(table, msgspec.Struct):
+            config = table.__struct_config__
+            yield from (str(config.tag),) if config.tag_field == path[-1] else ()
 
 
 def _at(kind: object, path: Sequence[str]) -> Iterator[object]:

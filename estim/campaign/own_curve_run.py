@@ -19,9 +19,12 @@ import numpy as np
 from estim.arrays import BoolArray, FloatArray, IntArray, max_abs
 from estim.campaign.campaign_file import CampaignFile
 from estim.campaign.curve_keys import (
+    BinomialTable,
     CurveRunTable,
     CurveTable,
+    EventsTable,
     ParameterTable,
+    PoissonTable,
     RangeTable,
     ReadingErrorTable,
 )
@@ -134,9 +137,10 @@ class RunOfCurve:
             for key, written in stated.items()
             if isinstance(written, ReadingErrorTable)
         }
-        if noise is not None:
-            low, high = noise.bins if isinstance(noise.bins, list) else (None, None)
-            columns |= {"low": low, "bins": high, "trials": noise.trials}
+        if isinstance(noise, PoissonTable) and isinstance(noise.bins, tuple):
+            columns |= {"low": noise.bins[0], "bins": noise.bins[1]}
+        if isinstance(noise, BinomialTable):
+            columns["trials"] = noise.trials
         return {
             key: column for key, column in columns.items() if isinstance(column, str) and column
         }
@@ -480,19 +484,18 @@ def rows_of(run: RunOfCurve, data: Run) -> RowsOfRun:
 
 def _counting(rows: RowsOfRun) -> Counting | None:
     """What the table `noise` says; None for readings."""
-    run, noise = rows.run, rows.run.curve.noise
-    if noise is None:
-        return None
-    if noise.model == "event-times":
-        window = run.stated("window")[0]
-        return EventTimes(window.min, window.max, noise.cells)
-    if noise.model == "binomial":
-        return Binomial(
-            rows.column("trials") if isinstance(noise.trials, str) else float(noise.trials or 0.0)
-        )
-    if isinstance(noise.bins, list):
-        return Poisson(np.column_stack([rows.column("low"), rows.column("bins")]))
-    return Poisson(noise.bins)
+    match rows.run.curve.noise:
+        case EventsTable(cells=cells):
+            window = rows.run.stated("window")[0]
+            return EventTimes(window.min, window.max, cells)
+        case BinomialTable(trials=trials):
+            return Binomial(rows.column("trials") if isinstance(trials, str) else float(trials))
+        case PoissonTable(bins=tuple()):
+            return Poisson(np.column_stack([rows.column("low"), rows.column("bins")]))
+        case PoissonTable(bins=width):
+            return Poisson(width)
+        case _:
+            return None
 
 
 def _error_of_x(rows: RowsOfRun) -> float | FloatArray | None:

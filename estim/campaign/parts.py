@@ -19,12 +19,21 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.campaign.campaign_file import CampaignFile, LevelTable
-from estim.campaign.part_table import NEEDED, PART_UNITS, POSSIBLE, PartTable
+from estim.campaign.part_table import (
+    AnyPart,
+    BoltTable,
+    DiskTable,
+    PointTable,
+    RingTable,
+    RodTable,
+    TrailingTable,
+)
 from estim.common import Notation, Quantity, later, read_quantity
 from estim.model import Body, Part, assemble, bolt, disk, ring, rod
 from estim.propagation import Input, LinearResult, propagate_linear
 from estim.reading import KeyPath
 
+_UNITS = {"mass_kg": "kg", "angle_deg": "°"}  # of keys; all others are in m
 _MOST_PARTS, _ROUNDING, _NEGLIGIBLE = 100, 1e-9, 0.05
 _LARGEST = 10.0  # radii of the body: beyond, a length is in another unit
 _HARDLY_MATTER = frozenset({"particle_gyration", "trailing_fraction"})
@@ -73,7 +82,7 @@ class PartedBody:
     """
 
     name: str
-    parts: tuple[tuple[str, PartTable], ...]
+    parts: tuple[tuple[str, AnyPart], ...]
     particle: tuple[int, ...]
     radius: str
     inputs: Mapping[str, Input]
@@ -118,7 +127,7 @@ def parted_body(
                 value=part,
             )
     parts = tuple((part, source.parts[part]) for part in listed)
-    if all(entry.kind == "trailing" for _, entry in parts):
+    if all(isinstance(entry, TrailingTable) for _, entry in parts):
         raise source.error("must hold a part that rotates", (*path, "parts"))
     inputs = {radius.name: radius}
     for part, entry in parts:
@@ -128,9 +137,10 @@ def parted_body(
     off = named or tuple(
         i for i, part in enumerate(listed) if _off_axle(inputs.get(f"{part}.distance_m"))
     )
-    angles = any(entry.angle_deg is not None for _, entry in parts)
-    point = len(off) == 1 and parts[off[0]][1].kind == "point"
-    trailing = tuple(i for i, (_, entry) in enumerate(parts) if entry.kind == "trailing")
+    angles = any(name.endswith(".angle_deg") for name in inputs)
+    # a bolt is a point that has a diameter
+    point = len(off) == 1 and type(parts[off[0]][1]) is PointTable
+    trailing = tuple(i for i, (_, entry) in enumerate(parts) if isinstance(entry, TrailingTable))
     if len({*off, *trailing}) == len(parts):
         raise source.error(
             "must leave a part for the disk: say which are the particle, particle = [...]",
@@ -196,27 +206,23 @@ def _values(body: PartedBody) -> tuple[ArrayLike, ...]:
         )
 
 
-def _inputs(source: CampaignFile, name: str, table: PartTable) -> dict[str, Input]:
+def _inputs(source: CampaignFile, name: str, table: AnyPart) -> dict[str, Input]:
     """What was measured of a part, by "name.key"."""
-    path = ("parts", name)
-    for key in table.stated:
-        if key not in POSSIBLE[table.kind]:
-            raise source.error(f"does not go with a part of kind '{table.kind}'", (*path, key))
-    for key in sorted(NEEDED[table.kind] - set(table.stated)):
-        raise source.error(
-            f"is missing for a part of kind '{table.kind}'", path, field=f"parts.{name}.{key}"
-        )
-    inputs = {}
-    for key in table.stated:
+    path, inputs = ("parts", name), {}
+    for key in table.__struct_fields__:
+        written = getattr(table, key)
+        if written is None:
+            continue
         with source.places.at((*path, key)):
-            value = read_quantity(getattr(table, key), field=key)
+            value = read_quantity(written, field=key)
         if key != "angle_deg" and (value.value < 0.0 or (value.value == 0.0 and key == "mass_kg")):
             raise source.error(
                 "must be > 0" if key == "mass_kg" else "must be >= 0",
                 (*path, key),
                 value=value.value,
             )
-        inputs[f"{name}.{key}"] = Input(f"{name}.{key}", value.value, value.u, unit=PART_UNITS[key])
+        unit = _UNITS.get(key, "m")
+        inputs[f"{name}.{key}"] = Input(f"{name}.{key}", value.value, value.u, unit=unit)
     outer, inner = (inputs.get(f"{name}.{key}") for key in ("radius_m", "inner_radius_m"))
     if outer is not None and inner is not None and inner.value > outer.value:
         raise source.error(
@@ -225,25 +231,26 @@ def _inputs(source: CampaignFile, name: str, table: PartTable) -> dict[str, Inpu
     return inputs
 
 
-def _part(name: str, table: PartTable, q: Mapping[str, Any], body_radius: Any) -> Part:
+def _part(name: str, table: AnyPart, q: Mapping[str, Any], body_radius: Any) -> Part:
     def said(key: str, otherwise: Any = 0.0) -> Any:
-        return q[f"{name}.{key}"] if getattr(table, key) is not None else otherwise
+        return q.get(f"{name}.{key}", otherwise)
 
     square: Any = 0.0
-    if table.kind == "disk":
-        square = disk(said("radius_m", body_radius))
-    elif table.kind == "ring":
-        square = ring(said("radius_m", body_radius), said("inner_radius_m"))
-    elif table.kind == "rod":
-        square = rod(said("length_m"), said("diameter_m"))
-    elif table.kind == "bolt":
-        square = bolt(said("diameter_m"))
+    match table:
+        case RingTable():
+            square = ring(said("radius_m", body_radius), said("inner_radius_m"))
+        case DiskTable():
+            square = disk(said("radius_m", body_radius))
+        case RodTable():
+            square = rod(said("length_m"), said("diameter_m"))
+        case BoltTable():
+            square = bolt(said("diameter_m"))
     return Part(
         said("mass_kg"),
         square,
         said("distance_m"),
         np.radians(said("angle_deg")),
-        table.kind != "trailing",
+        not isinstance(table, TrailingTable),
     )
 
 
@@ -336,7 +343,7 @@ def _disk(source: CampaignFile, body: str) -> tuple[str, ...] | None:
         or not all(part in source.parts for part in table.parts)
     ):
         return None
-    turning = [part for part in table.parts if source.parts[part].kind != "trailing"]
+    turning = [part for part in table.parts if not isinstance(source.parts[part], TrailingTable)]
     inputs = {
         name: quantity
         for part in turning
@@ -352,7 +359,7 @@ def _disk(source: CampaignFile, body: str) -> tuple[str, ...] | None:
         )
     ]
     rest = sorted(part for part in turning if part not in off)
-    return None if any(source.parts[part].distance_m is not None for part in rest) else tuple(rest)
+    return None if any(f"{part}.distance_m" in inputs for part in rest) else tuple(rest)
 
 
 def not_independent(

@@ -7,13 +7,14 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
+from estim.campaign.key_table import KeyTable
 from estim.campaign.prior_table import Stated
 from estim.reading import Places
 
 _Factor = Annotated[float, Meta(ge=0.01, le=100.0)]
 
 
-class PlannedRunTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+class PlannedRunTable(KeyTable, frozen=True, kw_only=True):
     """A further run, like one that was measured but for what is said here."""
 
     like: str
@@ -23,7 +24,7 @@ class PlannedRunTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
     repeats: Annotated[int, Meta(ge=1, le=100)] = 1
 
 
-class ReadingsTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+class ReadingsTable(KeyTable, frozen=True, kw_only=True):
     """Further readings at one abscissa of a user's own curve."""
 
     x: Annotated[float, Meta(ge=-1e100, le=1e100)]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 import msgspec
 from msgspec import Meta
 
+from estim.campaign.key_table import KeyTable
 from estim.common import InputError, Quantity, read_quantity
 from estim.problem import PRIORS, Prior, as_prior
 
@@ -19,7 +20,7 @@ else:
 _NO_UNIT = ("log_sd",)
 
 
-class PriorKeys(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+class PriorKeys(KeyTable, frozen=True, kw_only=True):
     """The keys of a prior, for tables that may hold one; which of them it needs is checked by
     `read_prior`.
     """
@@ -34,7 +35,7 @@ class PriorKeys(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only
     log_sd: float | None = None
 
 
-class PriorTable(PriorKeys, forbid_unknown_fields=True, frozen=True, kw_only=True):
+class PriorTable(PriorKeys, frozen=True, kw_only=True):
     """A table that must hold a prior."""
 
     prior: PriorKind

@@ -6,13 +6,14 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import msgspec
 from msgspec import Meta
+
+from estim.campaign.key_table import KeyTable
 
 Degrees = Annotated[float, Meta(ge=0.0, lt=45.0)]  # an uncertainty of an angle
 
 
-class TrialsTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+class TrialsTable(KeyTable, frozen=True, kw_only=True):
     """u_phi_deg, u_theta_deg : standard uncertainties of a tilt, and of one angle as set.
     release_deg : scale of what the hand costs.
     """

@@ -43,7 +43,7 @@ class ComponentTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw
     half_width_error: float | None = None
 
 
-class InputTable(ComponentTable, forbid_unknown_fields=True, frozen=True, kw_only=True):
+class InputTable(ComponentTable, frozen=True, kw_only=True):
     """What may be said of an input."""
 
     value: str | float | None = None

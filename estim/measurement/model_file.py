@@ -19,7 +19,7 @@ import numpy as np
 from msgspec import Meta
 
 from estim.arrays import all_finite
-from estim.campaign import checked
+from estim.campaign import KeyTable, checked
 from estim.common import InputError, read_with_unit, same_looks
 from estim.curves import RESERVED, Formula, evaluate, read_formula, unit_that_follows
 from estim.measurement.input_tables import InputTable, inputs_of
@@ -30,14 +30,14 @@ _MOST_INPUTS, _MOST_OUTPUTS = 60, 12
 _NO_FILE = "command line"
 
 
-class _OutputTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+class _OutputTable(KeyTable, frozen=True, kw_only=True):
     formula: str
     unit: str | None = None
     meaning: str = ""
     name: str | None = None
 
 
-class _CorrelationTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+class _CorrelationTable(KeyTable, frozen=True, kw_only=True):
     between: list[str]
     r: Annotated[float, Meta(ge=-1.0, le=1.0)]
 

@@ -8,14 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-import msgspec
-
-from estim.campaign import checked
+from estim.campaign import KeyTable, checked
 from estim.common import Quantity, e_n
 from estim.reading import TOML_BYTES, parse_toml, read_text
 
 
-class PublishedNumber(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class PublishedNumber(KeyTable, frozen=True):
     """A number that a paper prints.  parameter, body : what a campaign calls it.  u : None where
     the paper states none.
     """
@@ -29,7 +27,7 @@ class PublishedNumber(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     u: float | None = None
 
 
-class Claim(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class Claim(KeyTable, frozen=True):
     """What a paper says in its own words.  about : what of a reanalysis stands beside them."""
 
     about: Literal["energy", "theta_min"]
@@ -37,7 +35,7 @@ class Claim(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     section: str
 
 
-class Paper(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class Paper(KeyTable, frozen=True):
     """The name of a paper, its numbers and its words."""
 
     paper: str = ""
