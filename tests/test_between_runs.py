@@ -87,7 +87,7 @@ def test_the_key_gives_a_mean_a_spread_and_a_shift_of_each_run_that_shares_them(
     [
         ("between_runs = {gama = 0.02}", "'gama' must name a quantity"),
         ("between_runs = {gamma = 0.0}", "'gamma' must be > 0: 0"),
-        ("between_runs = {phi_deg = nan}", "'phi_deg' is the scale"),
+        ("between_runs = {phi_deg = nan}", "'phi_deg' must be finite"),
         (
             "between_runs = {theta0_deg = 1.0}",
             "'theta0_deg' has nothing to vary: 0 of 2 runs take it from here",

@@ -486,7 +486,12 @@ def test_a_campaign_counts_as_python_does(tmp_path: Path, rng: np.random.Generat
         ),
         ("", "", ROWS.replace("1.0,2.0,2", "0.5,2.0,2"), r"campaign\.toml:8: .*must not overlap"),
         ('bins = ["low", "high"]', "bins = -1.0", ROWS, r"campaign\.toml:8: .*width > 0"),
-        ('bins = ["low", "high"]', 'trials = "n"', ROWS, r"campaign\.toml:8: .*belongs to model"),
+        (
+            'bins = ["low", "high"]',
+            'trials = "n"',
+            ROWS,
+            r'toml:8: .*not a known key here \(model = "poisson"\)',
+        ),
         (
             "noise =",
             "u_y = 1.0\nnoise =",
@@ -495,7 +500,12 @@ def test_a_campaign_counts_as_python_does(tmp_path: Path, rng: np.random.Generat
         ),
         ('y = {column = "n", name = "events"}\n', "", ROWS, r"'y' is missing"),
         ('"poisson", bins = ["low", "high"]', '"event-times"', ROWS, r"'y' must be left out"),
-        ('"poisson", bins = ["low", "high"]', '"binomial"', ROWS, r"number of trials of each row"),
+        (
+            '"poisson", bins = ["low", "high"]',
+            '"binomial"',
+            ROWS,
+            r'trials. is missing \(model = "binomial"\)',
+        ),
         (
             '"poisson", bins = ["low", "high"]',
             '"binomial", trials = 2',

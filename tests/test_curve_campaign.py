@@ -179,12 +179,12 @@ def test_shared_errors_are_one_parameter_of_all_runs(
         (
             "u_y = 0.02",
             'noise = {model = "poisson", scatter = 0.1}',
-            r":7: 'scatter' is not a known key here$",
+            r":7: 'scatter' is not a known key here .model = .poisson..$",
         ),
         (
             "u_y = 0.02",
             'noise = {model = "poisson", bin = 0.1}',
-            r":7: 'bin' is not a known key here \(did you mean 'bins'\?\)$",
+            r":7: 'bin' is not a known key here .model = .poisson.. \(did you mean 'bins'\?\)$",
         ),
         (
             "u_y = 0.02",

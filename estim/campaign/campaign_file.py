@@ -21,7 +21,7 @@ import msgspec
 from estim.campaign.curve_keys import CurveRunTable, CurveTable
 from estim.campaign.effect_table import EffectTable
 from estim.campaign.key_table import KeyTable
-from estim.campaign.mismatch import known_keys, located, meant, mismatch
+from estim.campaign.mismatch import located, meant, mismatch, of_table
 from estim.campaign.name_rules import check_body_names, check_run_names
 from estim.campaign.part_table import AnyPart
 from estim.campaign.plan_table import PlanTable, check_plan
@@ -367,13 +367,13 @@ def checked(tree: object, kind: type[T], places: Places, path: KeyPath) -> T:
         inner = re.findall(r"\.\.\.|[^.\[\]`]+", where)
         within, found = located(tree, kind, inner)
         full = (*path, *within)
-        if match := re.search(r"unknown field `(.*)`", message):
-            raise places.error(
-                f"is not a known key here{meant(match[1], known_keys(kind, inner))}",
-                (*full, match[1]),
-            ) from None
-        if match := re.search(r"missing required field `(.*)`", message):
-            raise places.error("is missing", (*full, match[1])) from None
+        if match := re.search(r"(unknown|missing required) field `(.*)`", message):
+            mark, keys = of_table(kind, inner, found)
+            if match[1] == "unknown":
+                rule = f"is not a known key here{mark}{meant(match[2], keys)}"
+            else:
+                rule = f"is missing{mark}"
+            raise places.error(rule, (*full, match[2])) from None
         rule, value = mismatch(message, kind, inner, found)
         raise places.error(rule, full, field=None if full else "campaign", value=value) from None
 

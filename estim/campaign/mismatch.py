@@ -5,6 +5,7 @@ was likely meant.
 from __future__ import annotations
 
 import difflib
+import math
 import re
 import types
 from collections.abc import Iterator, Sequence
@@ -19,6 +20,8 @@ _TYPES = {
     "bool": "true or false",
     "object": "a table",
     "array": "a list",
+    "list": "a list",
+    "dict": "a table",
     "datetime": "a date",
     "date": "a date",
     "time": "a time",
@@ -32,6 +35,8 @@ def mismatch(message: str, kind: object, path: Sequence[str], found: object) -> 
     if match := re.fullmatch(r"Expected `(.+)`, got `(\w+)`", message):
         wanted = [_TYPES.get(kind, kind) for kind in match[1].split(" | ") if kind != "null"]
         return f"must be {' or '.join(wanted)}, not {_TYPES.get(match[2], match[2])}", None
+    if isinstance(found, float) and not math.isfinite(found):
+        return "must be finite", found
     if match := re.fullmatch(r"Expected `\w+` ([<>]=?) (.+)", message):
         return f"must be {match[1]} {float(match[2]):g}", found
     choices = list(dict.fromkeys(_choices(kind, path)))
@@ -69,14 +74,27 @@ def _fits(value: object, kind: Any) -> bool:
     return True
 
 
-def known_keys(kind: object, path: Sequence[str]) -> list[str]:
-    """The keys that may stand in the table at `path` in a value of type `kind`."""
-    tables = (
+def of_table(kind: object, path: Sequence[str], found: Any) -> tuple[str, list[str]]:
+    """What marks the table `found` at `path` in a value of type `kind`, like ' (kind = "ring")', ""
+    where nothing does; and the keys that may stand in it.
+    """
+    mark, keys = "", list[str]()
+    for table in _structs(kind, path):
+        config = table.__struct_config__
+        if config.tag_field is not None:
+            if found.get(config.tag_field) != config.tag:
+                continue
+            mark = f' ({config.tag_field} = "{config.tag}")'
+        keys += table.__struct_fields__
+    return mark, keys
+
+
+def _structs(kind: object, path: Sequence[str]) -> list[type[msgspec.Struct]]:
+    return [
         variant
         for variant in _at(kind, path)
         if isinstance(variant, type) and issubclass(variant, msgspec.Struct)
-    )
-    return [key for table in tables for key in table.__struct_fields__]
+    ]
 
 
 def _choices(kind: object, path: Sequence[str]) -> Iterator[str]:
@@ -87,10 +105,9 @@ def _choices(kind: object, path: Sequence[str]) -> Iterator[str]:
             for choice in get_args(variant)
             if get_origin(variant) is Literal and isinstance(choice, str)
         )
-    for table in _at(kind, path[:-1]) if path else ():
-        if isinstance(table, type) and issubclass(table, msgspec.Struct):
-            config = table.__struct_config__
-            yield from (str(config.tag),) if config.tag_field == path[-1] else ()
+    for table in _structs(kind, path[:-1]):
+        config = table.__struct_config__
+        yield from (str(config.tag),) if path and config.tag_field == path[-1] else ()
 
 
 def _at(kind: object, path: Sequence[str]) -> Iterator[object]:
