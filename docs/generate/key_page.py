@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import types
+from dataclasses import replace
 from typing import Any, Literal, Union, get_args, get_origin
 
 from tables import PRIOR, Key, Kind, all_tables, is_table, keys_of
@@ -14,7 +15,10 @@ _HEADS = {
     "RunTable": "`[[runs]]` of rolling bodies",
     "NoiseTable": "`noise` of rolling bodies",
     "WindowTable": "`window` of rolling bodies",
-    "PartTable": "`[parts.NAME]`",
+    **dict.fromkeys(
+        ("DiskTable", "RingTable", "RodTable", "PointTable", "BoltTable", "TrailingTable"),
+        "`[parts.NAME]`",
+    ),
     "LineTable": "`[line]`",
     "TrialsTable": "`[trials]`",
     "DerivedTable": "`[derived]`",
@@ -28,7 +32,7 @@ _HEADS = {
     "ReadingErrorTable": "`u_y` and `u_x`",
     "RangeTable": "`window` of a curve",
     "ComponentTable": "`errors` of a curve",
-    "CountTable": "`noise` of a curve",
+    **dict.fromkeys(("PoissonTable", "BinomialTable", "EventsTable"), "`noise` of a curve"),
     "CurveRunTable": "`[[runs]]` of a curve",
     "PriorTable": "A prior",
 }
@@ -36,7 +40,10 @@ _SHARED_HEADS = {
     "EffectTable": "What else is known of a rolling body",
     "PriorKeys": "A prior",
     "DialectKeys": "How a table is written",
-    "TrackKeys": "Files of the program Tracker",
+    "CurveKeys": "`[curve]` and its `[[runs]]`",
+    "PartTable": "`[parts.NAME]`",
+    "OnBodyTable": "`[parts.NAME]`",
+    "CountTable": "`noise` of a curve",
 }
 _NAMES = {float: "number", int: "whole number", str: "text", bool: "`true` or `false`"}
 _INTRODUCTION = """# Every key of a campaign file
@@ -67,10 +74,15 @@ def keys_page() -> str:
                 *further.setdefault(head_of(table), []),
             ):
                 further[head_of(table)].append(title_of_owner(key))
-            if key.name not in [other.name for other in held] and (
+            names = [other.name for other in held]
+            if key.name not in names and (
                 of_others or key.owner == table.__name__ or table is PRIOR
             ):
                 held.append(key)
+            elif key.name in names and get_origin(key.holds) is Literal:  # of another kind
+                place = names.index(key.name)
+                words = (*get_args(held[place].holds), *get_args(key.holds))
+                held[place] = replace(held[place], holds=Literal[words])
     return _INTRODUCTION + "".join(
         _section(title, keys, further.get(title, [])) for title, keys in sections.items() if keys
     )
@@ -117,22 +129,27 @@ def _holds(holds: Any) -> str:
     origin, inner = get_origin(holds), get_args(holds)
     if origin in (Union, types.UnionType):
         kinds = [kind for kind in inner if kind is not type(None)]
+        if (
+            len({head_of(kind) for kind in kinds if is_table(kind)})
+            == 1
+            < sum(map(is_table, kinds))
+        ):
+            return _holds(kinds[0])  # tables of several kinds, told apart in one section
         if {float, str, PRIOR} <= set(kinds):
             return "quantity"
         return " or ".join(_holds(kind) for kind in kinds)
     if origin is Literal:
         return ", ".join(f'`"{choice}"`' for choice in inner)
-    if origin is list:
+    if origin in (list, tuple):
         return (
             f"list of {_plural(inner[0])}"
             if not is_table(inner[0])
             else f"[tables](#{_anchor(head_of(inner[0]))})"
         )
     if origin is dict:
+        tables = [kind for kind in (inner[1], *get_args(inner[1])[:1]) if is_table(kind)]
         return (
-            f"names = {_holds(inner[1])}"
-            if not is_table(inner[1])
-            else f"[tables](#{_anchor(head_of(inner[1]))})"
+            f"[tables](#{_anchor(head_of(tables[0]))})" if tables else f"names = {_holds(inner[1])}"
         )
     if is_table(holds):
         return f"[table](#{_anchor(head_of(holds))})"

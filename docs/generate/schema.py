@@ -76,6 +76,9 @@ def _schema_of(holds: Any) -> dict[str, Any]:
         return {"enum": list(inner)}
     if origin is list:
         return {"type": "array", "items": _schema_of(inner[0])}
+    if origin is tuple:
+        size = {"minItems": len(inner), "maxItems": len(inner)}
+        return {"type": "array", "items": _schema_of(inner[0])} | size
     if origin is dict:
         return {"type": "object", "additionalProperties": _schema_of(inner[1])}
     if is_table(holds):

@@ -7,12 +7,11 @@ from __future__ import annotations
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any, Literal, get_type_hints
 
 import msgspec
 
-from estim.campaign import campaign_file, curve_tables, part_table, plan_table, trial_table
-from estim.campaign.derived import DerivedTable
+from estim.campaign import campaign_file, curve_keys, prior_table
 
 WORDS = tomllib.loads((Path(__file__).parent / "key_words.toml").read_text(encoding="utf-8"))
 Kind = type[msgspec.Struct]
@@ -41,20 +40,8 @@ class Key:
 
 CAMPAIGN = campaign_file._TopTable
 LEVEL, RUN = campaign_file.LevelTable, campaign_file.RunTable
-PRIOR = campaign_file.PriorTable
-CURVE, CURVE_RUN = curve_tables.CurveTable, curve_tables.CurveRunTable
-# what the raw tables of the top hold: they are checked one by one, so that a message names the line
-INSIDE: dict[str, Any] = {
-    "shared": LEVEL,
-    "bodies": dict[str, LEVEL],
-    "parts": dict[str, part_table.PartTable],
-    "runs": list[RUN],
-    "line": campaign_file.LineTable,  # type: ignore[valid-type]
-    "trials": trial_table.TrialsTable,
-    "curve": CURVE,
-    "derived": dict[str, str | DerivedTable],
-    "plan": plan_table.PlanTable,
-}
+PRIOR = prior_table.PriorTable
+CURVE_RUN = curve_keys.CurveRunTable
 ROLLING_ONLY = ("published", "shared", "parts", "bodies", "line", "trials")
 
 
@@ -67,17 +54,23 @@ def keys_of(table: Kind) -> tuple[Key, ...]:
         for name in getattr(kind, "__annotations__", {})
     }
     found = []
+    config = table.__struct_config__
+    if config.tag_field is not None:  # what says of which kind a table is
+        owner = next(kind for kind in reversed(table.__mro__) if _tag_field(kind))
+        holds = Literal[config.tag]  # type: ignore[valid-type]
+        found.append(Key(config.tag_field, owner.__name__, holds, msgspec.NODEFAULT))
     for field in msgspec.structs.fields(table):
         default = (
             field.default_factory()
             if field.default_factory is not msgspec.NODEFAULT
             else field.default
         )
-        holds = (
-            INSIDE.get(field.name, hints[field.name]) if table is CAMPAIGN else hints[field.name]
-        )
+        default = None if is_table(type(default)) else default
+        # they are checked beside the file, as runs of bodies or of a curve
+        holds = list[RUN] if (table, field.name) == (CAMPAIGN, "runs") else hints[field.name]
         found.append(Key(field.encode_name, owners[field.name], holds, default))
-    return tuple(sorted(found, key=lambda key: key.owner != table.__name__))
+    tag = config.tag_field
+    return tuple(sorted(found, key=lambda key: (key.name != tag, key.owner != table.__name__)))
 
 
 def all_tables() -> tuple[Kind, ...]:
@@ -95,6 +88,10 @@ def all_tables() -> tuple[Kind, ...]:
     visit(CAMPAIGN)
     visit(CURVE_RUN)
     return tuple(seen)
+
+
+def _tag_field(kind: type) -> str | None:
+    return kind.__struct_config__.tag_field if is_table(kind) else None
 
 
 def is_table(holds: Any) -> bool:
