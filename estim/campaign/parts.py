@@ -33,7 +33,8 @@ from estim.model import Body, Part, assemble, bolt, disk, ring, rod
 from estim.propagation import Input, LinearResult, propagate_linear
 from estim.reading import KeyPath
 
-_UNITS = {"mass_kg": "kg", "angle_deg": "°"}  # of keys; all others are in m
+_LENGTHS = ("radius_m", "inner_radius_m", "length_m", "diameter_m", "distance_m")
+_UNITS = {"mass_kg": "kg", **dict.fromkeys(_LENGTHS, "m"), "angle_deg": "°"}
 _MOST_PARTS, _ROUNDING, _NEGLIGIBLE = 100, 1e-9, 0.05
 _LARGEST = 10.0  # radii of the body: beyond, a length is in another unit
 _HARDLY_MATTER = frozenset({"particle_gyration", "trailing_fraction"})
@@ -209,8 +210,8 @@ def _values(body: PartedBody) -> tuple[ArrayLike, ...]:
 def _inputs(source: CampaignFile, name: str, table: AnyPart) -> dict[str, Input]:
     """What was measured of a part, by "name.key"."""
     path, inputs = ("parts", name), {}
-    for key in table.__struct_fields__:
-        written = getattr(table, key)
+    for key, unit in _UNITS.items():
+        written = getattr(table, key, None)
         if written is None:
             continue
         with source.places.at((*path, key)):
@@ -221,7 +222,6 @@ def _inputs(source: CampaignFile, name: str, table: AnyPart) -> dict[str, Input]
                 (*path, key),
                 value=value.value,
             )
-        unit = _UNITS.get(key, "m")
         inputs[f"{name}.{key}"] = Input(f"{name}.{key}", value.value, value.u, unit=unit)
     outer, inner = (inputs.get(f"{name}.{key}") for key in ("radius_m", "inner_radius_m"))
     if outer is not None and inner is not None and inner.value > outer.value:
