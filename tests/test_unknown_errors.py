@@ -4,6 +4,7 @@ Against the maximum of a likelihood written out here.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -173,6 +174,48 @@ def test_outliers_hardly_move_a_robust_fit() -> None:
     assert unstated.status == "ok"
     for name in clean.names:
         assert abs(unstated.values[name] - clean.values[name]) < 2.0 * clean.sds[name]
+
+
+def decay(x: np.ndarray, a: float, tau: float, c: float) -> np.ndarray:
+    return a * np.exp(-x / tau) + c
+
+
+@pytest.mark.parametrize("far_off", [{4: 10.0}, {0: 1.36}, {3: 0.6, 9: 1.8}], ids=str)
+@pytest.mark.parametrize("curve", ["a*exp(-x/tau) + c", decay], ids=["formula", "function"])
+def test_a_bent_curve_is_found_in_spite_of_gross_blunders(
+    curve: str | Callable[..., np.ndarray], far_off: dict[int, float]
+) -> None:
+    """As in the readings alone that are good."""
+    x = np.linspace(0.0, 22.0, 12)
+    y = decay(x, 60.0, 7.5, 23.0) + 0.5 * np.random.default_rng(2).standard_normal(x.size)
+    good = np.array([i not in far_off for i in range(x.size)])
+    given = {} if isinstance(curve, str) else {"start": {"a": 30.0, "tau": 3.0, "c": 10.0}}
+    alone = fit_curve(curve, x[good], y[good], **given)  # type: ignore[arg-type]
+    for i, factor in far_off.items():
+        y[i] *= factor
+    fit = fit_curve(curve, x, y, robust="mixture", **given)  # type: ignore[arg-type]
+    assert fit.status == "ok"
+    for name in alone.names:
+        assert abs(fit.values[name] - alone.values[name]) < 0.5 * alone.sds[name]
+        assert 0.7 < fit.sds[name] / alone.sds[name] < 1.5
+    plain = fit_curve(curve, x, y, **given)  # type: ignore[arg-type]
+    assert (
+        plain.status != "ok"
+        or abs(plain.values["tau"] - alone.values["tau"]) > 2.0 * (alone.sds["tau"])
+    )
+
+
+def test_a_peak_is_no_single_blunder() -> None:
+    """A Gaussian can meet any one reading: the one that is mistyped, or those of a narrow peak."""
+    x = np.linspace(0.0, 8.0, 33)
+    noise = 0.3 * np.random.default_rng(3).standard_normal(x.size)
+    for width in (1.0, 0.2):
+        y = 10.0 * np.exp(-0.5 * ((x - 4.0) / width) ** 2) + 2.0 + noise
+        y[24] *= 10.0
+        fit = fit_curve("a*exp(-(x-m)**2/(2*s**2)) + b", x, y, robust="mixture")
+        assert fit.status == "ok"
+        assert abs(fit.values["m"] - 4.0) < 4.0 * fit.sds["m"] < 0.5
+        assert abs(abs(fit.values["s"]) - width) < 4.0 * fit.sds["s"]
 
 
 @pytest.mark.parametrize(

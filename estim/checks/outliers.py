@@ -41,7 +41,7 @@ class Outliers:
 
 def find_outliers(posterior: Posterior, draws: FloatArray) -> tuple[Outliers, ...]:
     """One record for each run with robust noise, averaged over posterior draws (n_draw, n_par)."""
-    if not any(run.noise.robust for run in posterior.problem.runs):
+    if not posterior.problem.robust:
         return ()
     by_run = posterior.by_run(
         _average(likelihood, posterior.problem, draws) for likelihood in posterior.likelihoods

@@ -546,7 +546,7 @@ class CurveFit:
         ]
 
     def _summary(self) -> str:
-        if self.held.problem.noise_names or any(run.noise.robust for run in self.problem.runs):
+        if self.held.problem.noise_names or self.problem.robust:
             return f"dof = {self.dof}; {self.message}"  # chi2 tests nothing here
         if self.sigma is None:
             size = (

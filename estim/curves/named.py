@@ -6,12 +6,13 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from estim.arrays import FloatArray
 from estim.curves.formula import Formula, read_formula
 from estim.curves.guesses import guess_starts
 from estim.curves.models import Limits, named_model, names_only
@@ -20,7 +21,7 @@ from estim.curves.models import known_models as known_models
 from estim.curves.models import read_model as read_model
 from estim.curves.posing import CurveProblem
 from estim.curves.projected import linear_in as linear_in
-from estim.problem import Flat
+from estim.problem import MOST_REWEIGHTED, Flat, errors_widened, typical_size
 
 _SIZE = "size_of_density"
 
@@ -186,9 +187,13 @@ def started(posed: CurveProblem, asked: Unstarted, *, held: Collection[str]) -> 
     formula = asked.formula
     if counted is not None and counted.total is not None:  # the size of a density does not matter
         formula = read_formula(f"{_SIZE}*({formula.text})")
-    starts = guess_starts(
-        formula, posed.x, posed.y / width, gain / width, known=fixed, limits=limits
-    )
+
+    def guessed(wider: FloatArray | float = 1.0) -> dict[str, float]:
+        return guess_starts(
+            formula, posed.x, posed.y / width, wider * gain / width, known=fixed, limits=limits
+        )
+
+    starts = _robust(posed, formula, guessed) if posed.tails.robust else guessed()
     if starts.get(_SIZE, 1.0) < 0.0:  # of a negative density
         positive = {**limits, _SIZE: (0.0, None)}
         starts = guess_starts(
@@ -204,6 +209,32 @@ def started(posed: CurveProblem, asked: Unstarted, *, held: Collection[str]) -> 
         posed,
         parameters=tuple(replace(p, prior=begun.get(p.name, p.prior)) for p in posed.parameters),
     )
+
+
+def _robust(
+    posed: CurveProblem, formula: Formula, guessed: Callable[[FloatArray], dict[str, float]]
+) -> dict[str, float]:
+    """Starts that a few readings, however far off, do not decide: those of `guessed` for errors
+    (n_obs,) that are as much wider as readings are far from the curve (`errors_widened`).
+
+    All readings are equal first, and, for a curve that can meet a single reading, as far off as
+    they are from the medians of five neighbours; the better of the two ends is taken.
+    """
+    n = posed.y.size
+    around = [posed.y[max(0, i - 2) : i + 3] for i in range(n)]
+    ends = []
+    for off in (np.zeros(n), (posed.y - [np.median(part) for part in around]) / posed.relative):
+        wider = errors_widened(off)
+        for _ in range(MOST_REWEIGHTED):
+            starts, before = guessed(wider), wider
+            curve = np.broadcast_to(formula.value(posed.x, starts), (1, n))[0]
+            off = (posed.y - curve) / posed.relative
+            wider = errors_widened(off)
+            if np.allclose(before, wider, rtol=0.1):
+                break
+        ends.append((starts, off))
+    size = min(typical_size(off) for _, off in ends) or 1.0
+    return min(ends, key=lambda end: float(np.sum(np.log1p(np.square(end[1] / size)))))[0]
 
 
 def _in_order(

@@ -33,7 +33,8 @@ from estim.fitting.least_squares import (
     led_here,
     settled,
 )
-from estim.fitting.screen import far_squares, further_optima
+from estim.fitting.noise_fit import fit_noise
+from estim.fitting.screen import far_places, further_optima
 from estim.fitting.separable import RESOLVED, SeparableSearch, set_apart
 from estim.fitting.solutions import (
     MOST_OTHERS,
@@ -50,7 +51,7 @@ from estim.fitting.solutions import (
     spread_at,
 )
 from estim.fitting.symmetry_search import find_symmetry
-from estim.problem import Problem, Symmetry, no_symmetry
+from estim.problem import MOST_REWEIGHTED, Problem, Symmetry, errors_widened, no_symmetry
 
 N_START = 8
 _ALIKE = 0.01  # squared distance of starts that are not worth two searches
@@ -142,7 +143,43 @@ def find_optimum(
             afar = find_optimum(simpler, start, rng=rng, n_start=n_start, unstated=True)
             search = set_apart(problem, start, rng, unstated=unstated)
             return _found_near(search, start, afar, rng)
+        if not problem.robust:
+            return _found(set_apart(problem, start, rng, unstated=unstated), start, rng, n_start)
+        starts = _reweighted(problem, start, rng, n_start) if n_start > 1 else [start]
+        # what is an outlier depends on the size of the errors, and that on the curve
+        begun = np.array([fit_noise(problem.linearised(place), place) for place in starts])
+        start = begun[np.argmax(problem.linearised(begun[0]).log_density(begun))]
         return _found(set_apart(problem, start, rng, unstated=unstated), start, rng, n_start)
+
+
+def _reweighted(
+    problem: Problem, start: FloatArray, rng: np.random.Generator, n_start: int
+) -> list[FloatArray]:
+    """(n_par,) each, optima under normal errors that are as much wider as readings are far from the
+    curve (`errors_widened`): places that a few of them, however far off, do not decide.
+
+    One begins with the curve at the start, one with errors as they are stated.
+    """
+    stated = [np.ones(run.n_obs) for run in problem.runs]
+    bounds = np.cumsum([run.n_obs for run in problem.runs])[:-1]
+
+    def seen_from(place: FloatArray, wider: list[FloatArray]) -> list[FloatArray]:
+        residuals = problem.with_normal_errors(wider).linearised(place).residuals(place)
+        # a start may be where a curve has no value: there no reading is far off
+        found = np.nan_to_num(residuals[: problem.n_obs], posinf=0.0, neginf=0.0)
+        return [errors_widened(w * r) for w, r in zip(wider, np.split(found, bounds), strict=True)]
+
+    ends = []
+    for wider in (seen_from(start, stated), stated):
+        place = start
+        for _ in range(MOST_REWEIGHTED):
+            normal, before = problem.with_normal_errors(wider), wider
+            place = find_optimum(normal, place, rng=rng, n_start=n_start, unstated=True).values
+            wider = seen_from(place, wider)
+            if all(np.allclose(a, b, rtol=0.1) for a, b in zip(before, wider, strict=True)):
+                break
+        ends.append(place)
+    return ends
 
 
 def _found(
@@ -244,21 +281,31 @@ def _unheld(search: SeparableSearch, found: Optimum, period: FloatArray) -> Find
     """The parameter without a limit, if any, far along which the posterior density is no longer
     negligible: no integral over it exists.
 
-    Its rise there, in -2 log, is that of the density over all linear parameters and an unknown size
-    of the errors.
+    Its rise there, in -2 log, is that of the density over all linear parameters and the unknown
+    sizes of the errors, which are fit anew.
     """
     if found.singular or found.chi2 <= found.rounding:
         return None
+    problem = search.posterior.problem
     best = found.chi2 + found.rounding
-    dof = max(1, search.posterior.problem.n_obs - search.free.size)
-    rises = [
-        (dof * math.log(max(far / best, 1.0)) if search.unstated else far - best, i)
-        for i, far in far_squares(
-            search, found.values, spread_at(search, (found.values, found.chi2)), period
-        ).items()
-    ]
+    # of the squares of n residuals those of n - n_par are left when the others are integrated out
+    dof = max(1, problem.n_obs - search.free.size)
+    spread = spread_at(search, (found.values, found.chi2))
+
+    def rise_of(places: FloatArray, squares: FloatArray) -> float:
+        if not problem.noise_names:
+            far = float(np.min(squares, initial=math.inf))
+            return dof * math.log(max(far / best, 1.0)) if search.unstated else far - best
+        ends = np.array([fit_noise(search.posterior, end) for end in (found.values, *places)])
+        density = search.posterior.log_density(ends)
+        return float(
+            np.min(2.0 * dof / problem.n_obs * (density[0] - density[1:]), initial=math.inf)
+        )
+
+    far = far_places(search, found.values, spread, period)
+    rises = [(rise_of(*places), i) for i, places in far.items()]
     rise, i = min(rises, default=(math.inf, 0))
-    name = search.posterior.problem.names[i]
+    name = problem.names[i]
     return (
         Finding(Kind.HARDLY_HELD, size=rise, parameters=(Amount(name),)) if rise < _HELD else None
     )

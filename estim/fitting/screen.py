@@ -56,17 +56,17 @@ def further_optima(
     return descended(search, points)
 
 
-def far_squares(
+def far_places(
     search: SeparableSearch, values: FloatArray, spread: FloatArray, period: FloatArray
-) -> dict[int, float]:
-    """Nonlinear parameter without a limit -> the sum of squares that is left far from `values`
-    (n_par,), the other parameters as good as can be.
+) -> dict[int, tuple[FloatArray, FloatArray]]:
+    """Nonlinear parameter without a limit -> places (n, n_par) where it is far from `values`
+    (n_par,) and the other parameters are as good as can be, and the sums of squares (n,) there.
 
     spread : (n_par,) standard deviations.  Looked at are two reaches to each side: too far out,
-        terms cancel.  Of the places in one the median counts, for a frequency meets an alias here
-        and there; of the reaches the lowest.
+        terms cancel.  Of the places in one the median is given, for a frequency meets an alias here
+        and there.
     """
-    lowest: dict[int, float] = {}
+    far: dict[int, tuple[FloatArray, FloatArray]] = {}
     for i in (
         int(i)
         for i in search.bent
@@ -85,11 +85,11 @@ def far_squares(
         held = replace(search, bent=search.bent[search.bent != i])
         points = np.repeat(values[None, :], _FAR.size * len(sides), axis=0)
         points[:, i] = np.concatenate([np.zeros(0), *sides])
-        _, heights, _ = held.squares.descend(points, share=_SETTLED, most=_N_STEP)
-        lowest[i] = min(
-            (float(np.median(side)) for side in heights.reshape(len(sides), -1)), default=math.inf
-        )
-    return lowest
+        ends, heights, _ = held.squares.descend(points, share=_SETTLED, most=_N_STEP)
+        middle = np.argsort(heights.reshape(len(sides), _FAR.size))[:, _FAR.size // 2]
+        chosen = np.arange(len(sides)) * _FAR.size + middle
+        far[i] = ends[chosen], heights[chosen]
+    return far
 
 
 def _informed(search: SeparableSearch, i: int) -> bool:

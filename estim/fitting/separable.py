@@ -151,7 +151,8 @@ def set_apart(
         high,
         np.array(linear, dtype=np.int64),
         bent,
-        unstated or bool(problem.noise_names),
+        # a robust sum does not scale with the size of the errors
+        unstated or (bool(problem.noise_names) and not problem.robust),
     )
 
 

@@ -70,5 +70,5 @@ from estim.problem.readings import Correlated, Readings, check_covariance
 from estim.problem.roots import Root, beside, covariance_of, root_of, stacked_root, with_columns
 from estim.problem.symmetry import Symmetry, folded, no_symmetry, same_curves
 from estim.problem.whitened import Linear
-from estim.problem.robust import shape_of
+from estim.problem.robust import MOST_REWEIGHTED, errors_widened, shape_of, typical_size
 from estim.problem.tails import Tails

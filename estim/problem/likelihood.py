@@ -358,6 +358,12 @@ class Noise(ABC):
         """
         return self
 
+    def with_normal_errors(self, wider: FloatArray) -> Noise:
+        """The noise with normal errors, each `wider` (n_obs,) times as wide, where it leaves room
+        for outliers; otherwise itself.
+        """
+        return self
+
     def outlier_share(self, named: Named) -> float:
         """The inferred share of outliers; nan where it is not inferred."""
         return float("nan")

@@ -47,7 +47,7 @@ from estim.problem.likelihood import Likelihood, Noise, Points
 from estim.problem.normal import Diagonal, GaussianErrors
 from estim.problem.size import Scale as Scale
 from estim.problem.size import Size as Size
-from estim.problem.tails import GAUSSIAN, Tails
+from estim.problem.tails import GAUSSIAN, Gaussian, Tails
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +120,11 @@ class Independent(Noise):
         if self.sigma_x is None and not self.share:
             return self
         return replace(self, sigma_x=None, relative_x=None, share=0.0, r_xy=None)
+
+    def with_normal_errors(self, wider: FloatArray) -> Independent:
+        if not self.tails.robust:
+            return self
+        return replace(self, tails=Gaussian(self.tails.parameters), relative=wider * self.relative)
 
     def outlier_share(self, named: Named) -> float:
         return self.tails.outlier_share(named)

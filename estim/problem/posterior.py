@@ -106,6 +106,11 @@ class Problem:
         return frozenset(name for run in self.runs for name in run.noise.parameters)
 
     @property
+    def robust(self) -> bool:
+        """Whether some errors leave room for outliers."""
+        return any(run.noise.robust for run in self.runs)
+
+    @property
     def of_curve(self) -> list[int]:
         """Places of the parameters of the curves; the others are of the noise."""
         return [i for i, name in enumerate(self.names) if name not in self.noise_names]
@@ -167,6 +172,17 @@ class Problem:
             self.parameters,
             tuple(replace(run, noise=noise) for run, noise in zip(self.runs, noises, strict=True)),
         )
+
+    def with_normal_errors(self, wider: Sequence[FloatArray]) -> Problem:
+        """The problem with normal errors in place of those that leave room for outliers, `wider`
+        (n_obs,) times as wide in each run.
+        """
+        noises = [
+            run.noise.with_normal_errors(factors)
+            for run, factors in zip(self.runs, wider, strict=True)
+        ]
+        runs = (replace(run, noise=noise) for run, noise in zip(self.runs, noises, strict=True))
+        return Problem(self.parameters, tuple(runs))
 
 
 @dataclass(frozen=True, eq=False)

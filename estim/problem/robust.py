@@ -1,15 +1,37 @@
 """The shape of errors that the word `robust` of a noise table asks for, and what is unknown of
-it.
+it; weights of readings that may be outliers.
 """
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from estim.arrays import FloatArray
 from estim.common import Notation, phrase
 from estim.problem.observations import Parameter
 from estim.problem.priors import TruncatedNormal, Uniform
 from estim.problem.tails import GAUSSIAN, Mixture, StudentT, Tails
+
+# Cauchy's weights are 95 % efficient where an error this many standard deviations off is taken to
+# be 1.4 times as wide
+_CAUCHY = 2.385
+MOST_REWEIGHTED = 12
+
+
+def typical_size(off: FloatArray) -> float:
+    """Standard deviation of most of `off` (n_obs,); of normal ones half are below 0.6745 of it."""
+    return max(float(np.median(np.abs(off))) / 0.6745, 1e-9 * float(np.max(np.abs(off))))
+
+
+def errors_widened(off: FloatArray) -> FloatArray:
+    """(n_obs,) how much wider the errors of readings are to be taken that are `off` (n_obs,) a
+    curve, so that least squares are not decided by a few of them: Cauchy's weights, of iteratively
+    reweighted least squares (Holland and Welsch, Commun. Stat. A 6 (1977) 813).
+    """
+    size = _CAUCHY * typical_size(off)
+    return np.hypot(1.0, off / size) if size else np.ones(off.size)
 
 
 def shape_of(robust: str | None, suffix: str) -> tuple[Tails, tuple[Parameter, ...]]:

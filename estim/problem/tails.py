@@ -83,9 +83,14 @@ class Tails(ABC):
 
 @dataclass(frozen=True)
 class Gaussian(Tails):
-    """Normal errors."""
+    """Normal errors; unused : unknowns of other tails, in whose place they stand."""
 
     robust = False
+    unused: tuple[str, ...] = ()
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        return self.unused
 
     def log_density(self, z: FloatArray, values: Named) -> FloatArray:
         return -0.5 * z**2 - _LOG_ROOT_2PI
