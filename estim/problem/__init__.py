@@ -63,6 +63,7 @@ from estim.problem.priors import (
     Uniform,
     Unstated,
     DefaultError,
+    DefaultUniform,
     as_prior,
     of_other_package,
 )

@@ -106,6 +106,12 @@ class Problem:
         return frozenset(name for run in self.runs for name in run.noise.parameters)
 
     @property
+    def sizes_of_errors(self) -> frozenset[str]:
+        """Parameters of the noise that are no shares or widths of outliers."""
+        outliers = (name for run in self.runs for name in run.noise.outlier_parameters)
+        return self.noise_names.difference(outliers)
+
+    @property
     def robust(self) -> bool:
         """Whether some errors leave room for outliers."""
         return any(run.noise.robust for run in self.runs)

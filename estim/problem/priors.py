@@ -449,6 +449,25 @@ class Uniform(Prior):
         )
 
 
+class _Default(Prior):
+    """A prior that is taken where nobody stated another."""
+
+    assumed = True
+
+    def describe(self, unit: str = "1") -> str:
+        return phrase("{value} (default)", value=super().describe(unit))  # type: ignore[safe-super]
+
+
+@dataclass(frozen=True)
+class DefaultNormal(_Default, TruncatedNormal):
+    """A truncated normal distribution that nobody stated."""
+
+
+@dataclass(frozen=True)
+class DefaultUniform(_Default, Uniform):
+    """A range that nobody stated."""
+
+
 @dataclass(frozen=True)
 class Flat(Uniform):
     """Constant density between low and high, which may be infinite; a fit begins at `start`.

@@ -11,7 +11,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import Notation, phrase
 from estim.problem.observations import Parameter
-from estim.problem.priors import TruncatedNormal, Uniform
+from estim.problem.priors import DefaultNormal, DefaultUniform
 from estim.problem.tails import GAUSSIAN, Mixture, StudentT, Tails
 
 # Cauchy's weights are 95 % efficient where an error this many standard deviations off is taken to
@@ -44,14 +44,14 @@ def shape_of(robust: str | None, suffix: str) -> tuple[Tails, tuple[Parameter, .
             Parameter(
                 fraction,
                 "1",
-                Uniform(0.0, 0.5),
+                DefaultUniform(0.0, 0.5),
                 phrase("fraction of the readings that are outliers"),
                 Notation(phrase("outlier fraction")),
             ),
             Parameter(
                 width,
                 "1",
-                TruncatedNormal(math.log(20.0), 1.0, math.log(3.0), math.inf),
+                DefaultNormal(math.log(20.0), 1.0, math.log(3.0), math.inf),
                 phrase(
                     "ln of the ratio of the standard deviation of an outlier to that of a "
                     "good reading"
