@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray, all_finite
 from estim.common import Amount, Finding, InputError, Kind, phrase
-from estim.fitting.fisher_information import information
 from estim.fitting.gauss_newton import End, descended, inverse_information, near_bound, stepped
 from estim.fitting.least_squares import (
     WITHIN_REACH,
@@ -157,16 +156,17 @@ def find_optimum(
 
 def _with_errors(problem: Problem, place: FloatArray) -> Iterator[End]:
     """`place` (n_par,) with what is unknown of the errors fit to its curve, from errors as large as
-    there and from smaller ones; and the log of about what that holds of the posterior.  A few of
-    few readings may lie on a curve by chance: the density is high there, and narrow.
+    there and from smaller ones; and the log of about what that holds of the posterior, whose width
+    goes with the size of the errors.  A few of few readings may lie on a curve by chance: the
+    density is high there, and narrow.
     """
-    sizes = [name in problem.sizes_of_errors for name in problem.names]
-    curve = np.ix_(problem.of_curve, problem.of_curve)
+    sizes = np.array([name in problem.sizes_of_errors for name in problem.names])
+    posterior = problem.linearised(place)
     for share in (1.0, 0.2, 0.04):
-        posterior = problem.linearised(place)
         fitted = fit_noise(posterior, np.where(sizes, share * place, place))
-        width = -0.5 * float(np.linalg.slogdet(information(posterior, fitted)[curve])[1])
-        yield fitted, float(posterior.log_density(fitted[None, :])[0]) + width
+        width = float(np.mean(np.log(fitted[sizes]))) if np.any(sizes) else 0.0
+        height = float(posterior.log_density(fitted[None, :])[0])
+        yield fitted, height + (len(problem.of_curve) + 1) * width
 
 
 def _reweighted(
