@@ -209,6 +209,18 @@ def test_a_bent_curve_is_found_in_spite_of_gross_blunders(
     )
 
 
+def test_a_blunder_does_not_lead_to_an_alias() -> None:
+    """Evenly spaced points cannot tell a frequency from that plus the rate of sampling."""
+    x = np.linspace(0.0, 12.0, 12)
+    for seed in (0, 3, 4):
+        rng = np.random.default_rng([12, seed])
+        y = 2.0 * np.sin(1.3 * x + 0.4) + 1.0 + 0.1 * rng.standard_normal(12)
+        y[rng.integers(1, 11)] *= 10.0
+        fit = fit_curve("a*sin(w*x + p) + c", x, y, robust="mixture")
+        assert fit.status == "ok"
+        assert abs(fit.values["w"] - 1.3) < 4.0 * fit.sds["w"] < 0.1
+
+
 def test_a_peak_is_no_single_blunder() -> None:
     """A Gaussian can meet any one reading: the one that is mistyped, or those of a narrow peak."""
     x = np.linspace(0.0, 8.0, 33)

@@ -54,6 +54,7 @@ from estim.fitting.symmetry_search import find_symmetry
 from estim.problem import MOST_REWEIGHTED, Problem, Symmetry, errors_widened, no_symmetry
 
 N_START = 8
+_LEVEL = 0.1  # in log share: starts that are as good as the best
 _ALIKE = 0.01  # squared distance of starts that are not worth two searches
 _FRAIL = 1e-11  # ratio of singular values
 _MOST_REFITTED = 6  # of them by full fits, where the curve is a model of the study
@@ -147,10 +148,10 @@ def find_optimum(
             return _found(set_apart(problem, start, rng, unstated=unstated), start, rng, n_start)
         starts = _reweighted(problem, start, rng, n_start) if n_start > 1 else [start]
         # what is an outlier depends on the size of the errors, and that on the curve
-        start = max(
-            (fitted for place in starts for fitted in _with_errors(problem, place)),
-            key=lambda fitted: fitted[1],
-        )[0]
+        ends = [end for place in starts for end in _with_errors(problem, place)]
+        most = max(share for _, share in ends)
+        # of the same curve at the points the one that is nearest to the start comes first
+        start = next(place for place, share in ends if share > most - _LEVEL)
         return _found(set_apart(problem, start, rng, unstated=unstated), start, rng, n_start)
 
 
