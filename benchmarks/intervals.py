@@ -242,6 +242,20 @@ def bent(n: int, u_x: float, *, stated: bool = True) -> Case:
     return Case(f"bent exponential, u_x {u_x:g}, {n} points{label}", truth, once)
 
 
+def mistyped(kind: str | None) -> Case:
+    """A cup that cools, one of twelve readings written ten times as large; no start is given."""
+    truth = {"a": 60.0, "tau": 7.5, "c": 23.0}
+    x = np.linspace(0.0, 22.0, 12)
+
+    def once(rng: np.random.Generator) -> Found:
+        y = 60.0 * np.exp(-x / 7.5) + 23.0 + 0.5 * rng.standard_normal(12)
+        y[rng.integers(12)] *= 10.0
+        fit = estim.fit_curve("a*exp(-x/tau) + c", x, y, robust=kind)
+        return str(fit.status), fit.intervals
+
+    return Case(f"robust {kind}, one reading ten times as large, decay, 12 points", truth, once)
+
+
 def cases() -> Iterator[Case]:
     for curve in CURVES:
         for n in (20, 60):
@@ -260,6 +274,7 @@ def cases() -> Iterator[Case]:
             yield robust(curve, 40, law, kind)
     for law, kind in (("student", "student-t"), ("blunders", "mixture")):
         yield robust("line", 40, law, kind, stated=False)
+    yield from map(mistyped, ("mixture", None))
     for n in (2, 3, 5, 10):
         for tau in (0.0, 1.0, 3.0):
             yield of_values(n, tau)

@@ -117,6 +117,12 @@ def test_the_size_of_the_errors_is_stated_or_inferred(
         assert 0.012 < fit.values[3] < 0.03
 
 
+@pytest.mark.parametrize("u_y", ['"-0.02(1)"', '"0.00(1)"', "-0.02"])
+def test_errors_of_no_size_are_refused_where_they_stand(folder: Path, u_y: str) -> None:
+    with pytest.raises(InputError, match="'u_y' must be > 0"):
+        load(folder, CAMPAIGN.replace("u_y = 0.02", f"u_y = {u_y}")).problem(["first"])
+
+
 def test_a_window_leaves_rows_out_and_says_so(folder: Path) -> None:
     run = (
         load(folder, CAMPAIGN.replace("u_y = 0.02", "u_y = 0.02\nwindow = {min = 1.0, max = 9.0}"))

@@ -209,6 +209,18 @@ def test_a_bent_curve_is_found_in_spite_of_gross_blunders(
     )
 
 
+@pytest.mark.parametrize(
+    "errors", [{"u_y": 0.5, "u_x": 0.1}, {"u_y": 0.2, "jitter": True}], ids=["u_x", "jitter"]
+)
+def test_blunders_beside_errors_of_x_and_beside_a_jitter(errors: dict[str, float]) -> None:
+    x = np.linspace(0.0, 22.0, 12)
+    y = decay(x, 60.0, 7.5, 23.0) + 0.5 * np.random.default_rng(2).standard_normal(x.size)
+    y[4] *= 10.0
+    fit = fit_curve("a*exp(-x/tau) + c", x, y, robust="mixture", **errors)  # type: ignore[arg-type]
+    assert fit.status == "ok"
+    assert abs(fit.values["tau"] - 7.5) < 3.0 * fit.sds["tau"] < 2.0
+
+
 def test_a_blunder_does_not_lead_to_an_alias() -> None:
     """Evenly spaced points cannot tell a frequency from that plus the rate of sampling."""
     x = np.linspace(0.0, 12.0, 12)

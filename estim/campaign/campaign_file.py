@@ -302,16 +302,17 @@ def campaign_file_of(text: str, path: Path, *, shown: str) -> CampaignFile:
 def _checked_file(
     path: Path, digest: str, tree: dict[str, Any], places: Places, *, measured: bool
 ) -> CampaignFile:
+    for key in _OF_BODIES if tree.get("curve") else ():
+        if tree.get(key):
+            raise places.error("cannot be combined with a [curve] table", (key,))
     top = checked(tree, _TopTable, places, ())
     runs, curve_runs = list[RunTable](), list[CurveRunTable]()
     if top.curve is None:
         runs = checked(top.runs, list[RunTable], places, ("runs",))
     else:
         curve_runs = checked(top.runs, list[CurveRunTable], places, ("runs",))
-    for key in () if top.curve is None else _OF_BODIES:
-        if tree.get(key):
-            raise places.error("cannot be combined with a [curve] table", (key,))
-    if measured and not top.runs and top.line is None and top.trials is None:
+    needed = measured or top.curve is not None
+    if needed and not top.runs and top.line is None and top.trials is None:
         others = ", a [line] or a [trials] table" if top.curve is None else ""
         rule = f"must hold at least one [[runs]] table{others}"
         raise places.error(rule, (), field="campaign")

@@ -34,8 +34,6 @@ _PATTERNS = {
     "meaning": re.compile(r"[^|\n`]{1,120}"),
 }
 
-_PRIOR = PriorKeys.__struct_fields__
-
 
 def _levels(table: CurveTable, runs: Sequence[CurveRunTable]) -> list[tuple[KeyPath, CurveKeys]]:
     """The tables that may speak of a run, with their places."""

@@ -38,7 +38,9 @@ def mismatch(message: str, kind: object, path: Sequence[str], found: object) -> 
     if isinstance(found, float) and not math.isfinite(found):
         return "must be finite", found
     if match := re.fullmatch(r"Expected `\w+` ([<>]=?) (.+)", message):
-        return f"must be {match[1]} {float(match[2]):g}", found
+        return f"must be {match[1]} {match[2].removesuffix('.0')}", found
+    if match := re.fullmatch(r"Expected `array` of length (\d+), got (\d+)", message):
+        return f"must be a list of {match[1]}, not of {match[2]}", None
     choices = list(dict.fromkeys(_choices(kind, path)))
     if message.startswith("Invalid ") and choices:
         return f"must be one of {', '.join(choices)}{meant(str(found), choices)}", found

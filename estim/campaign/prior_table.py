@@ -116,4 +116,6 @@ def read_source(
     read = read_value(value, factor=factor, field=field)
     if not isinstance(read, Quantity):
         return read
+    if math.isfinite(low) and not read.exact and read.value <= low:
+        raise InputError(f"must be > {low:g}", field=field, value=value)
     return read.value if read.exact else as_prior(read, low=low)

@@ -7,12 +7,14 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.common import InputError
 from estim.curves.formula import Formula, read_formula
 from estim.curves.guesses import guess_starts
 from estim.curves.models import Limits, named_model, names_only
@@ -220,21 +222,27 @@ def _robust(
     All readings are equal first, and, for a curve that can meet a single reading, as far off as
     they are from the medians of five neighbours; the better of the two ends is taken.
     """
-    n = posed.y.size
-    around = [posed.y[max(0, i - 2) : i + 3] for i in range(n)]
-    ends = []
-    for off in (np.zeros(n), (posed.y - [np.median(part) for part in around]) / posed.relative):
+    n, order = posed.y.size, np.argsort(posed.x, kind="stable")
+    smooth = np.empty(n)
+    smooth[order] = [np.median(posed.y[order][max(0, i - 2) : i + 3]) for i in range(n)]
+
+    def off_from(starts: Mapping[str, float]) -> FloatArray:
+        curve = np.broadcast_to(formula.value(posed.x, starts), (1, n))[0]
+        return np.nan_to_num((posed.y - curve) / posed.relative)
+
+    found = [guessed(np.ones(n))]
+    for off in (off_from(found[0]), (posed.y - smooth) / posed.relative):
         wider = errors_widened(off)
-        for _ in range(MOST_REWEIGHTED):
-            starts, before = guessed(wider), wider
-            curve = np.broadcast_to(formula.value(posed.x, starts), (1, n))[0]
-            off = (posed.y - curve) / posed.relative
-            wider = errors_widened(off)
-            if np.allclose(before, wider, rtol=0.1):
-                break
-        ends.append((starts, off))
-    size = min(typical_size(off) for _, off in ends) or 1.0
-    return min(ends, key=lambda end: float(np.sum(np.log1p(np.square(end[1] / size)))))[0]
+        with suppress(InputError):  # starts that were found before are kept
+            for _ in range(MOST_REWEIGHTED):
+                found.append(guessed(wider))
+                before, wider = wider, errors_widened(off_from(found[-1]))
+                if np.allclose(before, wider, rtol=0.1):
+                    break
+    far = [off_from(starts) for starts in found]
+    size = min(map(typical_size, far)) or 1.0
+    costs = [float(np.sum(np.log1p(np.square(off / size)))) for off in far]
+    return found[int(np.argmin(costs))]
 
 
 def _in_order(

@@ -240,7 +240,7 @@ class Mixture:
             seen = np.hstack([z @ family.basis, along])
             parts = np.array([component.square(back, seen) - component.log for component in each])
             parts += own_logs[:, :, None]
-            highest = np.max(parts, axis=0)
+            highest = np.maximum(np.max(parts, axis=0), -1e300)  # finite where all densities are 0
             np.exp(np.subtract(parts, highest, out=parts), out=parts)
             np.logaddexp(without, highest + np.log(np.sum(parts, axis=0)), out=without)
         return np.asarray(np.logaddexp.reduce(logs)[:, None] - without)

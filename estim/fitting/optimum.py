@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.arrays import FloatArray, all_finite
+from estim.arrays import FloatArray, Named, all_finite
 from estim.common import Amount, Finding, InputError, Kind, phrase
 from estim.fitting.gauss_newton import End, descended, inverse_information, near_bound, stepped
 from estim.fitting.least_squares import (
@@ -51,7 +51,14 @@ from estim.fitting.solutions import (
     spread_at,
 )
 from estim.fitting.symmetry_search import find_symmetry
-from estim.problem import MOST_REWEIGHTED, Problem, Symmetry, errors_widened, no_symmetry
+from estim.problem import (
+    MOST_REWEIGHTED,
+    Observations,
+    Problem,
+    Symmetry,
+    errors_widened,
+    no_symmetry,
+)
 
 N_START = 8
 _LEVEL = 0.1  # in log share: starts that are as good as the best
@@ -142,6 +149,8 @@ def find_optimum(
         simpler = problem.for_search()
         if simpler is not problem:
             afar = find_optimum(simpler, start, rng=rng, n_start=n_start, unstated=True)
+            # what is known of outliers is in the values of the simpler problem alone
+            start = afar.values if problem.robust else start
             search = set_apart(problem, start, rng, unstated=unstated)
             return _found_near(search, start, afar, rng)
         if not problem.robust:
@@ -165,9 +174,16 @@ def _with_errors(problem: Problem, place: FloatArray) -> Iterator[End]:
     posterior = problem.linearised(place)
     for share in (1.0, 0.2, 0.04):
         fitted = fit_noise(posterior, np.where(sizes, share * place, place))
-        width = float(np.mean(np.log(fitted[sizes]))) if np.any(sizes) else 0.0
+        named = dict(zip(problem.names, fitted.tolist(), strict=True))
+        width = np.mean([_log_sd(run, named) for run in problem.runs if run.noise.robust])
         height = float(posterior.log_density(fitted[None, :])[0])
-        yield fitted, height + (len(problem.of_curve) + 1) * width
+        yield fitted, height + (len(problem.of_curve) + 1) * float(width)
+
+
+def _log_sd(run: Observations, named: Named) -> float:
+    """Log of the standard deviation of most readings, with all that is known of it."""
+    weight = np.square(run.noise.reading_gain())
+    return 0.5 * float(np.log(np.median(run.noise.size.variance(weight, named))))
 
 
 def _reweighted(
@@ -185,7 +201,10 @@ def _reweighted(
         residuals = problem.with_normal_errors(wider).linearised(place).residuals(place)
         # a start may be where a curve has no value: there no reading is far off
         found = np.nan_to_num(residuals[: problem.n_obs], posinf=0.0, neginf=0.0)
-        return [errors_widened(w * r) for w, r in zip(wider, np.split(found, bounds), strict=True)]
+        return [
+            errors_widened(w * r) if run.noise.robust else w
+            for run, w, r in zip(problem.runs, wider, np.split(found, bounds), strict=True)
+        ]
 
     ends = []
     for wider in (seen_from(start, stated), stated):
@@ -322,6 +341,7 @@ def _unheld(search: SeparableSearch, found: Optimum, period: FloatArray) -> Find
 
     far = far_places(search, found.values, spread, period)
     rises = [(rise_of(*places), i) for i, places in far.items()]
+    rises = [(rise, i) for rise, i in rises if not math.isnan(rise)]
     rise, i = min(rises, default=(math.inf, 0))
     name = problem.names[i]
     return (

@@ -124,7 +124,13 @@ class Independent(Noise):
     def with_normal_errors(self, wider: FloatArray) -> Independent:
         if not self.tails.robust:
             return self
-        return replace(self, tails=Gaussian(self.tails.parameters), relative=wider * self.relative)
+        unused = (self.scatter.parameter,) if self.scatter.parameter else ()
+        return replace(
+            self,
+            tails=Gaussian((*self.tails.parameters, *unused)),
+            scatter=Scale(),
+            relative=wider * self.relative,
+        )
 
     def outlier_share(self, named: Named) -> float:
         return self.tails.outlier_share(named)

@@ -470,16 +470,14 @@ def place_words(found: BodyMap, place: RunPlace) -> str:
 
 def _start_words(place: RunPlace) -> str:
     uphill, chance = place.phi[0] >= 0.0, sure(place.sets_off)
-    return phrase(
-        "does not climb (it climbs with {chance})"
-        if uphill
-        else "does not start downhill (it does with {chance})"
-        if place.sets_off < 0.5
-        else "climbs ({chance})"
-        if uphill
-        else "rolls down ({chance})",
-        chance=chance,
-    )
+    if place.sets_off < 0.5:
+        return phrase(
+            "does not climb (it climbs with {chance})"
+            if uphill
+            else "does not start downhill (it does with {chance})",
+            chance=chance,
+        )
+    return phrase("climbs ({chance})" if uphill else "rolls down ({chance})", chance=chance)
 
 
 def _end_words(place: RunPlace) -> str:
