@@ -319,7 +319,7 @@ def _unheld(search: SeparableSearch, found: Optimum, period: FloatArray) -> Find
     negligible: no integral over it exists.
 
     Its rise there, in -2 log, is that of the density over all linear parameters and the unknown
-    sizes of the errors, which are fit anew.
+    sizes of the errors; robust errors are fit anew there.
     """
     if found.singular or found.chi2 <= found.rounding:
         return None
@@ -330,7 +330,7 @@ def _unheld(search: SeparableSearch, found: Optimum, period: FloatArray) -> Find
     spread = spread_at(search, (found.values, found.chi2))
 
     def rise_of(places: FloatArray, squares: FloatArray) -> float:
-        if not problem.noise_names:
+        if not problem.robust:
             far = float(np.min(squares, initial=math.inf))
             return dof * math.log(max(far / best, 1.0)) if search.unstated else far - best
         ends = np.array([fit_noise(search.posterior, end) for end in (found.values, *places)])
