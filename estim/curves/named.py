@@ -220,7 +220,7 @@ def _robust(
     (n_obs,) that are as much wider as readings are far from the curve (`errors_widened`).
 
     All readings are equal first, and, for a curve that can meet a single reading, as far off as
-    they are from the medians of five neighbours; the better of the two ends is taken.
+    they are from the medians of five neighbours; the best of all that are found are taken.
     """
     n, order = posed.y.size, np.argsort(posed.x, kind="stable")
     smooth = np.empty(n)

@@ -32,7 +32,6 @@ from estim.given_numbers import real_number, real_numbers
 from estim.problem import (
     Correlated,
     Curve,
-    DefaultUniform,
     Discrepancy,
     Flat,
     Noise,
@@ -43,6 +42,7 @@ from estim.problem import (
     Readings,
     Scale,
     Tails,
+    Uniform,
     Unstated,
     as_prior,
     check_covariance,
@@ -662,7 +662,7 @@ def _errors_inferred(
         largest = float(np.ptp(y))
         if not largest > 0.0:
             raise InputError("needs values of y that differ, or a prior of its own", field="jitter")
-        prior: Prior = DefaultUniform(0.0, largest)
+        prior: Prior = Uniform(0.0, largest)
     else:
         prior = _stated_prior(jitter, "jitter", low=0.0)
         if prior.low < 0.0:

@@ -63,7 +63,6 @@ from estim.problem.priors import (
     Uniform,
     Unstated,
     DefaultError,
-    DefaultUniform,
     as_prior,
     of_other_package,
 )
