@@ -15,6 +15,7 @@ from lmfit.lineshapes import step
 from lmfit.models import (
     ExponentialModel,
     ExpressionModel,
+    Gaussian2dModel,
     GaussianModel,
     LinearModel,
     LorentzianModel,
@@ -592,3 +593,73 @@ def model_interface() -> Any:
 )
 def held_fixed() -> Any:
     return fit_curve("N*exp(-x/tau)", DECAY_X, DECAY_Y, fixed={"N": 7})
+
+
+# --- several abscissas, and complex values
+
+_PEAK = np.random.RandomState(2021)
+PEAK_U, PEAK_V = _PEAK.rand(10000) * 10 - 4, _PEAK.rand(10000) * 5 - 3
+PEAK_Z = lmfit.lineshapes.gaussian2d(PEAK_U, PEAK_V, 30, 2, -0.5, 0.6, 0.8)
+PEAK_Z += 2 * (_PEAK.rand(10000) - 0.5)
+
+
+def lmfit_peak_of_two() -> Numbers:
+    model = Gaussian2dModel()
+    fit = model.fit(PEAK_Z, model.guess(PEAK_Z, PEAK_U, PEAK_V), x=PEAK_U, y=PEAK_V)
+    return of_lmfit(fit, "amplitude", "centerx", "centery", "sigmax", "sigmay")
+
+
+@example(
+    "lmfit",
+    "example_two_dimensional_peak.py",
+    "two abscissas",
+    run=lmfit_peak_of_two,
+    slow=True,
+    why="The example weighs the points by random numbers, 1/√(z + 1); here both programs weigh all alike.",
+)
+def peak_of_two() -> Any:
+    return fit_curve(
+        "amplitude/(2*pi*sigmax*sigmay)*exp(-((x-centerx)/sigmax)**2/2 - ((y-centery)/sigmay)**2/2)",
+        {"x": PEAK_U, "y": PEAK_V}, PEAK_Z,
+        start={"centerx": 1, "centery": 0, "sigmax": 1, "sigmay": 1},
+        bounds={"sigmax": (0, None), "sigmay": (0, None)},
+    )  # fmt: skip
+
+
+S21_F = np.linspace(99.95, 100.05, 100)
+_S21 = np.random.RandomState(123)
+
+
+def resonator(f: Any, f_0: Any, Q: Any, Q_e_real: Any, Q_e_imag: Any) -> Any:
+    return 1 - Q / (Q_e_real + 1j * Q_e_imag) / (1 + 2j * Q * (f - f_0) / f_0)
+
+
+S21 = resonator(S21_F, 100, 10000, 9000, -9000)
+S21 = S21 + 0.02 * (_S21.randn(100) + 1j * _S21.randn(100))
+
+
+def lmfit_resonator() -> Numbers:
+    model = lmfit.Model(resonator)
+    params = model.make_params(f_0=100.001, Q=5000, Q_e_real=8000, Q_e_imag=0)
+    return of_lmfit(model.fit(S21, params, f=S21_F), "f_0", "Q", "Q_e_real", "Q_e_imag")
+
+
+@example(
+    "lmfit",
+    "example_complex_resonator_model.py",
+    "complex values, whose two parts are told apart by a second abscissa",
+    run=lmfit_resonator,
+    within=0.1,
+    spread=0.05,
+    why="lmfit's derivatives are rough differences: the sum of squares is 0.0853405 at its values, 0.0853364 at estim's.",
+)
+def complex_resonator() -> Any:
+    def parts(at: Any, f_0: Any, Q: Any, Q_e_real: Any, Q_e_imag: Any) -> Any:
+        s21 = resonator(at["f"], f_0, Q, Q_e_real, Q_e_imag)
+        return np.where(at["imaginary"], s21.imag, s21.real)
+
+    return fit_curve(
+        parts, {"f": np.tile(S21_F, 2), "imaginary": np.repeat([0.0, 1.0], 100)},
+        np.concatenate([S21.real, S21.imag]),
+        start={"f_0": 100.001, "Q": 5000, "Q_e_real": 8000, "Q_e_imag": 0},
+    )  # fmt: skip

@@ -67,6 +67,7 @@ def unasked(fit: Fit) -> list[Finding]:
         for run, likelihood in zip(fit.problem.runs, fit.posterior.likelihoods, strict=True)
         if run.motion is None
         and run.lacks is None
+        and not run.numbered
         and run.noise.counted is None
         and likelihood.normal is not None
         and _FEWEST <= run.n_obs <= _MOST

@@ -29,7 +29,7 @@ from estim.common import (
     table,
 )
 from estim.curve_fitting.figures import Prediction, Region, curve_figure, region_of
-from estim.curves import refuse_quantities
+from estim.curves import are_places, at_places, refuse_quantities
 from estim.deviation import FoundDeviation
 from estim.distributions import student_quantile
 from estim.fitting import (
@@ -177,8 +177,13 @@ class CurveFit:
         return quantities
 
     def __call__(self, x: ArrayLike, *, data: str | None = None) -> FloatArray:
-        """The fitted curve at x, shaped as x.  data : as in `predict`."""
+        """The fitted curve at x, shaped as x, or (n,) at n places of several abscissas.
+
+        data : as in `predict`.
+        """
         refuse_quantities(x=x)
+        if are_places(x):
+            return self.predict(x, data=data).value
         return self.predict(np.ravel(x), data=data).value.reshape(np.shape(x))
 
     @cached_property
@@ -200,17 +205,24 @@ class CurveFit:
         """The curve at x, a number or (n,), with the uncertainty of its parameters (linear; JCGM
         100:2008, 5.2.2), not the scatter of a new reading.
 
+        x : of a curve of several abscissas, these, as `fit_curve` takes them.
         probability : of the interval low to high, by Student's t where the size of the errors was
             estimated.
         data : name of the data set, where several were fit together.  Raises InputError.
         """
         refuse_quantities(x=x)
+        run = self._run(data)
+        if run.numbered or are_places(x):
+            curve, places = at_places(run.curve, x)
+            return self._predicted(replace(run, curve=curve), places, probability)
         places = np.atleast_1d(real_numbers(x, "x"))
         if places.ndim != 1 or not all_finite(places):
             raise InputError("must be finite numbers along one axis", field="x", value=x)
+        return self._predicted(run, places, probability)
+
+    def _predicted(self, run: Observations, places: FloatArray, probability: float) -> Prediction:
         if not 0.0 < probability < 1.0:
             raise InputError("must lie between 0 and 1", field="probability", value=probability)
-        run = self._run(data)
         value = np.array(run.drawn(self.values, places))
         gradient = replace(run.points, x=places).gradient(self.values, self.names)
         of_curve = set(self.names) - self.problem.noise_names
@@ -241,8 +253,8 @@ class CurveFit:
         edges = run.noise.counted is not None or run.spread_in_decades
         room = 0.0 if edges else 0.02 * (high - low)
         x = run.along(low - room, high + room, _ALONG)
-        outer, inner = (self.predict(x, probability=p, data=data) for p in (0.95, 0.68))
-        along = self.predict(run.x, data=data).value
+        outer, inner = (self._predicted(run, x, p) for p in (0.95, 0.68))
+        along = run.drawn(self.values)
         gain = np.zeros(run.n_obs) if run.noise.counted is not None else run.noise.reading_gain()
         gain = share * np.abs(along) if (share := run.noise.share) else gain
         one_curve = ";" not in self.called  # of data sets with curves of their own

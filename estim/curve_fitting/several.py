@@ -22,6 +22,7 @@ from estim.curves import (
     arguments_of,
     in_time,
     join,
+    numbered,
     of_data_set,
     read_formula,
     seek,
@@ -92,11 +93,16 @@ def fit_curves(
     }
     for field, given in written.items():
         of_data_set({} if given is None else given, "", list(data), field)  # refuses what is none
+    placed = {
+        name: numbered(curve if points.curve is None else points.curve, points.x)
+        for name, points in data.items()
+    }
     sets = {
         name: replace(
             points,
+            x=placed[name][1],
             curve=in_time(
-                curve if points.curve is None else points.curve,
+                placed[name][0],
                 getattr(points.axes or axes, "x_name", ""),
                 start,
                 fixed,

@@ -43,6 +43,7 @@ from estim.curves import (
     DataSet,
     JointProblem,
     in_time,
+    numbered,
     pose_curve,
     provisional,
     refuse_quantities,
@@ -118,6 +119,10 @@ def fit_curve(
         models by name, like "gaussian + line" (`estim.curves.models`), whose starts are found from
         the points where `start` gives none.
         A formula without x may call its variable t, or as `axes` call it.
+    x : (n_obs,), or several abscissas, {"u": u, "v": v} or a data frame, whose names stand in the
+        formula; a function is called with the same mapping, or with an array (n_x, n_obs) where
+        one was given.  Only parameters in which a formula is linear then need no start, and x has
+        neither errors nor an order along which the curve could deviate.
     start : starting values; without any, a function's numbers by default are those (beside others
         they are held); the order of magnitude and the sign matter, several further starts are
         tried.  Those that a formula or models by name lack are found from the points; a function
@@ -177,6 +182,7 @@ def fit_curve(
     """
     rng = np.random.default_rng(1) if rng is None else rng
     n_start = getattr(curve, "n_start", N_START) if n_start is None else n_start
+    curve, x = numbered(curve, x)
     said: dict[str, Any] = {
         "start": with_defaults(curve, start, fixed, tied),
         "bounds": bounds,

@@ -23,6 +23,7 @@ from estim.arrays import FloatArray, Named
 from estim.common import InputError
 from estim.curves.dual import Dual, plain
 from estim.curves.formula import local_of, time_derivative_of
+from estim.curves.several import OfPoints
 from estim.given_numbers import real_numbers
 from estim.problem import EXACT, LocalCurve, n_draws
 
@@ -268,6 +269,8 @@ def _difference(
     """The derivative in a parameter, or in x where `name` is None, and its estimated error,
     (n_obs,) both.
     """
+    if name is None and isinstance(function, OfPoints):
+        return np.zeros(x.size), np.zeros(x.size)
     centre, size = (x, float(np.ptp(x))) if name is None else (values[name], abs(values[name]))
 
     @cache

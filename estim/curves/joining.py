@@ -25,6 +25,7 @@ class DataSet:
     """Points x, y (n_obs,) of one of several data sets, with what `fit_curve` takes of their
     errors: u_y, cov_y, u_x, `jitter`, `robust`, or `noise` for counts.
 
+    x : several abscissas too, as `fit_curve` takes them.
     u_y, u_x : standard uncertainties, a number or (n_obs,), in the units of y and x.
     cov_y : (n_obs, n_obs) covariance matrix of y, in place of u_y.
     cov_x, r_xy : covariance matrix of x in place of u_x, correlation of both errors of a point.

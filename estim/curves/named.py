@@ -23,6 +23,7 @@ from estim.curves.models import known_models as known_models
 from estim.curves.models import read_model as read_model
 from estim.curves.posing import CurveProblem
 from estim.curves.projected import linear_in as linear_in
+from estim.curves.several import OfPoints
 from estim.problem import MOST_REWEIGHTED, Flat, errors_widened, typical_size
 
 _SIZE = "size_of_density"
@@ -97,8 +98,11 @@ def with_defaults(
 ) -> Mapping[str, float] | None:
     """The starts that were given; where none was, those of the numbers by default of a function of
     Python, but for the arguments `held`.  Beside a start that was given, an argument with a number
-    by default keeps that.
+    by default keeps that.  A formula of several abscissas lacks none in which it is linear.
     """
+    if isinstance(curve, OfPoints) and curve.linear:
+        free = (name for name in curve.linear if not any(name in names for names in held if names))
+        return {**dict.fromkeys(free, 1.0), **(start or {})}
     if not callable(curve) or start:
         return start
     try:

@@ -23,6 +23,7 @@ from estim.curves.discrepancy import discrepancy_of
 from estim.curves.formula import Formula, check_names, read_formula
 from estim.curves.function import PythonCurve, wrap_function
 from estim.curves.models import Limits
+from estim.curves.several import OfPoints
 from estim.curves.shared_errors import Component, DistortedCurve
 from estim.curves.tied import TiedCurve, followed, only_for_ties, read_tied
 from estim.curves.units import AxisNames as AxisNames
@@ -78,6 +79,7 @@ class CurveProblem:
     jitter, tails : the scatter beside the stated errors, and the shape of the errors; `further` are
         their unknowns.
     order : (n_obs,) where each point stood among those given; None of single events.
+    numbered : whether x are the numbers of points that have several abscissas.
     """
 
     text: str
@@ -103,6 +105,7 @@ class CurveProblem:
     said: tuple[str, ...] = ()
     cov_x: FloatArray | None = None
     r_xy: FloatArray | None = None
+    numbered: bool = False
 
     @property
     def infers_errors(self) -> bool:
@@ -176,8 +179,8 @@ class CurveProblem:
             curve=self.curve,
             arguments=MappingProxyType(arguments),
             noise=noise,
-            x_name=self.axes.x_name,
-            x_unit=self.axes.x_unit,
+            x_name=phrase("number of the point") if self.numbered else self.axes.x_name,
+            x_unit="1" if self.numbered else self.axes.x_unit,
             y_name=self.axes.y_name,
             y_unit=self.axes.y_unit,
             excluded=(),
@@ -186,6 +189,7 @@ class CurveProblem:
             words=plain_words() if self.counted is None else self.counted.words,
             sought=self.sought,
             order=self.order,
+            numbered=self.numbered,
         )
 
 
@@ -244,6 +248,15 @@ def pose_curve(
         bounds=bounds, priors=priors, units=units, fixed=fixed, derived=derived, tied=tied
     )
     _check_words(units, errors, axes)
+    numbered = isinstance(curve, OfPoints)
+    along_x = {
+        "u_x": u_x is not None,
+        "cov_x": cov_x is not None,
+        "deviation": deviation != 0.0,
+        "errors": any(component.kind.endswith("_x") for component in errors),
+    }
+    for field in (name for name, asked in along_x.items() if numbered and asked):
+        raise InputError("does not go with several abscissas", field=field)
     counted = ask_counts(
         noise,
         x,
@@ -367,6 +380,8 @@ def pose_curve(
     text = (
         read.text
         if isinstance(read, Formula)
+        else curve.text
+        if isinstance(curve, OfPoints)
         else f"{getattr(curve, '__name__', type(curve).__name__)}(x, {', '.join((*begun, *held))})"
     )
     return CurveProblem(
@@ -394,6 +409,7 @@ def pose_curve(
         sought=seek_of_fit(following, units, [*all_of, *(p.name for p in shared)], parameter_units),
         share=share,
         said=said,
+        numbered=numbered,
     )
 
 
@@ -527,12 +543,25 @@ def _curve(
 ) -> Formula | PythonCurve:
     names = (*start, *fixed)
     if callable(curve):
+        if isinstance(curve, OfPoints):
+            _check_formula(curve, start, fixed)
         _check_signature(curve, names)
         return wrap_function(curve, names, x, {**start, **fixed})
     formula = read_formula(curve, field="curve")
+    _check_formula(formula, start, fixed)
+    return formula
+
+
+def _check_formula(
+    formula: Formula | OfPoints, start: Mapping[str, float], fixed: Mapping[str, float]
+) -> None:
+    """The parameters are those of the formula; of a function of several abscissas, which names
+    none, any.
+    """
+    names = (*start, *fixed)
     for name in formula.names:
         if name not in names:
-            if not formula.uses_x:
+            if isinstance(formula, Formula) and not formula.uses_x:
                 rule = "must hold x, its variable, or the name of its axis (axes)"
                 raise InputError(rule, field="curve", value=formula.text)
             raise InputError(
@@ -540,14 +569,13 @@ def _curve(
                 field="start",
                 value=", ".join(names),
             )
-    for name in names:
+    for name in names if formula.names else ():
         if name not in formula.names:
             raise InputError(
                 f"names '{name}', which is not in the formula",
                 field="start" if name in start else "fixed",
                 value=formula.text,
             )
-    return formula
 
 
 def _check_signature(function: Callable[..., Any], names: tuple[str, ...]) -> None:

@@ -15,6 +15,7 @@ it where they can.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -140,20 +141,14 @@ class DistortedCurve:
         return LocalCurve(scale * inner.value + self._sum("zero_y", arguments), slope, gradient)
 
 
-def scale_errors_of(curve: Curve, *, counted: bool) -> tuple[CommonError, ...]:
-    """A per cent of the scale of either axis, where it is no unknown already; what was `counted`
-    has no scale of y.
-    """
+def scale_errors_of(curve: Curve, kinds: Sequence[str]) -> tuple[CommonError, ...]:
+    """A per cent of each of these scales ("scale_x", "scale_y") that is no unknown already."""
     known = (
         {component.kind for component in curve.components}
         if isinstance(curve, DistortedCurve)
         else set[str]()
     )
-    return tuple(
-        _scale_error(curve, kind)
-        for kind in ("scale_x", "scale_y")
-        if kind not in known and not (counted and kind == "scale_y")
-    )
+    return tuple(_scale_error(curve, kind) for kind in kinds if kind not in known)
 
 
 def _scale_error(curve: Curve, kind: str) -> CommonError:

@@ -127,6 +127,8 @@ class Observations:
     words : how the measured numbers are spoken of.
     order : (n_obs,) where each point stood among those that were given; None where that is not
         known.
+    numbered : whether x are the numbers of points that have several abscissas, between which the
+        curve is nothing.
     """
 
     name: str
@@ -153,6 +155,7 @@ class Observations:
     lacks: Discrepancy | None = None
     sought: tuple[DerivedQuantity, ...] = ()
     order: IntArray | None = None
+    numbered: bool = False
 
     @property
     def stated(self) -> bool:
@@ -179,7 +182,11 @@ class Observations:
         return np.broadcast_to(self.curve.value(at, self.bind(named)), (1, at.size))[0]
 
     def along(self, low: float, high: float, n: int) -> FloatArray:
-        """(n,) places from low to high at which figures draw the curve."""
+        """(n,) places from low to high at which figures draw the curve; where there are only
+        points, at most n of these.
+        """
+        if self.numbered:
+            return self.x[:: -(-self.n_obs // n)]
         return (np.geomspace if self.spread_in_decades else np.linspace)(low, high, n)
 
     @cached_property

@@ -1,0 +1,146 @@
+"""A curve of several abscissas, y = f(u, v; parameters), as a curve of the number of a point.
+
+All else then is as for any curve: the numbers 1, 2, 3, ... of the points are the abscissa, and
+the curve looks up what belongs to them.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.common import InputError
+from estim.curves.columns import column
+from estim.curves.dual import plain
+from estim.curves.formula import Formula, evaluate, read_formula
+from estim.curves.projected import linear_in
+from estim.given_numbers import real_numbers
+from estim.problem import Curve
+
+Places = Mapping[str, FloatArray] | FloatArray
+"""Name -> (n_obs,), or (n_x, n_obs): the abscissas of each point."""
+
+
+@dataclass(frozen=True, eq=False)
+class OfPoints:
+    """A function of the numbers of points, which `curve` is called at.
+
+    curve : a formula, or a function curve(places, **parameters).  n_obs : how many points there
+        are.
+    """
+
+    curve: Formula | Callable[..., Any]
+    places: Places
+    n_obs: int
+
+    def __call__(self, point: Any, **parameters: Any) -> Any:
+        at = np.clip(np.rint(np.real(plain(point))) - 1, 0, self.n_obs - 1).astype(int)
+        here: Any = (
+            {name: values[at] for name, values in self.places.items()}
+            if isinstance(self.places, Mapping)
+            else self.places[:, at]
+        )
+        if not isinstance(self.curve, Formula):
+            return self.curve(here, **parameters)
+        numbers = {
+            name: np.float64(value) if isinstance(value, float) else value
+            for name, value in parameters.items()
+        }
+        return evaluate(self.curve.tree, {**here, **numbers})
+
+    @property
+    def __signature__(self) -> inspect.Signature:
+        """That of the function; a formula takes whatever it is given."""
+        whole = self.__call__ if isinstance(self.curve, Formula) else self.curve
+        return inspect.signature(whole)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The parameters of a formula; none of a function."""
+        names = self.curve.names if isinstance(self.curve, Formula) else ()
+        return tuple(name for name in names if name not in self.places)
+
+    @cached_property
+    def linear(self) -> tuple[str, ...]:
+        """Parameters of a formula in which it is linear, which need no starting value."""
+        return linear_in(self.curve, self.names) if isinstance(self.curve, Formula) else ()
+
+    @property
+    def text(self) -> str:
+        """The formula, or the name of the function."""
+        return getattr(self.curve, "text", "") or getattr(self.curve, "__name__", "curve")
+
+
+def are_places(x: object) -> bool:
+    """Whether x holds several abscissas: a mapping, a data frame or an array of two axes."""
+    return hasattr(x, "keys") or (isinstance(x, np.ndarray) and x.ndim == 2)
+
+
+def numbered(curve: Any, x: Any) -> tuple[Any, Any]:
+    """The curve of several abscissas `x` as one of the numbers of the points, and these; both as
+    they are where there is only one.  Raises InputError.
+    """
+    if not are_places(x):
+        return curve, x
+    places, n_obs = _read(x)
+    if not callable(curve):
+        curve = read_formula(curve, field="curve")
+        if not isinstance(places, Mapping):
+            rule = "must map the names in the formula to abscissas, like {'u': u, 'v': v}"
+            raise InputError(rule, field="x", value=f"an array {places.shape}")
+        taken = {*curve.names, *(("x",) if curve.uses_x else ())}
+        for name in places:
+            if name not in taken:
+                rule = f"names '{name}', which is not in the formula"
+                raise InputError(rule, field="x", value=curve.text)
+        if curve.uses_x and "x" not in places:
+            rule = f"holds x, which is none of its abscissas ({', '.join(places)})"
+            raise InputError(rule, field="curve", value=curve.text)
+    return OfPoints(curve, places, n_obs), np.arange(1.0, n_obs + 1.0)
+
+
+def at_places(curve: Curve, x: Any) -> tuple[Curve, FloatArray]:
+    """The curve at other places, and their numbers.  Raises InputError."""
+    inner = getattr(curve, "curve", None)
+    if inner is not None:  # tied parameters, shared errors
+        inner, numbers = at_places(inner, x)
+        return replace(curve, curve=inner), numbers  # type: ignore[type-var]
+    function = getattr(curve, "function", None)
+    if not isinstance(function, OfPoints):
+        raise InputError("must be numbers along one axis", field="x", value=type(x).__name__)
+    known = function.places
+    what = ", ".join(known) if isinstance(known, Mapping) else f"an array ({len(known)}, n)"
+    rule = f"must hold the abscissas of the fit ({what})"
+    if not are_places(x):
+        raise InputError(rule, field="x", value=x)
+    places, n_obs = _read(x)
+    if _kinds(places) != _kinds(known):
+        raise InputError(rule, field="x", value=", ".join(map(str, _kinds(places))))
+    function = replace(function, places=places, n_obs=n_obs)
+    return replace(curve, function=function), np.arange(1.0, n_obs + 1.0)  # type: ignore[type-var]
+
+
+def _kinds(places: Places) -> set[str | int]:
+    """The names of the abscissas, or their number."""
+    return {*places} if isinstance(places, Mapping) else {len(places)}
+
+
+def _read(x: Any) -> tuple[Places, int]:
+    """The abscissas, checked, and how many points they have."""
+    if not hasattr(x, "keys"):
+        array = real_numbers(x, "x")
+        if not np.all(np.isfinite(array)):
+            raise InputError("must be finite", field="x")
+        return array, array.shape[1]
+    places = {str(name): column(x[name], f"x[{name}]") for name in x.keys()}  # noqa: SIM118
+    sizes = {name: values.size for name, values in places.items()}
+    if len(sizes) < 2 or len({*sizes.values()}) > 1:
+        rule = "must hold at least two abscissas, as many values of each"
+        raise InputError(rule, field="x", value=sizes)
+    return places, next(iter(sizes.values()))
