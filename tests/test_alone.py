@@ -8,8 +8,12 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from shutil import rmtree
 
 import pytest
+from command_runner import runner
+
+from estim.cli.commands import cli
 
 ALONE = """
 import concurrent.futures, multiprocessing, os, subprocess, sys, threading
@@ -55,7 +59,7 @@ def ran(script: str, folder: Path, *arguments: str) -> subprocess.CompletedProce
 
 @pytest.mark.parametrize("what", ["curve", "rolling"])
 def test_a_report_needs_no_process_no_thread_and_no_numba(
-    what: str, tmp_path: Path, project: Path
+    what: str, tmp_path: Path, project: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if what == "curve":
         file = project / "data" / "tutorial" / "tea.csv"
@@ -63,15 +67,16 @@ def test_a_report_needs_no_process_no_thread_and_no_numba(
     else:
         file = project / "data" / "replica" / "runs" / "heavy-04.csv"
         said = [f"--rolling={key}={text}" for key, text in ROLLING.items()]
-    reports = []
-    for name, before in (("plain", ""), ("alone", ALONE)):
-        folder = tmp_path / name
-        folder.mkdir()
-        (folder / file.name).write_bytes(file.read_bytes())
-        done = ran(before + RUN, folder, "fit", file.name, *said, "--format", "html", "--out", "r")
-        assert done.returncode == 0, done.stderr
-        reports.append([(folder / "r" / part).read_bytes() for part in PARTS])
-    assert reports[0] == reports[1]
+    (tmp_path / file.name).write_bytes(file.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    words = ["fit", file.name, *said, "--format", "html", "--out", "r"]
+    plain = runner().invoke(cli, words)
+    assert plain.exit_code == 0, plain.output
+    here = [Path("r", part).read_bytes() for part in PARTS]
+    rmtree("r")
+    alone = ran(ALONE + RUN, tmp_path, *words)
+    assert alone.returncode == 0, alone.stderr
+    assert [Path("r", part).read_bytes() for part in PARTS] == here
 
 
 PARTS = ("report.html", "report.md", "result.json")

@@ -32,6 +32,7 @@ from estim.fitting.least_squares import fit_least_squares, refit
 from estim.pipeline import analyse, outcome_of
 from estim.problem import Problem
 from estim.reports.explanation import explanation_lines, explanation_text
+from estim.sampling import Target
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 from causes import CASES, named
@@ -228,7 +229,7 @@ def test_an_addition_is_told_with_the_result_that_it_gives_and_is_no_cure_where_
     campaign, run = wheel_with(tmp_path, ()), "class-unbalanced_3"
     posed = campaign.suspects([run])
     bend = next(cause for cause in posed.causes if cause.name == "bend")
-    analysis = analyse(campaign, [run], seed=1)
+    analysis = analyse(campaign, [run], seed=1, target=Target(ess=1000.0))
     found = explain(replace(posed, causes=(bend,)), rng=np.random.default_rng(1)).with_outcomes(
         lambda one: outcome_of(one, seed=1)
     )
@@ -236,7 +237,7 @@ def test_an_addition_is_told_with_the_result_that_it_gives_and_is_no_cure_where_
     assert (first.name, first.random) == ("bend", True)
     assert first.numbers[0].value / first.numbers[0].sd < -5.0
     assert first.outcome is not None
-    again = analyse(wheel_with(tmp_path, bend.lines), [run], seed=1)
+    again = analyse(wheel_with(tmp_path, bend.lines), [run], seed=1, target=Target(ess=1000.0))
     i = again.fit.names.index("phi_slope")
     (value,) = first.outcome.numbers
     assert first.outcome.status == again.diagnosis.status

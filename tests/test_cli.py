@@ -11,6 +11,7 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from troubles import Disk
 
 from estim.cli.commands import main
 
@@ -41,27 +42,27 @@ def estim(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -
     return run
 
 
+CHOSEN = ("--seed", "1", "--figures", "all")
+
+
 @pytest.fixture(scope="module")
 def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A report of one replica run."""
-    out = tmp_path_factory.mktemp("fit")
-    campaign = Path(__file__).parents[1] / "data" / "replica" / "campaign.toml"
-    done = process(
-        "fit", campaign, "--run", "heavy-04", "--out", out, "--seed", "1", "--figures", "all"
-    )
+    """A campaign of one run, and its report in `out`."""
+    folder = tmp_path_factory.mktemp("fit")
+    done = process("fit", Disk().write(folder), "--out", folder / "out", *CHOSEN)
     assert done.returncode == 0, done.stderr
-    assert "heavy-04: ok" in done.stdout
+    assert "r: ok" in done.stdout
     assert done.stderr == ""  # no progress bar where nobody watches
-    return out
+    return folder
 
 
 def test_fit_writes_report_json_and_figures(fitted: Path) -> None:
-    report = (fitted / "report.md").read_text()
+    report = (fitted / "out" / "report.md").read_text()
     assert "SYNTHETIC" in report.splitlines()[2]
     assert "**Status: ok**" in report
     for figure in ("phase", "residuals", "corner", "traces"):
         assert f"(figures/{figure}.png)" in report
-        assert (fitted / "figures" / f"{figure}.png").read_bytes().startswith(b"\x89PNG")
+        assert (fitted / "out" / "figures" / f"{figure}.png").read_bytes().startswith(b"\x89PNG")
     assert not list(fitted.rglob(".*"))  # no temporary file is left
 
 
@@ -82,30 +83,18 @@ def test_result_json_keeps_to_the_published_schema(fitted: Path, project: Path) 
     assert alternatives_sorted(json.loads(published)) == alternatives_sorted(
         json.loads(json_schema())
     )
-    result = json.loads((fitted / "result.json").read_text())
+    result = json.loads((fitted / "out" / "result.json").read_text())
     jsonschema.validate(result, json.loads(published))
     assert result["schema"] == "estim-result/1"
-    parameters = {
-        "gamma[heavy]",
-        "kappa[heavy]",
-        "theta0[heavy-04]",
-        "phi[heavy-04]",
-        "rolling_resistance",
-        "radius",
-        "scale_x",
-        "scale_t",
-    }
+    parameters = {"gamma[b]", "kappa[b]", "theta0[r]", "phi[r]", "scale_x", "scale_t"}
     assert set(result["parameters"]) == parameters
     assert result["provenance"]["seed"] == 1
 
 
-def test_same_seed_gives_the_same_bytes(
-    estim: Command, fitted: Path, tmp_path: Path, replica: Path
-) -> None:
-    chosen = ("--run", "heavy-04", "--seed", "1", "--figures", "all")
-    estim("fit", replica / "campaign.toml", *chosen, "--out", tmp_path)
+def test_same_seed_gives_the_same_bytes(estim: Command, fitted: Path, tmp_path: Path) -> None:
+    estim("fit", fitted / "campaign.toml", "--out", tmp_path, *CHOSEN)
     for file in ("result.json", "report.md", "figures/phase.png"):
-        assert (tmp_path / file).read_bytes() == (fitted / file).read_bytes(), file
+        assert (tmp_path / file).read_bytes() == (fitted / "out" / file).read_bytes(), file
 
 
 @pytest.mark.parametrize(

@@ -765,14 +765,10 @@ def test_a_line_whose_least_squares_expect_fewer_than_no_count_is_found(y: list[
 
 
 @pytest.mark.parametrize("seed", [0, 1, 3])
-@pytest.mark.parametrize("start", [{}, {"A": 50.0, "tau": 2.5, "B": 0.1}])
-def test_a_decay_with_a_tail_of_zeros_has_the_profile_interval(
-    seed: int, start: dict[str, float]
-) -> None:
+def test_a_decay_with_a_tail_of_zeros_has_the_profile_interval(seed: int) -> None:
     """The interval of tau against one by brute force, with expectations that end at 0 exactly."""
     x = np.arange(20.0)
     y = np.random.default_rng(seed).poisson(50.0 * np.exp(-x / 2.5))
-    fit = fit_curve("A*exp(-x/tau) + B", x, y, noise="poisson", start=start)
 
     def deviance(tau: float) -> float:
         decay = np.exp(-x / tau)
@@ -782,7 +778,7 @@ def test_a_decay_with_a_tail_of_zeros_has_the_profile_interval(
             mean = size * (decay - decay[-1]) + inside[1] ** 2
             return 2.0 * float(np.sum(mean - special.xlogy(y, mean)))
 
-        options = {"xatol": 1e-9, "fatol": 1e-10, "maxiter": 5000}
+        options = {"xatol": 1e-4, "fatol": 1e-6}
         return min(
             optimize.minimize(
                 of, [np.log(y[0] + 1.0), last], method="Nelder-Mead", options=options
@@ -790,11 +786,13 @@ def test_a_decay_with_a_tail_of_zeros_has_the_profile_interval(
             for last in (1e-3, 0.3, 0.6)
         )
 
-    best = optimize.minimize_scalar(deviance, bounds=(1.5, 4.0), options={"xatol": 1e-6})
-    ends = fit.intervals["tau"][0.95]
-    assert (y[-1], fit.status) == (0, "ok")
-    assert deviance(fit.values["tau"]) == pytest.approx(best.fun, abs=1e-4)
-    assert [deviance(end) - best.fun for end in ends] == pytest.approx([3.8415] * 2, abs=0.02)
+    best = optimize.minimize_scalar(deviance, bounds=(1.5, 4.0), options={"xatol": 1e-3})
+    for start in ({}, {"A": 50.0, "tau": 2.5, "B": 0.1}):
+        fit = fit_curve("A*exp(-x/tau) + B", x, y, noise="poisson", start=start)
+        ends = fit.intervals["tau"][0.95]
+        assert (y[-1], fit.status) == (0, "ok")
+        assert deviance(fit.values["tau"]) == pytest.approx(best.fun, abs=1e-4)
+        assert [deviance(end) - best.fun for end in ends] == pytest.approx([3.8415] * 2, abs=0.02)
 
 
 @pytest.mark.parametrize(("y", "none"), [([0, 0, 0], "successes"), ([5, 5, 5], "failures")])

@@ -103,12 +103,13 @@ def _named_at_the_truth(path: Path) -> list[tuple[str, int]]:
 
 
 def test_of_dense_frames_none_beside_the_release_is_named(tmp_path, monkeypatch):
-    assert _named_at_the_truth(recording(tmp_path, NOISES["speeds"], 1434, seed=3)) == []
-    assert _named_at_the_truth(recording(tmp_path, NOISES["speeds"], 1434, bad=0.004)) == [
-        ("frame", 717)
-    ]
+    def named_of(bad: float = 0.0) -> list[tuple[str, int]]:
+        return _named_at_the_truth(recording(tmp_path, NOISES["speeds"], 800, bad=bad, seed=4))
+
+    assert named_of() == []
+    assert named_of(bad=0.004) == [("frame", 400)]
     monkeypatch.setattr(trajectory, "settled", lambda t, x, speed, sd: x)
-    named = _named_at_the_truth(recording(tmp_path, NOISES["speeds"], 1434, seed=3))
+    named = named_of()
     assert named
     assert max(row for _, row in named) < 100
 

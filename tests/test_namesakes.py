@@ -42,10 +42,11 @@ def run(words: list[str], *path: Path, cwd: Path) -> subprocess.CompletedProcess
     )
 
 
+LINE = Formula("a + b*x", "a = {start = 1.0}\nb = {start = 1.0}", lambda x: 1.0 + 2.0 * x)
+
+
 def test_a_file_beside_the_data_is_not_imported(tmp_path: Path, project: Path) -> None:
-    campaign = Formula(
-        "a + b*x", "a = {start = 1.0}\nb = {start = 1.0}", lambda x: 1.0 + 2.0 * x
-    ).write(tmp_path)
+    campaign = LINE.write(tmp_path)
     for name in NAMES:
         (tmp_path / f"{name}.py").write_text(RUN)
     (tmp_path / "emcee").mkdir()
@@ -63,14 +64,11 @@ def test_the_folder_of_the_sources_is_kept(project: Path, replica: Path) -> None
     )
 
 
-@pytest.mark.parametrize("file", ["model.py", "model/__init__.py"])
 def test_a_model_that_the_path_insists_on_is_left_alone(
-    tmp_path: Path, project: Path, replica: Path, file: str
+    tmp_path: Path, project: Path, replica: Path
 ) -> None:
     """estim has one name at top level: a file of any other name is the user's own."""
-    own = tmp_path / file
-    own.parent.mkdir(exist_ok=True)
-    own.write_text(RUN)
+    (tmp_path / "model.py").write_text(RUN)
     words = ["-m", "estim", "line", str(replica / "campaign.toml"), "--figures", "none"]
     done = run(words, tmp_path, project, cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
@@ -91,7 +89,7 @@ def test_a_model_that_the_path_insists_on_is_left_alone(
     ],
 )
 def test_a_module_that_the_path_insists_on_is_named(
-    tmp_path: Path, project: Path, replica: Path, file: str, text: str
+    tmp_path: Path, project: Path, file: str, text: str
 ) -> None:
     own = tmp_path / file
     own.parent.mkdir(exist_ok=True)
@@ -100,17 +98,7 @@ def test_a_module_that_the_path_insists_on_is_named(
         "import sys; sys.path[0] = sys.argv[1]; sys.argv[1:] = sys.argv[2:]; from "
         "estim.__main__ import main; main()"
     )
-    words = [
-        "-c",
-        start,
-        str(tmp_path),
-        "fit",
-        str(replica / "campaign.toml"),
-        "--run",
-        "heavy-04",
-        "--max-steps",
-        "50",
-    ]
+    words = ["-c", start, str(tmp_path), "fit", str(LINE.write(tmp_path)), "--max-steps", "50"]
     done = run(words, project, cwd=project)
     assert done.returncode == 2
     assert done.stderr.startswith(f"error: {own}: is in the way: ")

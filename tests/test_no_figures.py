@@ -10,8 +10,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
-from troubles import Disk
+from troubles import Formula
 
 from estim.campaign import load_campaign
 from estim.cli.commands import cli
@@ -121,7 +122,8 @@ def test_nothing_that_draws_is_loaded_for_a_report_without_figures(tmp_path: Pat
         "import sys\nfrom estim.__main__ import main\ntry: main()\nexcept SystemExit: "
         "print(*sorted(sys.modules))"
     )
-    arguments = ["fit", Disk().write(tmp_path), "--out", tmp_path / "out", "--figures", "none"]
+    decay = Formula("a*exp(-b*x)", "a = {start = 1.0}\nb = {start = 1.0}", lambda x: np.exp(-x))
+    arguments = ["fit", decay.write(tmp_path), "--out", tmp_path / "out", "--figures", "none"]
     done = subprocess.run(
         [sys.executable, "-c", code, *map(str, arguments)],
         capture_output=True,
