@@ -360,16 +360,13 @@ def swings(text: str, seed: int) -> tuple[np.ndarray, np.ndarray, dict[str, floa
 
 
 @pytest.mark.parametrize(
-    ("text", "n"),
-    [
-        ("oscillation", 8),
-        ("damped_oscillation + constant", 4),
-        ("a_oscillation + b_oscillation", 3),
-    ],
+    "text", ["oscillation", "damped_oscillation + constant", "a_oscillation + b_oscillation"]
 )
-def test_a_swing_has_a_positive_amplitude_and_a_phase_within_half_a_turn(text: str, n: int) -> None:
-    """-amplitude with phase + pi is the same curve, and so is a swing exchanged with another."""
-    for seed in range(n):
+def test_a_swing_has_a_positive_amplitude_and_a_phase_within_half_a_turn(text: str) -> None:
+    """-amplitude with phase + pi is the same curve, and so is a swing exchanged with another: two
+    of these are, where starts are not put in order.
+    """
+    for seed in (1, 5, 6):
         x, y, truth = swings(text, seed)
         found = fit_curve(text, x, y, u_y=0.1)
         assert found.status == "ok", (seed, found.reasons)
