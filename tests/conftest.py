@@ -63,8 +63,8 @@ BODIES = [
 def reanalysed(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Reanalysis:
-    """The replica reanalysed as `estim reanalyse --seed 2` does: one body in `make test`, both in
-    `make statistics`.
+    """The replica reanalysed as `estim reanalyse --seed 2` does: both bodies in `make statistics`;
+    one of them in `make test`, of a quarter of the effective draws.
 
     The other body goes the same way with the same numbers.  One process has it (`REANALYSED`).
     """
@@ -87,7 +87,7 @@ def reanalysed(
     done = reanalyse(
         load_campaign(path),
         seed=2,
-        target=Target(),
+        target=Target(ess=1000.0) if len(request.param) == 1 else Target(),
         progress_of=lambda what: nullcontext(lambda step, message: None),
     )
     assert {body.body for body in done.bodies} == set(request.param)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from replica_run import heavy_04
 from test_noise import CAMPAIGN, SIGMA, campaign_file
 
 from estim.campaign import Campaign, load_campaign
@@ -108,12 +109,8 @@ def test_no_loss_is_not_found_where_there_is_none(tmp_path: Path) -> None:
     assert max(found) > 0.1
 
 
-def test_a_loss_that_is_only_its_prior_says_so(replica: Path) -> None:
-    campaign = load_campaign(replica / "campaign.toml")
-    drift = drift_of(
-        analyse(campaign, ["heavy-04"], seed=1, target=Target(ess=300, max_step=800)),
-        rng=np.random.default_rng(1),
-    )
+def test_a_loss_that_is_only_its_prior_says_so() -> None:
+    drift = drift_of(heavy_04()[1], rng=np.random.default_rng(1))
     assert drift.free
     assert not drift.determined
 

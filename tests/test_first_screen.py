@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 import pytest
 from command_runner import runner
+from replica_run import heavy_04
 from report_words import words
 
 from estim.campaign import load_campaign
@@ -33,7 +34,7 @@ from estim.common.errors import InputError
 from estim.common.labels import Notation
 from estim.common.quantity import format_p, p_digits, percentage, significant, with_unit
 from estim.fitting.edges import Limit
-from estim.pipeline import Analysis, analyse
+from estim.pipeline import Analysis
 from estim.problem.priors import HalfNormal, Normal, Uniform
 from estim.reports.analysis import analysis_report
 from estim.reports.copying import _symbol, _unit, copies_of
@@ -53,8 +54,7 @@ PLAIN = Notation("c_rr").label("1")
 
 @cache
 def fitted() -> tuple[Analysis, Result, str]:
-    campaign = load_campaign(REPLICA)
-    analysis = analyse(campaign, ["heavy-04"], seed=1, target=Target(ess=1000.0))
+    campaign, analysis = heavy_04()
     return (
         analysis,
         result_of(campaign, analysis),

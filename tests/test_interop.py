@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from command_runner import runner
+from replica_run import heavy_04
 from troubles import Formula
 
 import estim
@@ -31,14 +32,14 @@ from estim.words import advice, tell
 NEEDED = "needs the extra arviz"
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def campaign() -> estim.Campaign:
-    return estim.load_campaign(Path(__file__).parents[1] / "data" / "replica" / "campaign.toml")
+    return heavy_04()[0]
 
 
-@pytest.fixture(scope="module")
-def analysis(campaign: estim.Campaign) -> Analysis:
-    return estim.analyse(campaign, ["heavy-04"], seed=1, target=Target(ess=1500))
+@pytest.fixture
+def analysis() -> Analysis:
+    return heavy_04()[1]
 
 
 @pytest.fixture(scope="module")

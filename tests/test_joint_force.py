@@ -287,7 +287,7 @@ def test_runs_whose_own_values_differ_do_not_agree_though_each_may_have_a_force_
         assert found.dof == 4
         assert found.chi2 == pytest.approx(distance, rel=0.2)
         assert found.suspects == ("r4",)
-        assert check_consistency(_from_the_stated_values(every, every.run_names[:4])).agree
+    assert check_consistency(_from_the_stated_values(every, every.run_names[:4])).agree
     # the line that is offered heals it
     (offered,) = re.findall(
         r"let c_rr vary from run to run: (between_runs = {rolling_resistance = [0-9.]+}), "

@@ -54,6 +54,19 @@ def estim(*arguments: str | Path, path: Path | None = None, cwd: Path | None = N
     )
 
 
+SWEPT = ("fit", "example.sweep", "--formula", "fano", "--kind", "synthetic", "--figures", "none")
+
+
+@pytest.fixture(scope="module")
+def reported(installed: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The folder of a sweep with its report in `out`, and what the command said."""
+    folder = tmp_path_factory.mktemp("sweep")
+    (folder / "example.sweep").write_bytes((EXAMPLE / "example.sweep").read_bytes())
+    done = estim(*SWEPT, "--out", "out", path=installed, cwd=folder)
+    assert (done.returncode, done.stderr) == (0, "")
+    return folder, done.stdout
+
+
 # the example
 
 
@@ -69,29 +82,24 @@ def test_the_page_shows_the_package_as_it_is() -> None:
         assert shown == (EXAMPLE / name).read_text(encoding="utf-8")
 
 
-def test_an_installed_model_and_reader_fit_as_scipy_does(installed: Path, tmp_path: Path) -> None:
-    done = estim(
-        *("fit", EXAMPLE / "example.sweep", "--formula", "fano", "--kind", "synthetic"),
-        *("--out", tmp_path, "--figures", "none"),
-        path=installed,
-    )
-    assert (done.returncode, done.stderr) == (0, "")
+def test_an_installed_model_and_reader_fit_as_scipy_does(reported: tuple[Path, str]) -> None:
+    out, said = reported[0] / "out", reported[1]
     page = (EXAMPLE.parent / "extending.md").read_text(encoding="utf-8")
     (shown,) = re.findall(r"--kind synthetic\n(.*?)\.\.\.\n", page, flags=re.S)
-    assert done.stdout.startswith(shown)
+    assert said.startswith(shown)
     rows = (EXAMPLE / "example.sweep").read_text().partition("[points]\n")[2].splitlines()
     x, y, u = np.array([[float(cell) for cell in row.split("|")[:3]] for row in rows]).T
     values, cov = curve_fit(fano, x, y, [2.0, 1000.0, 5.0, 1.0], u, absolute_sigma=True)
-    record = json.loads((tmp_path / "result.json").read_text())
+    record = json.loads((out / "result.json").read_text())
     names = ("height", "center", "width", "q")
     for name, value, sd in zip(names, values, np.sqrt(np.diag(cov)), strict=True):
         assert record["fit"]["values"][name] == pytest.approx(value, abs=1e-3 * sd)
         assert record["fit"]["sds"][name] == pytest.approx(sd, rel=1e-3)
-    report = (tmp_path / "report.md").read_text(encoding="utf-8")
+    report = (out / "report.md").read_text(encoding="utf-8")
     assert "read by the package estim-resonance 1.0" in report
     assert re.search(r"\| versions \| .*estim-resonance 1\.0", report)
     assert record["provenance"]["versions"]["estim-resonance"] == "1.0"
-    origin = json.loads((tmp_path / "origin.json").read_text())
+    origin = json.loads((out / "origin.json").read_text())
     assert origin["versions"]["estim-resonance"] == "1.0"
 
 
@@ -117,21 +125,14 @@ def test_without_the_package_the_name_and_the_file_are_refused(tmp_path: Path) -
     assert "example.sweep:4: 'header' has no line of column names" in read.stderr
 
 
-def test_a_report_with_a_plugin_is_verified(installed: Path, tmp_path: Path) -> None:
-    (tmp_path / "s.sweep").write_bytes((EXAMPLE / "example.sweep").read_bytes())
-    made = estim(
-        *("fit", "s.sweep", "--formula", "fano", "--out", "out", "--figures", "none"),
-        path=installed,
-        cwd=tmp_path,
-    )
-    assert made.returncode == 0, made.stderr
-    again = estim("verify", "out", path=installed, cwd=tmp_path)
+def test_a_report_with_a_plugin_is_verified(installed: Path, reported: tuple[Path, str]) -> None:
+    again = estim("verify", "out", path=installed, cwd=reported[0])
     assert (again.returncode, "note" in again.stdout) == (0, False), again.stdout
     (other,) = installed.glob("*.dist-info/METADATA")
     text = other.read_text()
     other.write_text(text.replace("Version: 1.0", "Version: 1.1"))
     try:
-        later = estim("verify", "out", path=installed, cwd=tmp_path)
+        later = estim("verify", "out", path=installed, cwd=reported[0])
     finally:
         other.write_text(text)
     assert "made with estim-resonance 1.0, recomputed with 1.1" in later.stdout

@@ -14,6 +14,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from replica_run import heavy_04
 from report_words import first_screen, words
 from test_noise import CAMPAIGN, POSITIONS, TIMES
 from troubles import Disk
@@ -26,7 +27,6 @@ from estim.common.quantity import Quantity, e_n
 from estim.fitting.least_squares import fit_least_squares
 from estim.line.analysis import analyse_line
 from estim.line.series import read_theta_min
-from estim.pipeline import Analysis, analyse
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal
 from estim.reports.line import line_result
@@ -151,22 +151,16 @@ def test_any_number_of_processes_gives_the_same_report(tmp_path: Path) -> None:
     assert [percent for percent, _ in told] == [0, 50, 100]
 
 
-@pytest.fixture(scope="module")
-def single() -> Analysis:
-    replica = Path(__file__).resolve().parents[1] / "data" / "replica"
-    return analyse(load_campaign(replica / "campaign.toml"), ["heavy-04"], seed=1, target=QUICK)
-
-
 @pytest.mark.parametrize("of_paper", [False, True])
 def test_propagated_band_is_that_of_brute_force(
-    single: Analysis, project: Path, rng: np.random.Generator, of_paper: bool
+    project: Path, rng: np.random.Generator, of_paper: bool
 ) -> None:
     """Draw the stated inputs, evaluate the curve, take quantiles: kappa and c_rr as published where
     that is known, else as fitted.
     """
     from estim.model import Body, speed
 
-    analysis = single
+    analysis = heavy_04()[1]
     numbers = (
         read_published(project / "data" / "paper" / "published.toml").number if of_paper else ()
     )

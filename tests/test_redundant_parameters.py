@@ -47,6 +47,7 @@ def test_a_parameter_for_which_others_make_up_is_not_sampled(tmp_path: Path) -> 
     assert result["sampling"]["n_step"] <= 60
 
 
+@pytest.mark.usefixtures("few_draws")
 def test_factors_between_limits_are_named_together(tmp_path: Path) -> None:
     """However small the step of one is that makes up for the other; what has no limits but is
     determined is not blamed.
