@@ -314,3 +314,14 @@ def test_a_lock_of_others_is_not_taken_for_our_own(tmp_path: Path, content: str)
     else:  # left behind by a kill
         assert code == 0
         assert not lock.exists()
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_a_refused_fit_leaves_no_folder_that_it_made(tmp_path: Path, there: bool) -> None:
+    table, out = tmp_path / "exact.csv", tmp_path / "reports" / "exact"
+    table.write_text("x,y\n1,2\n2,4\n3,6\n4,8\n")
+    if there:
+        out.mkdir(parents=True)
+    done = runner().invoke(cli, ["fit", str(table), "--formula", "a*x + b", "--out", str(out)])
+    assert "the curve meets every point" in str(done.exception)
+    assert out.exists() == out.parent.exists() == there

@@ -188,7 +188,7 @@ def remove_empty(folder: Path, *, within: Path | None = None) -> None:
 @contextlib.contextmanager
 def held(path: Path, *, within: Path | None = None) -> Iterator[None]:
     """Hold the lock file `path` while the block runs, where the system has locks that end with
-    their process; then remove it.
+    their process; then remove it, and the folders made for it where nothing else is in them.
 
     A file that a crash left behind is no lock.  Raises EstimError where another process holds it,
     it cannot be written, or a file is there that is not such a lock (which is empty).
@@ -196,6 +196,7 @@ def held(path: Path, *, within: Path | None = None) -> Iterator[None]:
     if sys.platform == "win32":
         yield
     else:
+        made = [folder for folder in path.parents[1:] if not os.path.lexists(folder)]
         with contextlib.ExitStack() as stack:
             with _said(path, "cannot be written"):
                 place = stack.enter_context(_opened(path.parent, within, make=True))
@@ -213,7 +214,9 @@ def held(path: Path, *, within: Path | None = None) -> Iterator[None]:
                 with contextlib.suppress(OSError):
                     os.unlink(path.name, dir_fd=place.handle)
                 os.close(handle)
-                remove_empty(path.parent, within=within)  # only if nothing else is there
+                remove_empty(path.parent, within=within)
+                for folder in made:
+                    remove_empty(folder)
 
 
 def _lock(place: _Place, path: Path) -> int:
