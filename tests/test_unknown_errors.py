@@ -221,6 +221,34 @@ def test_blunders_beside_errors_of_x_and_beside_a_jitter(errors: dict[str, float
     assert abs(fit.values["tau"] - 7.5) < 3.0 * fit.sds["tau"] < 2.0
 
 
+@pytest.mark.parametrize("curve", ["a*x + b", "a*exp(-x/tau) + c"])
+def test_a_blunder_of_any_size_is_borne_beside_stated_errors_that_are_too_large(curve: str) -> None:
+    """The other residuals are then smaller than one, and the blunder larger beside them."""
+    x = np.linspace(0.5, 10.0, 12)
+    y = (2.0 * x + 1.0) if "x +" in curve else decay(x, 5.0, 2.0, 1.0)
+    y += 0.05 * np.random.default_rng(1).standard_normal(12)
+    y[5] = 100.0
+    fit = fit_curve(curve, x, y, u_y=0.1, robust="mixture")
+    assert fit.status == "ok"
+    assert fit.intervals["outlier_fraction"][0.95][0] > 0.0
+    assert fit_curve(curve, x, y, u_y=0.1).status != "ok"
+
+
+def test_a_refused_fit_names_the_reading_that_lies_far_from_all_others(tmp_path: Path) -> None:
+    x = np.linspace(0.0, 10.0, 12)
+    y = decay(x, 5.0, 2.0, 1.0) + 0.05 * np.random.default_rng(1).standard_normal(12)
+    clean, y[5] = 5.0 + 0.1 * y, 100.0  # a constant
+    table = tmp_path / "spike.csv"
+    words = ["fit", str(table), "--formula", "a*exp(-x/tau) + c", "--figures", "none"]
+    for readings, named in ((y, True), (clean, False)):
+        table.write_text(
+            "x,y\n" + "".join(f"{a:.4g},{b:.4g}\n" for a, b in zip(x, readings, strict=True))
+        )
+        error = str(CliRunner().invoke(cli, [*words, "--out", str(tmp_path / "out")]).exception)
+        said = "100 at x = 4.545 lies far from all other readings" in error
+        assert said == named == ("(robust: mixture)" in error)
+
+
 def test_a_blunder_does_not_lead_to_an_alias() -> None:
     """Evenly spaced points cannot tell a frequency from that plus the rate of sampling."""
     x = np.linspace(0.0, 12.0, 12)

@@ -7,13 +7,13 @@ with that projection in it (`estim.problem.whitened`).
 
 What each test sees: `chi2` the size of the residuals (only where the size of the noise was stated);
 `runs` too few changes of sign; `autocorrelation` neighbours alike; `trend` a slow drift along the
-run; `largest` a single outlier.  Of a curve that is no motion two more are asked.  `uneven` (not
-beside a smooth deviation, which may be local): whether residuals are larger or smaller where the
-curve f, its size |f| or x is large, the largest of |sum |z| w|/sum |z| over standardised w = f,
-|f|, x.  `repeated`, where x were read more than once: the F test of lack of fit, whether the means
-at each x scatter more about the curve than the readings of one x about their mean (its statistic is
-the share of chi2 that the means have, which rises with F).  Residuals that are all zero have no
-pattern to test: they fail as such (`zero`).
+run; `largest` a single outlier (not beside a mixture, which has room for some).  Of a curve that is
+no motion two more are asked.  `uneven` (not beside a smooth deviation, which may be local): whether
+residuals are larger or smaller where the curve f, its size |f| or x is large, the largest of
+|sum |z| w|/sum |z| over standardised w = f, |f|, x.  `repeated`, where x were read more than once:
+the F test of lack of fit, whether the means at each x scatter more about the curve than the
+readings of one x about their mean (its statistic is the share of chi2 that the means have, which
+rises with F).  Residuals that are all zero have no pattern to test: they fail as such (`zero`).
 
 Whether a curve is a `poor-fit` is decided here and nowhere else, for a line, a curve, a run or a
 joint fit: a test fails below P_POOR_FIT.  There are up to seven tests of a run, each of which would
@@ -46,6 +46,7 @@ takes up what is left, and the intervals hold what they say (docs/statistics.md)
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -352,6 +353,8 @@ def _judged(
     empty = run.noise.counted is None and (no_scatter(run, fit) or max_abs(z) < _NO_ERRORS)
     if empty:
         checks = {"zero": Check(0.0, P_FLOOR, TESTS["zero"])}
+    if not math.isnan(run.noise.outlier_share(named)):
+        checks.pop("largest", None)  # the noise says how many may be far off, and how far
     speed = None if empty else checks.pop("speed", None)
     forced = any(run.name in force.runs for force in fit.forces)
     return Goodness(

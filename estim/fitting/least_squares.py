@@ -242,8 +242,8 @@ def _no_curvature(values: FloatArray, posterior: Posterior) -> NumericalError:
         or "its parameters"
     )
     return NumericalError(
-        f"the fit ends where the curve has no finite derivatives in {where}: are units, "
-        "stated values and limits right?"
+        f"the fit ends where the curve has no finite derivatives in {where}: check "
+        "units, stated values and limits"
     )
 
 

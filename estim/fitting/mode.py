@@ -8,11 +8,13 @@ A body's curve is searched from draws of its priors, one of the user's own from 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, NumericalError, at_commands
 from estim.fitting.discrepancy import fit_discrepancy
 from estim.fitting.forces import fit_with_forces
 from estim.fitting.least_squares import Fit, fit_least_squares, refit
@@ -20,6 +22,7 @@ from estim.fitting.optimum import fit_optimum, is_resolved, scanned_fit
 from estim.fitting.unconstrained import no_scatter, silent_parameters
 from estim.problem import Observations, Problem, Unstated
 
+_FAR = 5.0  # times as far from the median as any other reading
 _MANY_RUNS, _STARTS, _FEW_STARTS = 16, 8, 2
 
 
@@ -32,10 +35,11 @@ def fit_problem(
     Raises InputError, with a parameter or the key of a campaign as its field, where the data
     determine none.
     """
-    fit = fit_white(problem, rng=rng) if near is None else refit(problem, near)
-    if any(run.motion is None for run in problem.runs):
-        _require_scatter(fit)
-        _require_determined(fit)
+    with blunder_named(problem):
+        fit = fit_white(problem, rng=rng) if near is None else refit(problem, near)
+        if any(run.motion is None for run in problem.runs):
+            _require_scatter(fit)
+            _require_determined(fit)
     if any(run.lacks is not None for run in problem.runs):
         return fit_discrepancy(fit, rng=rng)
     if any(run.force for run in problem.runs):
@@ -55,6 +59,37 @@ def fit_white(problem: Problem, *, rng: np.random.Generator) -> Fit:
         further = fit_least_squares(problem, rng=rng, n_start=4 * _STARTS)
         fit = further if further.chi2 < fit.chi2 else fit
     return scanned_fit(fit, rng=rng)
+
+
+@contextmanager
+def blunder_named(problem: Problem) -> Iterator[None]:
+    """While a problem is fit: a reading far from all others is named in the error that it may have
+    caused.
+    """
+    try:
+        yield
+    except (InputError, NumericalError) as error:
+        rule = error.rule + "".join(map(_far_off, problem.runs))
+        if rule == error.rule:
+            raise
+        if isinstance(error, NumericalError):
+            raise NumericalError(rule, at=error.at) from None
+        raise InputError(rule, field=error.field, value=error.value) from None
+
+
+def _far_off(run: Observations) -> str:
+    """What to do about the reading of a curve that lies far from all others; "" where none does, or
+    the noise has room for it.
+    """
+    off = np.abs(run.y - np.median(run.y))
+    i = int(np.argmax(off))
+    if run.motion or run.noise.robust or run.noise.counted or off[i] <= _FAR * np.sort(off)[-2:][0]:
+        return ""
+    choice = "robust: mixture" if at_commands() else 'robust="mixture"'
+    return (
+        f"; {run.y[i]:.4g} at x = {run.x[i]:.4g} lies far from all other readings: if it may be a "
+        f"blunder, correct it or allow for outliers ({choice})"
+    )
 
 
 def _require_scatter(fit: Fit) -> None:

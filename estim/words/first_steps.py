@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from estim.common import Finding, Kind, PhraseTable, later, phrase
+from estim.common import Finding, Kind, PhraseTable, later
 from estim.words.telling import advice, one_is_far_off
 
 _LOOK = later(
@@ -58,8 +58,9 @@ def first_step(findings: Sequence[Finding]) -> str:
     if not findings:
         return ""
     tests = {finding.test for finding in findings if finding.kind is Kind.CURVE_LACKS}
-    if findings[0].test in ("chi2", "largest") and one_is_far_off(findings):
-        return phrase("look at the outlying reading")
+    unsettled = findings[0].kind is Kind.FIT_UNSETTLED
+    if one_is_far_off(findings) and (unsettled or findings[0].test in ("chi2", "largest")):
+        return advice(next(finding for finding in findings if finding.test == "largest"))
     if findings[0].test in tests <= {"uneven", "repeated"}:
         return advice(findings[0])
     return _SHORT.get(findings[0].kind) or advice(findings[0])
