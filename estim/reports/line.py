@@ -31,6 +31,7 @@ from estim.reports.pages import Drawers, page
 from estim.reports.records import Record, Report
 from estim.reports.rendering import shown
 from estim.reports.result import Provenance, provenance_of
+from estim.reports.straight_line import line_figures
 from estim.reports.trials import UNKNOWN_LABELS, trials_section
 from estim.sampling import Summary, summarise, trusted
 from estim.words import advice_for
@@ -199,17 +200,8 @@ def _row(analysis: LineAnalysis, method: str) -> LineRow:
         row = LineRow(intercept, slope, math.nan, None, math.nan, errors, None, None, *told)
     else:
         fit = {"ols": analysis.ols, "weighted": analysis.weighted, "york": analysis.york}[method]
-        row = LineRow(
-            fit.intercept,
-            fit.slope,
-            fit.chi2,
-            fit.dof,
-            fit.p_value,
-            {name: [e.u_intercept, e.u_slope, e.cov] for name, e in fit.standard_errors.items()},
-            fit.recommended,
-            fit.reason,
-            *told,
-        )
+        gamma, resistance, e_n = told
+        row = LineRow(**line_figures(fit), gamma=gamma, rolling_resistance=resistance, e_n=e_n)
     if analysis.status.ok:
         return row
     nothing = dict.fromkeys(("recommended", "reason", "gamma", "rolling_resistance"))

@@ -25,7 +25,14 @@ from estim.common import (
     with_unit,
 )
 from estim.drawing import BLUE, GREEN, INK, ORANGE, Figure, fill, legend_below, new_figure
-from estim.line import CONVENTIONS, PredictedPoint, StraightLine, confidence_band, line_goodness
+from estim.line import (
+    CONVENTIONS,
+    LineFit,
+    PredictedPoint,
+    StraightLine,
+    confidence_band,
+    line_goodness,
+)
 from estim.reports.copying import copies_of
 from estim.reports.pages import page
 from estim.reports.records import Report
@@ -77,30 +84,32 @@ def straight_line_result(line: StraightLine) -> StraightLineResult:
         key: None if name is None else one_line(name) for key, name in vars(line.columns).items()
     }
     return StraightLineResult(
-        "estim-straight-line/1",
-        line.status,
-        line.message,
-        fit.method,
-        columns,
-        [one_line(words) for words in line.correlated],
-        fit.data.x.size,
-        fit.intercept,
-        fit.slope,
-        {key: {"value": value, "u": u} for key, (_, _, value, u) in _coefficients(line).items()},
-        dict(line.units),
-        fit.chi2,
-        fit.dof,
-        fit.p_value,
-        {name: [e.u_intercept, e.u_slope, e.cov] for name, e in fit.standard_errors.items()},
-        fit.recommended,
-        fit.reason,
-        line.probability,
-        line.k,
-        (line.slope.low, line.slope.high),
-        line.predictions,
-        line.inverses,
-        provenance_of(line.path, line.sha256, {str(line.path): line.sha256}, 0),
+        schema_="estim-straight-line/1",
+        status=line.status,
+        message=line.message,
+        method=fit.method,
+        columns=columns,
+        correlated=[one_line(words) for words in line.correlated],
+        n_obs=fit.data.x.size,
+        **line_figures(fit),
+        coefficients={
+            key: {"value": value, "u": u} for key, (_, _, value, u) in _coefficients(line).items()
+        },
+        units=dict(line.units),
+        probability=line.probability,
+        k=line.k,
+        slope_interval=(line.slope.low, line.slope.high),
+        predictions=line.predictions,
+        inverses=line.inverses,
+        provenance=provenance_of(line.path, line.sha256, {str(line.path): line.sha256}, 0),
     )
+
+
+def line_figures(fit: LineFit) -> dict[str, Any]:
+    """What a record says of a line: where it lies, how it fits, and its standard errors."""
+    names = ("intercept", "slope", "chi2", "dof", "p_value", "recommended", "reason")
+    errors = {name: [e.u_intercept, e.u_slope, e.cov] for name, e in fit.standard_errors.items()}
+    return {**{name: getattr(fit, name) for name in names}, "standard_errors": errors}
 
 
 def _coefficients(line: StraightLine) -> dict[str, tuple[str, str, float, float]]:
