@@ -1,7 +1,7 @@
 """Five problems with estim, lmfit and kafe2: what a user writes, what each says, and how long it
 takes.  It writes docs/side-by-side.md.
 
-    python benchmarks/side_by_side.py docs/side-by-side.md
+    python benchmarks/side_by_side.py
 
 kafe2 is no dependency of estim: install it beside, in an environment of its own.  A solution is a
 function `tool_problem`, and what is counted are the statements of its body but for its last, which
@@ -14,7 +14,6 @@ import ast
 import inspect
 import math
 import os
-import sys
 import textwrap
 import time
 import warnings
@@ -370,4 +369,4 @@ TAIL = """## Where the others are better
 if __name__ == "__main__":
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of the tools, on their way
-        Path(sys.argv[1]).write_text(page())
+        (PROJECT / "docs/side-by-side.md").write_text(page())
