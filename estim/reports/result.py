@@ -658,9 +658,8 @@ def _forces(result: Result) -> str:
         )
     if any(deviation.probability > SURE for deviation in (result.curve_deviation or {}).values()):
         return phrase(
-            "the discrepancy between curve and data is larger than the errors; the "
-            "intervals allow for an irregular deviation, but not "
-            "for a different curve"
+            "the curve and independent errors do not explain the data alone; the intervals "
+            "allow for an irregular deviation, but not for a different curve"
         )
     complete = [run.complete for run in result.runs.values() if run.complete is not None]
     if complete and result.formula is None:
