@@ -5,6 +5,7 @@ ok.
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -280,3 +281,29 @@ def test_an_interval_that_does_not_hold_its_value_is_a_finding() -> None:
     (found,) = values_outside({"a": 2.5, "b": 7.0}, ends)
     assert (found.parameters[0].name, found.p, found.status) == ("a", 0.68, "not-converged")
     assert len(values_outside({"a": -1.0, "b": 7.0}, ends)) == 2
+
+
+@pytest.mark.parametrize(("size", "nearly_normal"), [(1.0, True), (1e6, False), (1e-7, False)])
+def test_the_constant_of_a_power_law_is_known_in_any_unit(size: float, nearly_normal: bool) -> None:
+    x = np.linspace(0.5, 5.0, 9)
+    y = 2.0 * x**1.6 + 1.2 * np.random.default_rng(1).standard_normal(9)
+    fit = fit_curve("a*x**n", size * x, y, u_y=1.2)
+    assert fit.status.ok
+    assert math.isfinite(fit.sds["a"]) == nearly_normal
+    low, high = fit.intervals["a"][0.95]
+    # the interval of b = ln a, in which the curve is nearly linear, says the same
+    other = fit_curve("exp(b)*x**n", size * x, y, u_y=1.2)
+    ends = other.profile_interval("b")
+    if not nearly_normal:
+        assert np.log([low, high]) == pytest.approx(ends, abs=0.01 * other.sds["b"])
+        (note,) = (words for words in fit.notes if "farther on one side" in words)
+        assert note.startswith("a has no standard deviation")
+        assert re.search(r"a = \S+×10\S+, 68 % in", str(fit))
+    assert fit.values["n"] == pytest.approx(1.6, abs=3.0 * fit.sds["n"])
+
+
+def test_a_constant_that_nothing_holds_above_is_still_left_open() -> None:
+    x = np.linspace(0.1, 1.0, 10)
+    y = 3.0 * x + 0.02 * np.random.default_rng(4).standard_normal(10)
+    fit = fit_curve("v*(1 - exp(-x*3/v))", x, y, u_y=0.02)  # v is the end of a straight line
+    assert fit.status == "not-identified"

@@ -172,14 +172,19 @@ def format_quantity(value: float, u: float | None = None, *, plus_minus: bool = 
 
 def format_rounded(value: float, u: float) -> str:
     """`value` alone, with the digits that its uncertainty `u` leaves it (one more than
-    `format_quantity` would keep).
+    `format_quantity` would keep); as a power of ten where it is smaller than 1e-4 or larger than
+    1e9.
     """
     if not math.isfinite(value):
         return "n/a"
     if not (math.isfinite(u) and u > 0.0):
         return signed(f"{value:.4g}")
-    decimals = max(0, 1 - math.floor(math.log10(u)))
-    return signed(f"{value:z.{decimals}f}")
+    decimals = 1 - math.floor(math.log10(u))
+    exponent = math.floor(math.log10(max(abs(value), u)))
+    if -4 <= exponent < 9:
+        return signed(f"{value:z.{max(0, decimals)}f}")
+    mantissa = signed(f"{value / 10.0**exponent:z.{max(0, exponent + decimals)}f}")
+    return f"{mantissa}×10{raised(exponent)}"
 
 
 def rounded(value: float, u: float, digits: int, *, beside: float = 0.0) -> str:

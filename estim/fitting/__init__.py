@@ -3,15 +3,7 @@ information.  Read `least_squares` first.
 """
 
 from estim.fitting.arrow import MANY, descend_by_runs, spreads_by_runs
-from estim.fitting.curve_intervals import (
-    FEW,
-    Ends,
-    coverage_of_sd,
-    open_sides,
-    profiled,
-    shown_value,
-    spread,
-)
+from estim.fitting.curve_intervals import FEW, Ends, coverage_of_sd, profiled, shown_value, spread
 from estim.fitting.derived import LinearDerived, linear_derived
 from estim.fitting.edges import (
     ALONE,
@@ -43,6 +35,7 @@ from estim.fitting.least_squares import (
     refit,
     settled,
 )
+from estim.fitting.open_ends import open_sides
 from estim.fitting.optimum import (
     MAX_PARAMETERS,
     N_START,

@@ -39,7 +39,7 @@ from estim.distributions import student_quantile, student_tail
 from estim.fitting.derived import LOPSIDED
 from estim.fitting.edges import edge_of
 from estim.fitting.least_squares import Fit
-from estim.fitting.open_ends import open_sides, side_left_open
+from estim.fitting.open_ends import side_left_open, vague
 from estim.fitting.optimum import Optimum
 from estim.fitting.profile import profile_intervals
 from estim.problem import Observations
@@ -91,12 +91,14 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     ended = any(_at_end(run, fixed) for run in fixed.problem.runs)
     counted = any(run.noise.counted is not None for run in fixed.problem.runs)
     beside = _within_reach(fixed, np.where(best.at_bound, free, np.sqrt(np.diag(cov))), dofs)
-    if not np.any(beside) and not counted:
-        left_open = open_sides(fixed, sds, dof=float(np.min(dofs)))
-        unheld = {finding.parameters[0].name for finding in left_open}
-        sds[[name in unheld for name in names]] = np.nan
-        return Spread(cov, sds, _symmetric(names, best.values, sds, dofs), (), tuple(left_open))
-    (intervals, left_open), notes = profiled(fixed, float(np.min(dofs))), list[Finding]()
+    symmetric = _symmetric(names, best.values, sds, dofs)
+    bent = vague(fixed, sds)
+    if not (np.any(beside) or counted or np.any(bent)):
+        return Spread(cov, sds, symmetric, (), ())
+    intervals, left_open = profiled(
+        fixed, float(np.min(dofs)), None if np.any(beside) or counted else sds
+    )
+    notes: list[Finding] = []
     unheld = {finding.parameters[0].name for finding in left_open}
     for i, (name, parameter) in enumerate(zip(names, fixed.problem.parameters, strict=True)):
         if name in unheld:
@@ -112,17 +114,23 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
                 )
             )
             sds[i] = np.nan
-        elif (np.any(beside) or ended) and _lopsided(
+        elif (np.any(beside) or ended or bent[i]) and _lopsided(
             intervals[name], float(best.values[i]), float(sds[i]), float(dofs[i])
         ):
             notes.append(
                 Finding(
-                    Kind.CUT_BY_LIMIT if np.any(beside) else Kind.CUT_BY_NONE,
+                    Kind.CUT_BY_LIMIT
+                    if np.any(beside)
+                    else Kind.CUT_BY_NONE
+                    if ended
+                    else Kind.LOPSIDED,
                     parameters=(Amount(name),),
                     names=tuple(np.array(names)[beside].tolist()),
                 )
             )
             sds[i] = np.nan
+        elif not (np.any(beside) or counted):
+            intervals[name] = symmetric[name]
     return Spread(cov, sds, intervals, tuple(notes), tuple(left_open))
 
 
@@ -168,21 +176,25 @@ def _symmetric(
     }
 
 
-def profiled(fit: Fit, dof: float) -> tuple[dict[str, Ends], list[Finding]]:
+def profiled(
+    fit: Fit, dof: float, sds: FloatArray | None = None
+) -> tuple[dict[str, Ends], list[Finding]]:
     """Name -> probability -> profile interval, which ends at the edge on an open side; nan for a
     parameter that has a side without any end.
 
     fit : with errors of a fixed size.
-    dof : degrees of freedom of that size, infinite where it was stated.
+    dof : degrees of freedom of that size, infinite where it was stated.  sds : (n_par,) where an
+        interval that reaches too many of these has no end worth the name.
     """
     intervals: dict[str, Ends] = {}
     left_open: list[Finding] = []
-    for interval, parameter in zip(
+    for interval, parameter, sd in zip(
         profile_intervals(fit, probabilities=PROBABILITIES, dof=dof),
         fit.problem.parameters,
+        np.full(len(fit.names), np.inf) if sds is None else sds,
         strict=True,
     ):
-        unheld = side_left_open(interval, parameter)
+        unheld = side_left_open(interval, parameter, float(sd))
         left_open += unheld
         intervals[parameter.name] = {
             p: (math.nan, math.nan) if unheld else (interval.low[p], interval.high[p])
@@ -233,9 +245,13 @@ def shown_value(
         return "", f"< {format_rounded(high, size)}{behind} ({level})" if closed[
             1
         ] else f"> {format_rounded(low, size)}{behind} ({level})"
-    spans = {
-        p: f"[{format_rounded(a, size)}, {format_rounded(b, size)}]" for p, (a, b) in ends.items()
-    }
+
+    def end(place: float) -> str:
+        # of an interval that may reach over decades, each end by its own size
+        own = size if math.isfinite(sd) or place == 0.0 else min(size, 0.1 * abs(place))
+        return format_rounded(place, own)
+
+    spans = {p: f"[{end(a)}, {end(b)}]" for p, (a, b) in ends.items()}
     intervals = ", ".join(
         phrase("{p:.0f} % in {interval}", p=100.0 * p, interval=span) for p, span in spans.items()
     )
@@ -246,7 +262,7 @@ def shown_value(
             level=level,
         )
     if not math.isfinite(sd):
-        return "=", f"{format_rounded(value, size)}{behind}, {intervals}"
+        return "=", f"{end(value)}{behind}, {intervals}"
     if few:
         return (
             "=",

@@ -224,6 +224,10 @@ WORDS: Table = {
         "{name} has no standard deviation, because the limit of {names} "
         "truncates it: use its interval"
     ),
+    Kind.LOPSIDED: (
+        "{name} has no standard deviation, because its interval reaches farther on one side than "
+        "on the other: use its interval"
+    ),
     Kind.CUT_BY_NONE: (
         "{name} has no standard deviation, because the curve expects none where 0 was counted "
         "and cannot expect less: use its interval, which is too short beside counts of 0 (that "
