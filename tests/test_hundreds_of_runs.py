@@ -12,6 +12,7 @@ import pytest
 from joint_runs import READ_AT as X
 from joint_runs import readings
 
+from estim import DataSet, fit_curves
 from estim.checks.conflict import _pulls_at_once
 from estim.checks.goodness import check_goodness
 from estim.fitting import arrow, rounds
@@ -185,3 +186,14 @@ def test_of_many_parameters_those_that_are_tied_most_keep_their_correlations(
     i, j = found.names.index("c[90]"), found.names.index("d[90]")
     assert found.matrix[i][j] == max(abs(r) for k, row in enumerate(found.matrix) for r in row[:k])
     assert found.matrix[i][j] == pytest.approx(3.0 / np.sqrt(10.0), abs=0.02)
+
+
+def test_readings_without_scatter_fail_among_hundreds_of_data_sets() -> None:
+    x, rng = np.arange(4.0), np.random.default_rng(2)
+    data = {f"s{i}": DataSet(x, 2.0 * x + 0.1 * rng.standard_normal(4), 0.1) for i in range(340)}
+    data["s7"] = DataSet(x, 2.0 * x, 1e12)  # its errors are stated far too large
+    fit = fit_curves("a*x", data)
+    (zero,) = (run for run in fit.goodness if "zero" in run.checks)
+    assert zero.run == "s7"
+    assert zero.failed == ("zero",)
+    assert fit.status == "poor-fit"

@@ -350,9 +350,10 @@ def _judged(
 ) -> Goodness:
     """A run with its whitened residuals z (n_obs,) and their tests."""
     n_run = len(fit.problem.runs)
+    among = max(1.0, n_run / MANY)
     empty = run.noise.counted is None and (no_scatter(run, fit) or max_abs(z) < _NO_ERRORS)
     if empty:
-        checks = {"zero": Check(0.0, P_FLOOR, TESTS["zero"])}
+        checks = {"zero": Check(0.0, P_FLOOR / among, TESTS["zero"])}
     if not math.isnan(run.noise.outlier_share(named)):
         checks.pop("largest", None)  # the noise says how many may be far off, and how far
     speed = None if empty else checks.pop("speed", None)
@@ -369,7 +370,7 @@ def _judged(
         bears_neighbours=forced and run.noise.made_of_positions,
         speed=speed,
         counted=run.noise.counted is not None,
-        among=max(1.0, n_run / MANY),
+        among=among,
     )
 
 
@@ -488,7 +489,7 @@ def _checks(
     for run, counts, largest in zip(tested, least, drift, strict=True):
         p_values = {name: (1.0 + count) / (1.0 + n) for name, count in counts.items()}
         if run.dof > 0 and run.stated:
-            p_values["chi2"] = max(chi2_p(run.statistics["chi2"], run.dof), P_FLOOR)
+            p_values["chi2"] = max(chi2_p(run.statistics["chi2"], run.dof), P_FLOOR / among)
         if largest < _NO_DRIFT:
             # the curve itself can take every slow shape: what is left of them is rounding, or the
             # fit's own criterion
