@@ -137,6 +137,22 @@ def test_readings_are_a_type_a_evaluation():
     assert (found.low, found.high) == pytest.approx(interval)
 
 
+def test_a_mistyped_reading_is_told_by_either_door(tmp_path):
+    readings = np.round(np.random.default_rng(3).normal(1.42, 0.03, 12), 2)
+    assert estim.mean(readings).status == "ok"
+    assert estim.mean([1.4, 1.4, 1.4, 1.4, 1.5]).status == "ok"
+    readings[7] = 14.1
+    found = estim.mean(readings)
+    assert (found.status, found.reason[:20]) == ("poor-fit", "value number 8, 14.1")
+    file = tmp_path / "times.csv"
+    file.write_text("\n".join(["t [s]", *map(str, readings)]))
+    out = str(tmp_path / "out")
+    done = runner().invoke(cli, ["mean", str(file), "--out", out, "--figures", "none"])
+    assert done.exit_code == 3
+    assert "mean: poor-fit\n  Quote none: value number 8, 14.1" in done.output
+    assert "±" not in done.output
+
+
 @pytest.mark.parametrize(
     ("values", "choices", "field"),
     [

@@ -10,8 +10,8 @@ import click
 
 from estim.cli.options import OUT, PATH, report_options
 from estim.cli.tables import dialect_of, dialect_options
-from estim.cli.terminal import conclude, report_at, reserve_output, say, write_report
-from estim.common import FigureChoice, Status, phrase
+from estim.cli.terminal import conclude, exit_unless, report_at, reserve_output, say, write_report
+from estim.common import FigureChoice, phrase
 
 
 @click.command()
@@ -58,5 +58,8 @@ def mean(
         say(line)
     quoted = found.mean.shown().notes
     # values that contradict each other have a dark uncertainty, which the quoted mean includes
-    conclude(phrase("mean"), Status.OK, [mean_statement(found), *quoted], found.facts)
+    status = found.mean.status
+    stated = [mean_statement(found)] if status.ok else []
+    conclude(phrase("mean"), status, [*stated, *quoted], found.facts)
     report_at(folder / "report.md", ())
+    exit_unless(status.ok)

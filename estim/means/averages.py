@@ -6,7 +6,8 @@ What to use when:
   weighted mean.  Where they scatter more than their uncertainties say, the hierarchical mean: it
   has a dark uncertainty tau, which is inferred with the mean.  "Birge" (the scale factor of the
   Particle Data Group), "DerSimonian-Laird" and "Mandel-Paule" stand beside them.
-- readings without uncertainties, `mean(values)`: s/sqrt(n), Student's t (GUM 4.2).
+- readings without uncertainties, `mean(values)`: s/sqrt(n), Student's t (GUM 4.2); `poor-fit` where
+  one lies much farther from their mean than the others.
 - readings in groups, days for instance, `mean(values, groups=days)`: the readings of one group
   share an error, and the means of the groups count (GUM H.5).
 
@@ -19,7 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -27,9 +28,12 @@ from numpy.typing import ArrayLike
 from scipy import special
 
 from estim.arrays import FloatArray, IntArray, all_finite
+from estim.checks import P_FLOOR, check_linear
 from estim.common import (
     InputError,
     Shown,
+    Status,
+    Stream,
     Tabled,
     format_p,
     interval,
@@ -37,6 +41,7 @@ from estim.common import (
     read_quantity,
     rounded,
     significant,
+    stream,
 )
 from estim.distributions import chi2_tail, student_quantile
 from estim.given_numbers import real_numbers
@@ -92,6 +97,7 @@ class Mean(Tabled):
     chi2, dof, p_value : of the weighted mean; nan for readings.  birge : sqrt(chi2/dof).
     tau_interval : of the dark uncertainty, for `probability`; nan for readings.
     groups : None without groups.
+    status : "ok", or "poor-fit" where one of the readings is not as the others.
 
     >>> from estim import mean
     >>> found = mean([9.81, 9.78, 9.80], 0.02)
@@ -110,6 +116,7 @@ class Mean(Tabled):
     tau_interval: tuple[float, float]
     groups: Groups | None
     probability: float
+    status: Status = Status.OK
 
     @property
     def best(self) -> Average:
@@ -134,7 +141,11 @@ class Mean(Tabled):
         head = (phrase("method"), phrase("value"), "u", "tau", "dof", "k", percent)
         rows = [(name, *cells(average)) for name, average in self.averages.items()]
         title = phrase("Mean of {n} values", n=self.data.size)
-        quoted = phrase("Quote {name}: {reason}.", name=self.recommended, reason=self.reason)
+        quoted = (
+            phrase("Quote {name}: {reason}.", name=self.recommended, reason=self.reason)
+            if self.status.ok
+            else phrase("Quote none: {reason}.", reason=self.reason)
+        )
         return Shown(title, head, rows, (quoted,), self.recommended)
 
 
@@ -254,10 +265,39 @@ def _of_values(x: FloatArray, u: FloatArray, probability: float) -> Mean:
 
 
 def _of_readings(x: FloatArray, probability: float) -> Mean:
-    u = float(x.std(ddof=1)) / math.sqrt(x.size)
-    averages = {"readings": _average(float(x.mean()), u, 0.0, x.size - 1, probability)}
-    reason = phrase("the scatter of the readings alone tells the uncertainty (GUM 4.2)")
-    return _unweighted(x, averages, "readings", reason, None, probability)
+    s, middle = float(x.std(ddof=1)), float(x.mean())
+    u = s / math.sqrt(x.size)
+    averages = {"readings": _average(middle, u, 0.0, x.size - 1, probability)}
+    found = _unweighted(
+        x,
+        averages,
+        "readings",
+        phrase("the scatter of the readings alone tells the uncertainty (GUM 4.2)"),
+        None,
+        probability,
+    )
+    z, places = (x - middle) / s, np.arange(x.size, dtype=float)
+    goodness = check_linear(
+        z,
+        np.full((x.size, 1), -1.0 / s),
+        x=places,
+        y=x,
+        f=np.full(x.size, middle),
+        sd=np.full(x.size, s),
+        stated=False,
+        rng=stream(0, Stream.GOODNESS),
+    )
+    if "largest" not in goodness.failed:
+        return found
+    i = int(np.argmax(np.abs(z)))
+    reason = phrase(
+        "value number {n}, {value}, lies much farther from the mean than the others ({p}): "
+        "check it",
+        n=i + 1,
+        value=f"{x[i]:.6g}",
+        p=format_p(goodness.checks["largest"].p_value, P_FLOOR),
+    )
+    return replace(found, reason=reason, status=Status.POOR_FIT)
 
 
 def _unweighted(

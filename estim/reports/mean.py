@@ -9,7 +9,6 @@ import numpy as np
 
 from estim.common import (
     FigureChoice,
-    Status,
     behind,
     bracketed,
     interval,
@@ -103,12 +102,12 @@ def mean_report(found: TableMean, *, seed: int, figures: FigureChoice = "main") 
     shown = mean.shown()
     result = MeanResult(
         "estim-mean/1",
-        Status.OK,
+        mean.status,
         found.name,
         mean.data.size,
         mean.recommended,
         mean.reason,
-        mean_statement(found),
+        mean_statement(found) if mean.status.ok else "",
         {
             name: AverageRecord(a.value, a.u, found.unit, *a[2:])
             for name, a in mean.averages.items()
