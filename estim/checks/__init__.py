@@ -47,14 +47,8 @@ from estim.checks.diagnosis import (
     too_many_outliers,
     unidentified,
 )
-from estim.checks.fitted_curve import (
-    curve_findings,
-    curve_remarks,
-    deviation_finding,
-    unasked,
-    values_outside,
-    wrong_curves,
-)
+from estim.checks.deviations import deviation_finding, unasked, wrong_curves
+from estim.checks.fitted_curve import curve_findings, curve_remarks, values_outside
 from estim.checks.forces import SURE, force_finding, noise_finding
 from estim.checks.goodness import (
     Check,
@@ -70,11 +64,5 @@ from estim.checks.identifiability import PRIOR_DOMINATED, Identifiability, ident
 from estim.checks.modes import Modes, find_modes, laplace_modes, optima
 from estim.checks.outliers import Outliers, bad_frames_found, find_outliers
 from estim.checks.rolling import Rolling, check_rolling, way_of
-from estim.checks.sensitivities import (
-    CONFLICT,
-    THRESHOLD,
-    Influence,
-    Sensitivity,
-    influences,
-    power_scaling,
-)
+from estim.checks.prior_sensitivity import CONFLICT, THRESHOLD, Sensitivity, power_scaling
+from estim.checks.what_if import Influence, influences

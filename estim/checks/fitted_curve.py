@@ -7,9 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from estim.checks.counts import counts_as_readings
-from estim.checks.deviations import deviation_finding as deviation_finding
-from estim.checks.deviations import unasked as unasked
-from estim.checks.deviations import wrong_curves as wrong_curves
 from estim.checks.diagnosis import failed_tests, marginal_tests, tolerated_pattern
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, Goodness
 from estim.common import Amount, Finding, Kind
