@@ -26,7 +26,7 @@ from estim.reports.pages import page
 from estim.reports.records import Record, Report
 from estim.reports.rendering import shown
 from estim.reports.result import Provenance, provenance
-from estim.studies.energy import Drift, EnergyEstimate, EnergyRecord, energy_status
+from estim.studies.energy import Drift, EnergyRecord, energy_status
 
 _ANYTHING = 1.0  # standard uncertainty of a ratio that says nothing
 
@@ -78,18 +78,14 @@ class EnergyResult(Report):
 def summarise_energy(e: EnergyRecord) -> EnergySummary:
     """The record of one run's energy."""
     return EnergySummary(
-        _quantity(e.mean_relative),
-        _quantity(e.extreme_relative),
-        _quantity(e.mean_to_kinetic),
-        _quantity(e.extreme_to_kinetic),
-        _quantity(e.loss),
-        (e.loss.low, e.loss.high),
-        _quantity(e.loss_force),
+        e.mean_relative,
+        e.extreme_relative,
+        e.mean_to_kinetic,
+        e.extreme_to_kinetic,
+        e.loss,
+        e.loss_interval,
+        e.loss_force,
     )
-
-
-def _quantity(estimate: EnergyEstimate) -> Quantity:
-    return Quantity(estimate.value, estimate.u)
 
 
 def summarise_drift(drift: Drift) -> DriftSummary:

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import FloatArray, Named, all_finite
-from estim.common import Status
+from estim.common import Quantity, Status
 from estim.distributions import chi2_tail
 from estim.fitting import Fit, fit_least_squares
 from estim.pipeline import Analysis
@@ -33,27 +33,18 @@ DETERMINED = 0.7  # of the prior sd: a posterior wider than this is mostly prior
 _STEP = 1e-6
 
 
-@dataclass(frozen=True)
-class EnergyEstimate:
-    """A value, its standard uncertainty and its 95 % interval."""
-
-    value: float
-    u: float
-    low: float
-    high: float
-
-
 @dataclass(frozen=True, eq=False)
 class EnergyRecord:
     """Energies of one run, J/kg (per unit mass), all arrays (n_obs,).
 
     x, v, u_v : position (m) and speed (m/s) of the axle, also for a run measured in radians.
-    kinetic, potential, total : at the posterior mode of the parameters; u_* their standard
-        uncertainties.
-    relative : (E - E0)/E0 as in the paper, E0 the energy at release; it depends on where V is zero.
-    to_kinetic : (E - E0)/(largest kinetic energy), which does not.
-    mean_*, extreme_* : average over the run, and the value where it is largest in size.
-    loss : energy lost per metre, J/(kg m).
+    kinetic, potential, total : at the posterior mode of the parameters; u_total the standard
+        uncertainty of the last.
+    relative : (E - E0)/E0 as in the paper, E0 the energy `start` at release; it depends on where V
+        is zero.
+    mean_*, extreme_* : average over the run, and the value where it is largest in size; of
+        *_to_kinetic, (E - E0)/(largest kinetic energy), which does not.
+    loss : energy lost per metre, J/(kg m); loss_interval : of 95 %.
     loss_force : the same as a force in N, nan where the mass is unknown.
     """
 
@@ -65,18 +56,17 @@ class EnergyRecord:
     kinetic: FloatArray
     potential: FloatArray
     total: FloatArray
-    u_kinetic: FloatArray
     u_total: FloatArray
-    start: EnergyEstimate
+    start: Quantity
     relative: FloatArray
     u_relative: FloatArray
-    to_kinetic: FloatArray
-    mean_relative: EnergyEstimate
-    extreme_relative: EnergyEstimate
-    mean_to_kinetic: EnergyEstimate
-    extreme_to_kinetic: EnergyEstimate
-    loss: EnergyEstimate
-    loss_force: EnergyEstimate
+    mean_relative: Quantity
+    extreme_relative: Quantity
+    mean_to_kinetic: Quantity
+    extreme_to_kinetic: Quantity
+    loss: Quantity
+    loss_interval: tuple[float, float]
+    loss_force: Quantity
 
 
 @dataclass(frozen=True)
@@ -199,7 +189,7 @@ def _record(
     # the mode, not the mean: on a bent ridge the mean of the draws need not fit the data
     centre = problem.named(analysis.fit.values)
     at_mode, at_draws = run.bind(centre), run.bind(problem.named(draws))
-    noise, u_v, u_kinetic, bias = _noise(run, run.drawn(centre), centre)
+    noise, u_v, bias = _noise(run, run.drawn(centre), centre)
 
     def energies(arguments: Named) -> tuple[FloatArray, FloatArray]:
         kinetic, potential = run.body.energies(run.x, v, arguments)
@@ -218,6 +208,7 @@ def _record(
     metres = float(np.ravel(run.body.metres(at_mode))[0])
     to_line = _line_estimator(metres * run.x, noise)
     loss = -(measured @ to_line[1])
+    low, high = np.quantile(loss, [0.025, 0.975]) if all_finite(loss) else (math.nan, math.nan)
     mass = math.nan if run.body.mass is None else run.body.mass
     return EnergyRecord(
         run=run.name,
@@ -228,33 +219,32 @@ def _record(
         kinetic=kinetic,
         potential=potential,
         total=kinetic + potential,
-        u_kinetic=np.hypot(drawn_kinetic.std(axis=0), u_kinetic),
         u_total=measured.std(axis=0),
-        start=_estimate(start),
+        start=Quantity.of(start),
         relative=relative.mean(axis=0),
         u_relative=relative.std(axis=0),
-        to_kinetic=to_kinetic.mean(axis=0),
-        mean_relative=_estimate(relative.mean(axis=1)),
+        mean_relative=Quantity.of(relative.mean(axis=1)),
         extreme_relative=_extreme(relative),
-        mean_to_kinetic=_estimate(to_kinetic.mean(axis=1)),
+        mean_to_kinetic=Quantity.of(to_kinetic.mean(axis=1)),
         extreme_to_kinetic=_extreme(to_kinetic),
-        loss=_estimate(loss),
-        loss_force=_estimate(loss * mass),
+        loss=Quantity.of(loss),
+        loss_interval=(float(low), float(high)),
+        loss_force=Quantity.of(loss * mass),
     )
 
 
 def _noise(
     run: Observations, v: FloatArray, values: Named
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """From reading errors: covariance (n_obs, n_obs) of the total energy; u of the speeds and of
-    the kinetic energy, its bias (n_obs,) each.
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """From reading errors: covariance (n_obs, n_obs) of the total energy; u of the speeds, and the
+    bias of the kinetic energy (n_obs,) each.
     """
     arguments = run.bind(values)
     by_x = _difference(lambda h: _total(run, run.x + h, v, arguments))
     by_v = _difference(lambda h: _total(run, run.x, v + h, arguments))
     cov, var_speed = run.noise.carried(by_x, by_v, values)
     inertia = np.divide(by_v, v, out=np.zeros_like(v), where=v != 0.0)  # T = D v^2/2
-    return cov, np.sqrt(var_speed), np.abs(by_v) * np.sqrt(var_speed), 0.5 * inertia * var_speed
+    return cov, np.sqrt(var_speed), 0.5 * inertia * var_speed
 
 
 def _total(run: Observations, x: FloatArray, v: FloatArray, arguments: Named) -> FloatArray:
@@ -279,13 +269,8 @@ def _line_estimator(x: FloatArray, cov: FloatArray) -> FloatArray:
     return np.linalg.solve(normal, weighted)
 
 
-def _estimate(draws: FloatArray) -> EnergyEstimate:
-    low, high = np.quantile(draws, [0.025, 0.975]) if all_finite(draws) else (math.nan, math.nan)
-    return EnergyEstimate(float(draws.mean()), float(draws.std(ddof=1)), float(low), float(high))
-
-
-def _extreme(values: FloatArray) -> EnergyEstimate:
+def _extreme(values: FloatArray) -> Quantity:
     """The frame whose mean value (n_draw, n_obs) is largest in size; of all frames the largest is
     an outlier on purpose.
     """
-    return _estimate(values[:, int(np.argmax(np.abs(values.mean(axis=0))))])
+    return Quantity.of(values[:, int(np.argmax(np.abs(values.mean(axis=0))))])
