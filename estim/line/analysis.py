@@ -199,7 +199,9 @@ def analyse_line(
         name: _read(fit, gamma_masses)
         for name, fit in (("ols", ols), ("weighted", weighted), ("york", york))
     }
-    readings["posterior"] = _read_draws(chain, gamma_masses)
+    gamma = 1.0 / chain.column("slope")
+    resistance = gamma * chain.column("intercept")
+    readings["posterior"] = _reading(Quantity.of(gamma), Quantity.of(resistance), gamma_masses)
     return LineAnalysis(
         series=series,
         ols=ols,
@@ -247,12 +249,6 @@ def _read(fit: LineFit, gamma_masses: Quantity | None) -> Reading:
         Quantity(resistance.nominal_value, resistance.std_dev),
         gamma_masses,
     )
-
-
-def _read_draws(chain: Chain, gamma_masses: Quantity | None) -> Reading:
-    gamma = 1.0 / chain.column("slope")
-    resistance = gamma * chain.column("intercept")
-    return _reading(Quantity.of(gamma), Quantity.of(resistance), gamma_masses)
 
 
 def _reading(gamma: Quantity, resistance: Quantity, gamma_masses: Quantity | None) -> Reading:

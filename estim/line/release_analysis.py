@@ -100,31 +100,15 @@ class Way:
         return Quantity(self.gamma.mean or math.nan, self.gamma.sd or math.nan)
 
 
-@dataclass(frozen=True)
-class EndsApart:
-    """gamma from theta_min less gamma from theta_max, both from one posterior that shares all else
-    (tilts, zeros, c_rr, release, scatter).
-    """
-
-    difference: Quantity
-
-    @property
-    def sds(self) -> float:
-        return self.difference.value / self.difference.u
-
-    @property
-    def e_n(self) -> float:
-        """The same at k = 2; within +-1 the two agree."""
-        return 0.5 * self.sds
-
-
 @dataclass(frozen=True, eq=False)
 class TrialsAnalysis:
     """The trials of one body.
 
     chain : draws of the unknowns.
     agreement : with the second computation.  ways : gamma by each of WAYS that there is.
-    ends_apart : None without trials at both ends.
+    ends_apart : gamma from theta_min less gamma from theta_max, both from one posterior that shares
+        all else (tilts, zeros, c_rr, release, scatter); None without trials at both ends, or where
+        its importance weights cannot be trusted.
     thresholds : at each tilt by itself.
     offset : rad, how far ascents begin above asin(sin phi/gamma) at the mean tilt `phi_mean` (rad):
         release and resistance together.
@@ -138,7 +122,7 @@ class TrialsAnalysis:
     chain: Chain
     agreement: Agreement
     ways: Mapping[str, Way]
-    ends_apart: EndsApart | None
+    ends_apart: Quantity | None
     thresholds: tuple[Threshold, ...]
     offset: Quantity
     phi_mean: float
@@ -167,24 +151,15 @@ class TrialsAnalysis:
         if self.gamma_masses is not None and abs(both.e_n) > 1.0:
             gammas = (("trials", both.quantity), ("stated", self.gamma_masses))
             findings.append(Finding(Kind.TRIALS_DISAGREE, size=both.e_n, numbers=_numbers(gammas)))
-        if self.ends_apart is not None and abs(self.ends_apart.e_n) > 1.0:
-            apart = self.ends_apart
-            findings.append(
-                Finding(
-                    Kind.ENDS_DISAGREE,
-                    size=apart.e_n,
-                    numbers=_numbers((("apart", apart.difference),)) | {"sds": apart.sds},
-                )
-            )
+        apart = self.ends_apart
+        if apart is not None and abs(sds := apart.value / apart.u) > 2.0:
+            numbers = _numbers((("apart", apart),)) | {"sds": sds}
+            findings.append(Finding(Kind.ENDS_DISAGREE, size=0.5 * sds, numbers=numbers))
         return tuple(map(tell, findings))
-
-    def column(self, name: str) -> FloatArray:
-        """(n_draw,) draws of one unknown."""
-        return self.chain.column(name)
 
     def summary(self, name: str) -> Summary:
         unit, meaning, _ = UNKNOWNS[name]
-        return summarise(self.column(name), unit=unit, meaning=phrase(meaning))
+        return summarise(self.chain.column(name), unit=unit, meaning=phrase(meaning))
 
     def starts(self, end: str, phi: FloatArray) -> FloatArray:
         """(n_draw, n_phi) rad: where ascents begin at true tilts `phi`, of up to 2000 draws,
@@ -319,11 +294,10 @@ def _way(gamma: FloatArray, gamma_masses: Quantity | None, reliable: bool) -> Wa
 
 def _ends_apart(
     trials: Trials, resistance: Prior | float, *, rng: np.random.Generator
-) -> EndsApart | None:
-    """None where the importance weights cannot be trusted."""
+) -> Quantity | None:
     weighted = weigh(release_posterior(trials, resistance, split=True), rng=rng)
     difference = weighted.draws[:, 0] - weighted.draws[:, 1]
-    return EndsApart(Quantity.of(difference)) if weighted.reliable else None
+    return Quantity.of(difference) if weighted.reliable else None
 
 
 def _findings(

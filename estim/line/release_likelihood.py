@@ -43,6 +43,7 @@ from estim.arrays import FloatArray
 from estim.line.trial_data import HIGH, LOW, Tilt, Trials
 from estim.model.phase import effective_slope
 from estim.problem import HalfNormal, LogNormal, Normal, Prior, Uniform
+from estim.sampling import log_sum_exp
 
 FACTOR = 4.0  # to which the stated u_theta is taken as known, 95 %
 LOG_SD = math.log(FACTOR) / 1.959964
@@ -107,9 +108,7 @@ class ReleasePosterior:
                     at_nodes += outcomes(
                         part, end, start, values["scatter"][:, None], values.get("zero_theta")
                     )
-            at_nodes += self.log_weights
-            largest = at_nodes.max(axis=1)
-            total += largest + np.log(np.exp(at_nodes - largest[:, None]).sum(axis=1))
+            total += log_sum_exp(at_nodes + self.log_weights, axis=1)
         return total
 
     def true_tilts(self, read: float) -> FloatArray:

@@ -183,11 +183,9 @@ def _plain(gamma: Quantity) -> Summary:
 
 def _apart(analysis: TrialsAnalysis) -> list[float] | None:
     apart = analysis.ends_apart
-    return (
-        None
-        if apart is None
-        else [apart.difference.value, apart.difference.u, apart.sds, apart.e_n]
-    )
+    if apart is None:
+        return None
+    return [apart.value, apart.u, apart.value / apart.u, e_n(apart, Quantity(0.0))]
 
 
 def trials_section(
@@ -337,7 +335,7 @@ def chances_figure(analysis: TrialsAnalysis) -> Figure:
     for ax, which in zip(axes, chosen, strict=True):
         tilt = trials.tilts[which]
         inside = np.minimum(tilt.theta, np.pi - tilt.theta)
-        room = 4.0 * float(np.median(analysis.column("scatter")))
+        room = 4.0 * float(np.median(analysis.chain.column("scatter")))
         angles = np.linspace(
             max(0.0, inside.min() - room), min(0.5 * np.pi, inside.max() + room), 161
         )
