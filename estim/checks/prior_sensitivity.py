@@ -72,7 +72,7 @@ class Sensitivity:
 
 
 def power_scaling(
-    problem: Problem, draws: FloatArray, log_likelihood: FloatArray, *, threshold: float = THRESHOLD
+    problem: Problem, draws: FloatArray, log_likelihood: FloatArray
 ) -> tuple[Sensitivity, ...]:
     """Sensitivity of every parameter of `problem` to priors and likelihood, from posterior draws
     (n_draw, n_par); a few thousand are enough.
@@ -105,8 +105,8 @@ def power_scaling(
                 by_prior=by_prior,
                 disagreement=z,
                 k_hat=k_hat,
-                strongest=strongest if by_prior[strongest] >= threshold else None,
-                verdict=_verdict(s_prior, s_likelihood, z, k_hat, threshold),
+                strongest=strongest if by_prior[strongest] >= THRESHOLD else None,
+                verdict=_verdict(s_prior, s_likelihood, z, k_hat),
             )
         )
     return tuple(rows)
@@ -195,11 +195,11 @@ def _disagreement(prior: Prior, column: FloatArray) -> float:
     )
 
 
-def _verdict(prior: float, likelihood: float, z: float, k_hat: float, threshold: float) -> str:
+def _verdict(prior: float, likelihood: float, z: float, k_hat: float) -> str:
     if not k_hat < K_HAT_LIMIT:
         return UNRELIABLE
-    if prior >= threshold and likelihood >= threshold:
+    if prior >= THRESHOLD and likelihood >= THRESHOLD:
         return CONFLICT if abs(z) >= _CONFLICT else BOTH_MATTER
-    if prior >= threshold:
+    if prior >= THRESHOLD:
         return PRIOR_MATTERS
-    return DETERMINED if likelihood >= threshold else WEAK
+    return DETERMINED if likelihood >= THRESHOLD else WEAK
