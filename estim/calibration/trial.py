@@ -30,12 +30,11 @@ _KINDS = {"sbc": Stream.RANK_TRIALS, "coverage": Stream.COVERAGE_TRIALS}
 class Engine:
     """How a simulated campaign is analysed.
 
-    method : "auto" (importance sampling; the chain where its weights are uneven) or "chain".
-    ess : effective sample size of either.
+    ess : effective sample size, of importance sampling or, where its weights are uneven, of the
+        chain.
     n_round : draws in each round of adaptation.  max_step : cap of the chain.
     """
 
-    method: Literal["auto", "chain"] = "auto"
     ess: float = 1000.0
     n_round: int = 1000
     max_step: int = 4000
@@ -178,8 +177,6 @@ def posterior_draws(
     """
     for n_round in (engine.n_round, 4 * engine.n_round):
         proposal = adapt_proposal(fit.sampled, fit.values, fit.cov, rng=rng, n_round=n_round)
-        if engine.method == "chain":
-            break
         n_draw, most = int(2.0 * engine.ess), int(16.0 * engine.ess)
         certificate = certify(
             fit.sampled, proposal, rng=rng, n_draw=n_draw, least_ess=engine.ess, max_draw=most
