@@ -70,31 +70,19 @@ def optima(fit: Fit) -> Modes:
     return Modes(np.array(values), shares / np.sum(shares), np.array(covs))
 
 
-def laplace_modes(fit: Fit) -> Modes:
-    """The separate modes of a fit and their shares by the normal distribution at each: no draws are
-    needed.
+def find_modes(fit: Fit, draws: FloatArray | None = None) -> Modes:
+    """The separate modes of a fit and their shares of posterior draws (n_draw, n_par); None: by the
+    normal distribution at each.
     """
     candidates = optima(fit)
     separate = _kept(fit, candidates)
-    shares = candidates.shares[separate]
-    return _that_matter(
-        Modes(candidates.values[separate], shares / np.sum(shares), candidates.covs[separate])
-    )
-
-
-def find_modes(fit: Fit, draws: FloatArray) -> Modes:
-    """The separate modes of a fit and their shares of posterior draws (n_draw, n_par)."""
-    candidates = optima(fit)
-    separate = _kept(fit, candidates)
-    scale = fit.scale
-    scale = np.where(scale > 0.0, scale, 1.0)
-    nearest = np.zeros(draws.shape[0], dtype=np.int64)
-    least = np.full(draws.shape[0], np.inf)
-    for k, mode in enumerate(candidates.values[separate]):
-        away = np.sum(((draws - mode) / scale) ** 2, axis=1)
-        nearest, least = np.where(away < least, k, nearest), np.minimum(away, least)
-    shares = np.bincount(nearest, minlength=len(separate)) / draws.shape[0]
-    return _that_matter(Modes(candidates.values[separate], shares, candidates.covs[separate]))
+    values, shares = candidates.values[separate], candidates.shares[separate]
+    if draws is not None:
+        scale = np.where(fit.scale > 0.0, fit.scale, 1.0)
+        away = np.array([np.sum(((draws - mode) / scale) ** 2, axis=1) for mode in values])
+        nearest = np.argmin(away, axis=0)
+        shares = np.bincount(nearest, minlength=len(separate)).astype(np.float64)
+    return _that_matter(Modes(values, shares / np.sum(shares), candidates.covs[separate]))
 
 
 def _log_volume(fit: Fit, values: FloatArray, cov: FloatArray) -> float:

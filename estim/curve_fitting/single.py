@@ -25,7 +25,7 @@ from estim.checks import (
     curve_remarks,
     deviation_finding,
     failed_tests,
-    laplace_modes,
+    find_modes,
     same_curve,
     several_solutions,
     stated_values,
@@ -340,7 +340,7 @@ def fit_errors(
         sds, cov = sds * wider, cov * np.outer(wider, wider)
     goodness = () if fit.singular else check_goodness(fit, rng=rng)
     if fit.others.size:
-        findings += several_solutions(fit, laplace_modes(fit))
+        findings += several_solutions(fit, find_modes(fit))
     findings += [
         fit.unheld,
         *pressed_edges(fit, Kind.PRESSED_LIMIT),
@@ -496,7 +496,7 @@ def _concluded(
     if len(goodness) == 1 and any(item.normal is None for item in inner.posterior.likelihoods):
         p_value = goodness[0].checks["chi2"].p_value if "chi2" in goodness[0].checks else p_value
     conflict = None if best.singular else check_stated_values(inner)
-    solutions = several_solutions(inner, laplace_modes(inner)) if inner.others.size else []
+    solutions = several_solutions(inner, find_modes(inner)) if inner.others.size else []
     stated = [] if conflict is None else [stated_values(inner, conflict)]
     outside = values_outside(
         dict(zip(fixed.names, best.values.tolist(), strict=True)), uncertainty.intervals
