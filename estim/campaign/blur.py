@@ -13,9 +13,9 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.campaign.campaign_file import NoiseTable
 from estim.campaign.levels import Levels, StatedNoise, stated_noise
-from estim.common import phrase
+from estim.common import Notation, phrase
 from estim.curves import size_with_blur
-from estim.explanation import Cause, Scanned
+from estim.explanation import Cause, Estimated
 from estim.problem import Problem
 from estim.reading import Run
 
@@ -88,5 +88,5 @@ def blur_cause(problem: Problem, exposure: float) -> Cause:
         problem,
         (),
         lines,
-        scanned=Scanned("exposure", exposure, "s"),
+        scanned=Estimated("exposure", exposure, np.nan, Notation("exposure").label("s")),
     )

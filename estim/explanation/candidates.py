@@ -8,30 +8,29 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import Label, Notation
+from estim.common import Label
 from estim.fitting import Fit
 from estim.problem import Problem
 
 
 @dataclass(frozen=True)
-class Scanned:
-    """A number of which some values were tried, in `unit`."""
+class Estimated:
+    """A number of a candidate in SI units, how it is shown, and its standard deviation (nan at the
+    edge of what is possible, and where some values were tried).
+    """
 
     name: str
     value: float
-    unit: str = "1"
-
-    @property
-    def label(self) -> Label:
-        return Notation(self.name).label(self.unit)
+    sd: float
+    label: Label
 
 
 @dataclass(frozen=True, eq=False)
 class Cause:
     """Something that the curve or the noise of a campaign lacks.
 
-    name : short, for files; several of one name are values of what is `scanned`, and the best of
-        them counts.
+    name : short, for files; several of one name are values of a number that was `scanned`, and the
+        best of them counts.
     words : what it is.
     problem : with it.
     parameters : its own.  lines : to be added to the campaign, the first a table.  remark : where
@@ -50,7 +49,7 @@ class Cause:
     parameters: tuple[str, ...]
     lines: tuple[str, ...]
     remark: str = ""
-    scanned: Scanned | None = None
+    scanned: Estimated | None = None
     searched: float = 0.0
     begin: float = 0.0
     slip: bool = False

@@ -28,10 +28,10 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import P_POOR_FIT, check_goodness
-from estim.common import Label, NumericalError, Status, later, phrase
+from estim.common import Notation, NumericalError, Status, later, phrase
 from estim.deviation import AutoCorrelated
 from estim.explanation.bad_frames import frame_causes
-from estim.explanation.candidates import Cause, Scanned, Suspects
+from estim.explanation.candidates import Cause, Estimated, Suspects
 from estim.fitting import Fit, fit_least_squares, refit
 from estim.problem import Problem
 
@@ -44,18 +44,6 @@ _SIZE = "chi2"  # the one test that is not of order
 # standard deviations of the prior of what cannot be negative: where a search starts, and where its
 # direction is asked
 _START, _NEAR = 0.1, 1e-2
-
-
-@dataclass(frozen=True)
-class Estimated:
-    """A number of a candidate in SI units, how it is shown, and its standard deviation (nan at the
-    edge of what is possible).
-    """
-
-    name: str
-    value: float
-    sd: float
-    label: Label
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,6 +228,7 @@ def _alike(suspects: Suspects) -> Iterable[Cause]:
         for run in plain.runs
     ):
         return
+    name = "correlation"
     for correlation in (0.3, 0.5, 0.7, 0.85, 0.95):
         runs = tuple(
             replace(run, noise=AutoCorrelated(run.noise, correlation)) for run in plain.runs
@@ -251,7 +240,7 @@ def _alike(suspects: Suspects) -> Iterable[Cause]:
             (),
             (),
             suspects.room,
-            scanned=Scanned("correlation", correlation),
+            scanned=Estimated(name, correlation, math.nan, Notation(name).label("1")),
         )
 
 
@@ -285,7 +274,7 @@ def _with(cause: Cause, base: Fit) -> Fit | None:
 
 def _numbers(cause: Cause, fit: Fit) -> tuple[Estimated, ...]:
     if cause.scanned is not None:
-        return (Estimated(cause.scanned.name, cause.scanned.value, math.nan, cause.scanned.label),)
+        return (cause.scanned,)
     parameters = {p.name: p for p in cause.problem.parameters}
     estimates = []
     for name in cause.parameters:

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.common import Finding, Kind, split_level
-from estim.explanation.explaining import FOUND, Candidate, Estimated, Explanation
+from estim.explanation.candidates import Estimated
+from estim.explanation.explaining import FOUND, Candidate, Explanation
 from estim.fitting import chi2_p
 
 
