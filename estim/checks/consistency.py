@@ -202,7 +202,7 @@ def check_consistency(fit: Fit) -> Consistency:
         *(copy for group in problem.groups for copy in copies_of(fit, group, shared)),
         copies_of_priors(fit, shared),
     ]
-    rows = measurements(copies, shared.size)
+    rows = measurements(copies)
     tested = [name for name in (*names, PRIORS) if rows.moves[name].size]
     chi2, dof = rows.between((), tested)
     judged = _each_against_others(tested, rows)
@@ -246,16 +246,9 @@ def _apart(fit: Fit, shared: NDArray[np.int64], alone: Sequence[SharedEstimate])
     """
     if any(run.motion is None for run in fit.problem.runs):
         return None
-    means, sds = (
-        np.array([estimate.mean for estimate in alone]),
-        np.array([estimate.sd for estimate in alone]),
-    )
-    weights = np.where(
-        np.isfinite(means),
-        np.square(sds, where=np.isfinite(sds), out=np.full(sds.shape, np.inf)) ** -1.0,
-        0.0,
-    )
-    values = np.where(np.isfinite(means), means, 0.0)
+    means = np.array([estimate.mean for estimate in alone])
+    weights = np.square([estimate.sd for estimate in alone]) ** -1.0  # 0: undetermined
+    values = np.where(weights > 0.0, means, 0.0)
     total = np.maximum(weights.sum(axis=0), np.finfo(float).tiny)
     off = weights * np.square(values - np.sum(weights * values, axis=0) / total)
     excess = np.sum(off, axis=0) / np.maximum(np.sum(weights > 0.0, axis=0) - 1, 1)

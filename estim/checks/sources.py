@@ -169,14 +169,7 @@ def _beyond(alone: Quadratic, stated: FloatArray) -> Quadratic:
     `stated`.
     """
     information, score = alone
-    scale = np.sqrt(np.diag(information + stated))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    root = (
-        np.linalg.cholesky(
-            (information + stated) / np.outer(scale, scale) + ALONE * np.eye(score.size)
-        )
-        * scale[:, None]
-    )
+    root = _root(information + stated)
     turned = np.linalg.inv(root)
     shares, vectors = np.linalg.eigh(_symmetric(turned @ information @ turned.T))
     informative = shares > _LEAST_OF_MIXTURE
@@ -184,6 +177,14 @@ def _beyond(alone: Quadratic, stated: FloatArray) -> Quadratic:
     return rows.T @ (shares[informative, None] * rows), rows.T @ (
         vectors[:, informative].T @ turned @ score
     )
+
+
+def _root(matrix: FloatArray) -> FloatArray:
+    """L with L L^T = `matrix` (n, n), but for rounding in directions that nothing determines."""
+    scale = np.sqrt(np.diag(matrix))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    unit = matrix / np.outer(scale, scale) + ALONE * np.eye(len(matrix))
+    return np.asarray(np.linalg.cholesky(unit) * scale[:, None])
 
 
 def _own(fit: Fit, used: Collection[str], shared: NDArray[np.int64]) -> list[int]:
@@ -251,7 +252,7 @@ def each_without_one(quadratics: Sequence[Quadratic]) -> tuple[Quadratic, ...]:
     )
 
 
-def measurements(copies: Sequence[Copies], n_shared: int) -> Rows:
+def measurements(copies: Sequence[Copies]) -> Rows:
     """Quadratics as measurements with unit errors, in coordinates where all sources together have
     unit information.
 
@@ -260,12 +261,7 @@ def measurements(copies: Sequence[Copies], n_shared: int) -> Rows:
     freedom.
     """
     total = total_of([copy.together for copy in copies])[0]
-    scale = np.sqrt(np.diag(total))
-    root = (
-        np.linalg.cholesky(total / np.outer(scale, scale) + ALONE * np.eye(n_shared))
-        * scale[:, None]
-    )
-    turned = np.linalg.inv(root).T  # s = turned . coordinates
+    turned = np.asarray(np.linalg.inv(_root(total)).T, dtype=np.float64)  # s = turned . coordinates
     runs = [copy.together for copy in copies if copy.sources != (PRIORS,)]
     shares, vectors = np.linalg.eigh(_symmetric(turned.T @ total_of(runs)[0] @ turned))
     directions = vectors[:, shares > _LEAST_TOLD]
