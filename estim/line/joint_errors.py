@@ -15,8 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray, all_finite
+from estim.arrays import FloatArray
 from estim.common import InputError
+from estim.problem import check_covariance
 
 MOST_POINTS = 300  # each direction that is tried costs the cube of their number
 
@@ -70,34 +71,13 @@ def with_common(
 
 
 def check_joint(cov: FloatArray, n_obs: int) -> FloatArray:
-    """The matrix as floats of its own, read-only.  Raises InputError where it is no covariance
-    matrix of x and y.
-    """
-    matrix = np.array(cov, dtype=np.float64)
-    if matrix.shape != (2 * n_obs, 2 * n_obs):
+    """The matrix, read-only.  Raises InputError where it is no covariance matrix of x and y."""
+    if cov.shape != (2 * n_obs, 2 * n_obs):
         raise InputError(
             f"must have {2 * n_obs} rows and columns: those of all x, then of all y",
             field="cov",
-            value="×".join(map(str, matrix.shape)),
+            value="×".join(map(str, cov.shape)),
         )
     if n_obs > MOST_POINTS:
         raise InputError(f"allows at most {MOST_POINTS} points", field="cov", value=n_obs)
-    if not all_finite(matrix):
-        raise InputError("must be finite", field="cov")
-    variances = np.diag(matrix)
-    size = np.sqrt(np.outer(np.abs(variances), np.abs(variances)))
-    if not np.all(np.abs(matrix - matrix.T) <= 1e-9 * size + 1e-300):
-        raise InputError("must be symmetric", field="cov")
-    scale = np.where(variances > 0.0, np.sqrt(np.abs(variances)), 1.0)
-    if (
-        np.any(variances < 0.0)
-        or float(np.linalg.eigvalsh(matrix / np.outer(scale, scale)).min()) < -1e-9
-    ):
-        raise InputError(
-            "must have no negative variance in any direction (is it a matrix of "
-            "covariances, in the squares of units?)",
-            field="cov",
-        )
-    matrix = 0.5 * (matrix + matrix.T)
-    matrix.flags.writeable = False
-    return matrix
+    return check_covariance(cov, 2 * n_obs, field="cov", singular=True)

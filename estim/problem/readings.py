@@ -136,22 +136,32 @@ def _errors_of_x(sizes: FloatArray, unit: str) -> str:
     ).rstrip()
 
 
-def check_covariance(cov: ArrayLike, n_obs: int, *, field: str) -> FloatArray:
-    """`cov` as a read-only (n_obs, n_obs) array.
+def check_covariance(
+    cov: ArrayLike, n_obs: int, *, field: str, singular: bool = False
+) -> FloatArray:
+    """`cov` as a read-only (n_obs, n_obs) array.  singular : whether variances may be 0.
 
-    Raises InputError naming `field` where it has another shape, is not finite, symmetric or
-    positive definite.
+    Raises InputError naming `field` where it has another shape, is not finite or symmetric, or has
+    a negative variance in some direction.
     """
     matrix = real_numbers(cov, field)
     if matrix.shape != (n_obs, n_obs):
         raise InputError(f"must have the shape ({n_obs}, {n_obs})", field=field, value=matrix.shape)
     if not all_finite(matrix):
         raise InputError("must be finite", field=field)
-    if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0.0):
+    sds = np.sqrt(np.abs(np.diag(matrix)))
+    sds[sds == 0.0] = 1.0
+    unit = matrix / np.outer(sds, sds)
+    if not np.allclose(unit, unit.T, rtol=0.0, atol=1e-9):
         raise InputError("must be symmetric", field=field)
     matrix = 0.5 * (matrix + matrix.T)
-    sds = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    if not np.all(sds > 0.0) or not np.linalg.eigvalsh(matrix / np.outer(sds, sds))[0] > 1e-13:
-        raise InputError("must be positive definite (a covariance matrix)", field=field)
+    if not np.linalg.eigvalsh(unit)[0] > (-1e-9 if singular else 1e-13):
+        rule = (
+            "must have no negative variance in any direction (is it a matrix of covariances, in "
+            "the squares of units?)"
+            if singular
+            else "must be positive definite (a covariance matrix)"
+        )
+        raise InputError(rule, field=field)
     matrix.setflags(write=False)
     return matrix
