@@ -185,7 +185,7 @@ def test_letters_of_other_encodings_change_no_number(tmp_path: Path, encoding: s
     assert read(tmp_path / "a.csv", text, letters=encoding) == {"t": [0.1, 0.2], "y": [1.0, 2.0]}
     layout = read_layout(tmp_path / "a.csv", Dialect())
     assert layout.units == ("µs", "°C")
-    assert bool(layout.facts) == (encoding == "latin-1")
+    assert bool(layout.assumed) == (encoding == "latin-1")
 
 
 @pytest.mark.parametrize(

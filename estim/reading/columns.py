@@ -110,10 +110,14 @@ def _columns(layout: Layout, needed: Sequence[str], min_rows: int, complete: boo
         columns={},
         lines=at,
         warnings=(*layout.warnings, *_copied(copies, table)),
-        facts=(*layout.facts, *(_left_out(name, lines) for name, lines in left_out.items())),
+        facts=(
+            *layout.head,
+            *layout.assumed,
+            *(_left_out(name, lines) for name, lines in left_out.items()),
+        ),
         units={name: layout.units[place] for name, place in zip(needed, places, strict=True)},
         blank=tuple(sorted(line for lines in left_out.values() for line in lines)),
-        imported=layout.imported,
+        imported=bool(layout.head),
         assumed=layout.assumed,
         unread=tuple(
             name for name in numeric_columns(layout) if layout.names.index(name) not in places

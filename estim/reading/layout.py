@@ -7,7 +7,6 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from estim.common import InputError, in_its_file, is_unit, phrase
@@ -139,13 +138,11 @@ def read_layout(path: Path, dialect: Dialect = PLAIN, *, needed: Sequence[str] =
         tuple(units),
         rows,
         tuple(line[len(NOTE) :].strip() for _, line in lines if line.startswith(NOTE)),
-        (),
-        bool(head),
+        head,
         columns.start if source.delimiter or dialect.range else None,
         tuple(facts),
     )
-    layout = in_plain_numbers(layout)
-    return replace(layout, facts=(*head, *layout.assumed))
+    return in_plain_numbers(layout)
 
 
 def _footer(lines: Lines) -> tuple[Lines, Lines]:

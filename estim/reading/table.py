@@ -129,12 +129,10 @@ class Layout:
     names : of the columns.  header_line : where they stand, None where they are stated.
     units : of the columns, as the header says; "" where it says none.
     rows : from the first row of numbers on, comments taken out.
-    facts : what the head of an imported file says, and how the file was read, where that is not
-        plain.
-    imported : whether `estim import` made it.
+    head : what the head of a file that `estim import` made says; empty for other files.
     first_column : place of the first one among those of a spreadsheet, None where cells have no
         names of their own.
-    assumed : those of the facts that say how the table was read.
+    assumed : how the table was read, where that is not plain.
     """
 
     file: str
@@ -146,8 +144,7 @@ class Layout:
     units: tuple[str, ...]
     rows: list[Row]
     warnings: tuple[str, ...]
-    facts: tuple[str, ...]
-    imported: bool
+    head: tuple[str, ...] = ()
     first_column: int | None = None
     assumed: tuple[str, ...] = ()
 

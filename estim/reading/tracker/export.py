@@ -216,8 +216,6 @@ def _laid_out(file: str, digest: str, lines: Lines, wanted: str | None) -> tuple
         tuple(unit for _, unit in columns),
         rows,
         (),
-        (),
-        False,
     )
 
 
