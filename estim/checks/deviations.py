@@ -73,17 +73,10 @@ def unasked(fit: Fit) -> list[Finding]:
         and _FEWEST <= run.n_obs <= _MOST
     ]
     candidates = [(presence(run, fit.problem, fit.values), run.name) for run in runs]
-    return (
-        [
-            Finding(
-                Kind.DEVIATION_UNASKED,
-                run=max(candidates)[1] if len(fit.problem.runs) > 1 else "",
-                p=max(candidates)[0],
-            )
-        ]
-        if candidates
-        else []
-    )
+    if not candidates:
+        return []
+    p, name = max(candidates)
+    return [Finding(Kind.DEVIATION_UNASKED, run=name if len(fit.problem.runs) > 1 else "", p=p)]
 
 
 def wrong_curves(deviations: Iterable[FoundDeviation]) -> list[Finding]:

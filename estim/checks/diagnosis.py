@@ -119,8 +119,12 @@ def diagnose(
             *failed_tests(goodness, dof=fit.dof),
             *beyond_their_priors(fit.forces),
             *wrong_curves(fit.deviations),
-            *(_methods(comparison) if sampled else []),
-            *_consistency(consistency),
+            *(
+                [Finding(Kind.METHODS_DIFFER, parts=comparison.told)]
+                if sampled and comparison.verdict == "disagree"
+                else []
+            ),
+            *([] if consistency is None or consistency.agree else [consistency.finding]),
             stated_values(fit, conflict),
             *too_many_outliers(fit),
             *(finding for force in fit.forces for finding in too_many_bad_frames(force)),
@@ -150,17 +154,10 @@ def diagnose(
 
 
 def _convergence(fit: Fit, chain: Chain) -> list[Finding]:
-    unsettled = (
-        []
-        if fit.success
-        else [
-            Finding(
-                Kind.FIT_UNSETTLED,
-                size=fit.moved,
-                parameters=tuple(Amount(name) for name in (fit.mover,) if name),
-            )
-        ]
-    )
+    unsettled = []
+    if not fit.success:
+        mover = (Amount(fit.mover),) if fit.mover else ()
+        unsettled.append(Finding(Kind.FIT_UNSETTLED, size=fit.moved, parameters=mover))
     return unsettled + _held(fit, Kind.FIT_UNSETTLED) + sampling_findings(chain)
 
 
@@ -257,18 +254,6 @@ def _flat_directions(fit: Fit, identifiability: Identifiability) -> list[Finding
     if fit.singular and not findings:
         findings.append(Finding(Kind.SINGULAR))
     return findings
-
-
-def _methods(comparison: Agreement) -> list[Finding]:
-    return (
-        [Finding(Kind.METHODS_DIFFER, parts=comparison.told)]
-        if comparison.verdict == "disagree"
-        else []
-    )
-
-
-def _consistency(consistency: Consistency | None) -> list[Finding]:
-    return [] if consistency is None or consistency.agree else [consistency.finding]
 
 
 def failed_tests(goodness: Sequence[Goodness], *, dof: int) -> list[Finding]:

@@ -45,30 +45,16 @@ def noise_finding(found: FoundForce) -> Finding | None:
     """Where the readings scatter plainly otherwise than stated: far less, more, or more than there
     is room for; else None.
     """
+    run, runs, (low, middle, high) = found.run, {"runs": len(found.runs)}, found.noise
     if found.too_large > LIKELY:
-        return Finding(
-            Kind.NOISE_TOO_LARGE,
-            run=found.run,
-            p=found.too_large,
-            size=max(SCALES),
-            numbers={"runs": len(found.runs)},
-        )
+        kind = Kind.NOISE_TOO_LARGE
+        return Finding(kind, run=run, p=found.too_large, size=max(SCALES), numbers=runs)
     if found.larger > SURE:
-        low, middle, high = found.noise
-        return Finding(
-            Kind.NOISE_LARGER,
-            run=found.run,
-            p=found.larger,
-            size=middle,
-            numbers={"low": low, "high": high, "runs": len(found.runs)},
-        )
-    finding = Finding(
-        Kind.NOISE_CONSERVATIVE,
-        run=found.run,
-        size=found.noise[1],
-        numbers={"runs": len(found.runs)},
-    )
-    return finding if found.conservative else None
+        numbers = {"low": low, "high": high, **runs}
+        return Finding(Kind.NOISE_LARGER, run=run, p=found.larger, size=middle, numbers=numbers)
+    if found.conservative:
+        return Finding(Kind.NOISE_CONSERVATIVE, run=run, size=middle, numbers=runs)
+    return None
 
 
 def force_remarks(found: FoundForce) -> tuple[Finding, ...]:
