@@ -22,7 +22,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.calibration import Engine, posterior_draws
-from estim.campaign import Campaign, as_complete, quantity_of_key
+from estim.campaign import Campaign, quantity_of_key
 from estim.checks import check_goodness, check_stated_values, failed_tests, stated_values
 from estim.common import Finding, InputError, Stream, later, phrase, split_level, stream, wrong
 from estim.fitting import Fit, fit_problem
@@ -42,7 +42,7 @@ from estim.planning.halving import Halving, ways_to_halve
 from estim.planning.options import Option, sds_with, weigh
 from estim.planning.own_curve import Basis, CurveBasis
 from estim.planning.places import Along, more_readings, weigh_places
-from estim.planning.rolling import Outlook, rolling_basis
+from estim.planning.rolling import Outlook, posed, rolling_basis
 from estim.planning.suggestions import more_runs, planned_runs
 from estim.problem import Parameter, Problem, n_uses
 
@@ -103,9 +103,7 @@ def plan(
     wanted : names of parameters, at any level; none for those that [plan] names, or that the
         campaign leaves unknown.
     """
-    problem = campaign.problem(names)
-    if any(run.positions for run in problem.runs):
-        problem = as_complete(problem, "estim plan")
+    problem = posed(campaign, names)
     campaign.require_unknowns(problem)
     campaign.refuse_discrepancy("estim plan")
     targets = targets_of(campaign, problem, wanted)

@@ -79,27 +79,19 @@ class RollingBasis:
         }
         for new in wish.runs:
             run = measured[new.like].run
-            posed = replace(run, arguments=MappingProxyType(self._arguments(run, new)))
-            first = replace(measured[new.like], run=posed, table=tables[new.name])
+            run = replace(run, arguments=MappingProxyType(self._arguments(run, new)))
+            first = replace(measured[new.like], run=run, table=tables[new.name])
             tables[new.name], remark = first.first(self.ramp)
             remarks += [remark] if remark else []
         tables |= {name: run.again(wish) for name, run in measured.items()}
         campaign = with_tables(changed, tables)
-        problem = with_own_gamma(self._posed(campaign, tuple(like)), wish.runs)
+        problem = with_own_gamma(posed(campaign, tuple(like)), wish.runs)
         values = self._values(problem, wish.runs)
         sizes = {name: self.sizes[old] for name, old in like.items() if old in self.sizes}
         information = expected_information(problem, values, sizes)
         release = {name: self.release[old] for name, old in like.items() if old in self.release}
         told = tuple(dict.fromkeys(remarks))
         return Outlook(problem, values, information, campaign, release, told)
-
-    def _posed(self, campaign: Campaign, names: Sequence[str]) -> Problem:
-        problem = campaign.problem(names)
-        return (
-            as_complete(problem, "estim plan")
-            if any(run.positions for run in problem.runs)
-            else problem
-        )
 
     def _arguments(self, like: Observations, new: NewRun) -> dict[str, str | float]:
         return {**like.arguments, **{name: quantity.value for name, quantity in new.said.items()}}
@@ -119,6 +111,16 @@ class RollingBasis:
         return np.array(
             [fitted[p.name] if p.name in fitted else found[p.name] for p in problem.parameters]
         )
+
+
+def posed(campaign: Campaign, names: Sequence[str]) -> Problem:
+    """The problem of runs that a plan looks at; the curve of positions is taken as complete."""
+    problem = campaign.problem(names)
+    return (
+        as_complete(problem, "estim plan")
+        if any(run.positions for run in problem.runs)
+        else problem
+    )
 
 
 def rolling_basis(campaign: Campaign, names: Sequence[str], fit: Fit) -> RollingBasis:

@@ -19,7 +19,6 @@ from estim.arrays import FloatArray, Named
 from estim.campaign import Campaign
 from estim.common import QUANTILES, Finding, InputError
 from estim.curves import borders_of, farthest_stop, steepest_tilt, turning_contours
-from estim.problem import Observations
 from estim.studies.known_values import FittedValues, KnownValues, known_values
 from estim.studies.ramp_end import RampEnd, ramp_end_of
 from estim.studies.run_places import RunPlace, farthest_recorded, place_of
@@ -146,8 +145,9 @@ def _map_body(
     arguments = {run.name: known.arguments(run) for run in runs}
     first = arguments[names[0]]
     recorded = {
+        # in metres
         run.name: farthest_recorded(campaign, run)
-        * float(np.median(_metres(run, arguments[run.name])))
+        * float(np.median(np.asarray(run.body.metres(arguments[run.name]))))
         for run in runs
     }
     end = ramp_end_of(campaign.source, body, max(recorded.values()), asked=ramp_length)
@@ -183,11 +183,6 @@ def _map_body(
         left_out=known.beside(runs),
         known=known,
     )
-
-
-def _metres(run: Observations, arguments: Named) -> FloatArray:
-    """Metres that one unit of position is worth."""
-    return np.asarray(run.body.metres(arguments), dtype=float)
 
 
 def _first(arguments: Named, n_draw: int) -> dict[str, ArrayLike]:
