@@ -20,7 +20,14 @@ import sys
 import numpy as np
 from scipy import stats
 
-from estim.checks.goodness import P_POOR_FIT, _Compared, _growing, _pattern, _Repeated, _statistics
+from estim.checks.goodness import (
+    P_POOR_FIT,
+    _Compared,
+    _growing,
+    _pattern,
+    _share_of_means,
+    _statistics,
+)
 from estim.deviation.components import diagonalise
 from estim.deviation.generic import LONG, correlated_shapes, deviation_shapes, relative_grid
 from estim.deviation.grid import SPIKE
@@ -139,7 +146,7 @@ class Tests:
     ) -> None:
         self.basis = np.linalg.qr(jacobian)[0]
         self.compared = _Compared(
-            None, _growing(jacobian.sum(axis=1), x), _Repeated.of(x, np.ones(x.size))
+            None, _growing(jacobian.sum(axis=1), x), _share_of_means(x, np.ones(x.size))
         )
         self.null = {name: np.sort(values) for name, values in self.drawn(rng, n).items()}
 

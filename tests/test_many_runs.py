@@ -351,7 +351,7 @@ def test_simulated_residuals_of_each_run_are_those_of_all_runs_together(rng):
     )[0]
     n = 40_000
     none = np.zeros(X.size)
-    readings = goodness._Recorded.of([(none, none, none, none + 1.0)])
+    readings = goodness._recording([(none, none, none, none + 1.0)])
     draws = goodness._simulated(Linear(none, root), spread, readings, rng)(n)[0].T
     within = 5.0 * np.sqrt(2.0 / n)
     assert np.all(np.abs(np.cov(draws.T) - (np.eye(X.size) - taken)) < within)

@@ -52,7 +52,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estim.arrays import FloatArray, max_abs
 from estim.fitting import MANY, Fit, chi2_p, no_scatter, spreads_by_runs
@@ -217,10 +216,10 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
             _Tested(z, _compared(run, named, raw_and_sd[run.name][1]), run.stated, dof)
             for run, z in zip(group.runs, whitened, strict=True)
         ]
-        readings = _Recorded.of(
+        recorded_of = _recording(
             [(run.y, z, *raw_and_sd[run.name]) for run, z in zip(group.runs, whitened, strict=True)]
         )
-        simulate = _simulated(response, spread, readings, rng)
+        simulate = _simulated(response, spread, recorded_of, rng)
         checked = _checks(tested, simulate, max(1.0, n_run / MANY))
         for run, z, checks in zip(group.runs, whitened, checked, strict=True):
             judged[run.name] = _judged(fit, run, z, *raw_and_sd[run.name], checks, named)
@@ -247,55 +246,44 @@ def check_linear(
     """
     n_par = root.shape[1]
     (spread,) = spreads_by_runs([root], [np.arange(n_par)], np.zeros(n_par))
-    compared = _Compared(None, _growing(f, x), _Repeated.of(x, sd))
+    compared = _Compared(None, _growing(f, x), _share_of_means(x, sd))
     tested = _Tested(z, compared, stated, _dof(root))
-    readings = _Recorded.of([(y, z, y - f, sd)])
-    (checks,) = _checks([tested], _simulated(Linear(z, root), spread, readings, rng))
+    recorded_of = _recording([(y, z, y - f, sd)])
+    (checks,) = _checks([tested], _simulated(Linear(z, root), spread, recorded_of, rng))
     return Goodness("", z, z * sd, sd, checks, float("nan"), pattern=_pattern(z), curve=True)
 
 
-@dataclass(frozen=True, eq=False)
-class _Recorded:
-    """Readings y (n_obs,) of a group of runs as they were recorded: the y of a run are multiples of
-    its step away from each other.
+def _recording(
+    runs: Sequence[tuple[FloatArray, FloatArray, FloatArray, FloatArray]],
+) -> Callable[[FloatArray], FloatArray]:
+    """What is recorded of errors (n_obs, n) of n data sets, in units of sd: the y of a run are
+    multiples of its step away from each other.
 
     With few readings of few digits residuals often are as far from each other as they can be (three
     readings on a line and one beside it), which continuous errors never are.
 
-    f, sd, step : (n_obs,) of the curve, the errors and the records; step 0 where it does not count.
+    runs : y, whitened residuals z, y - f and sd, all (n_obs,), of each run of a group.
     """
+    # the residuals of more readings coincide more rarely than the tests reject
+    steps = [
+        np.full(
+            y.size,
+            _step(y) if y.size <= 12 and np.allclose(z * sd, raw, rtol=1e-6, atol=0.0) else 0.0,
+        )
+        for y, z, raw, sd in runs
+    ]
+    coarse = np.concatenate(steps) > 0.0
+    step = np.concatenate(steps)[coarse, None]
+    y, _, raw, sd = (np.concatenate(parts)[coarse, None] for parts in zip(*runs, strict=True))
 
-    y: FloatArray
-    f: FloatArray
-    sd: FloatArray
-    step: FloatArray
-
-    @classmethod
-    def of(cls, runs: Sequence[tuple[FloatArray, FloatArray, FloatArray, FloatArray]]) -> _Recorded:
-        """Of y, whitened residuals z, y - f and sd, all (n_obs,), of each run."""
-        # the residuals of more readings coincide more rarely than the tests reject
-        counts = [
-            n_obs <= 12 and bool(np.allclose(z * sd, raw, rtol=1e-6, atol=0.0))
-            for y, z, raw, sd in runs
-            for n_obs in [y.size]
-        ]
-        steps = [
-            np.full(y.size, _step(y) if counted else 0.0)
-            for (y, *_), counted in zip(runs, counts, strict=True)
-        ]
-        y, _, raw, sd = (np.concatenate(parts) for parts in zip(*runs, strict=True))
-        return cls(y, y - raw, sd, np.concatenate(steps))
-
-    def errors(self, errors: FloatArray) -> FloatArray:
-        """What is recorded of errors (n_obs, n) of n data sets, in units of sd."""
-        coarse = self.step > 0.0
-        if not np.any(coarse):
+    def recorded(errors: FloatArray) -> FloatArray:
+        if not y.size:
             return errors
-        y, f, sd, step = (v[coarse, None] for v in (self.y, self.f, self.sd, self.step))
-        steps = np.rint((f + sd * errors[coarse] - y) / step)
-        recorded = errors.copy()
-        recorded[coarse] = (y + step * steps - f) / sd
-        return recorded
+        rounded, f = errors.copy(), y - raw
+        rounded[coarse] = (y + step * np.rint((f + sd * errors[coarse] - y) / step) - f) / sd
+        return rounded
+
+    return recorded
 
 
 def _step(y: FloatArray) -> float:
@@ -312,7 +300,10 @@ def _step(y: FloatArray) -> float:
 
 
 def _simulated(
-    response: Whitened, spread: FloatArray, readings: _Recorded, rng: np.random.Generator
+    response: Whitened,
+    spread: FloatArray,
+    recorded_of: Callable[[FloatArray], FloatArray],
+    rng: np.random.Generator,
 ) -> Callable[[int], tuple[FloatArray, FloatArray]]:
     """What draws residuals (n_obs, n) of a group of runs in n data sets, exact and as recorded,
     given a root F of the covariance of the parameters that it uses.
@@ -326,7 +317,7 @@ def _simulated(
 
     def simulate(n: int) -> tuple[FloatArray, FloatArray]:
         errors = response.drawn(n, rng)
-        recorded = readings.errors(errors)
+        recorded = recorded_of(errors)
         others = by_others @ rng.standard_normal((by_others.shape[1], n))
 
         def fitted(errors: FloatArray) -> FloatArray:
@@ -503,39 +494,23 @@ def _checks(
     return checked
 
 
-@dataclass(frozen=True, eq=False)
-class _Repeated:
-    """Readings of the same x.
-
-    order : (n_obs,) that of x.
-    weights : (n_obs,) in that order, with squares of sum 1 at each x.  begins : (n_x,) where each x
-        begins there.
+def _share_of_means(x: FloatArray, sd: FloatArray) -> Callable[[FloatArray], FloatArray] | None:
+    """What gives of each row of z (n, n_obs) the part (n,) of chi2 that the means of the readings
+    at each x have; None where too few are repeated.
     """
+    order = np.argsort(x, kind="stable")
+    _, begins, counts = np.unique(x[order], return_index=True, return_counts=True)
+    if x.size - begins.size < _LEAST_REPEATED:
+        return None
+    precisions = 1.0 / np.square(sd[order])
+    # squares of sum 1 at each x
+    weights = np.sqrt(precisions / np.repeat(np.add.reduceat(precisions, begins), counts))
 
-    order: NDArray[np.int64]
-    weights: FloatArray
-    begins: NDArray[np.int64]
+    def share(z: FloatArray) -> FloatArray:
+        means = np.add.reduceat(z[:, order] * weights, begins, axis=1)
+        return np.asarray(np.sum(means**2, axis=1))
 
-    @classmethod
-    def of(cls, x: FloatArray, sd: FloatArray) -> _Repeated | None:
-        order = np.argsort(x, kind="stable")
-        _, begins, counts = np.unique(x[order], return_index=True, return_counts=True)
-        if x.size - begins.size < _LEAST_REPEATED:
-            return None
-        precisions = 1.0 / np.square(sd[order])
-        return cls(
-            order,
-            np.sqrt(precisions / np.repeat(np.add.reduceat(precisions, begins), counts)),
-            begins,
-        )
-
-    def share(self, z: FloatArray) -> FloatArray:
-        """(n,) share of chi2 of each row of z (n, n_obs) that the means at each x have."""
-        return np.asarray(
-            np.sum(
-                np.add.reduceat(z[:, self.order] * self.weights, self.begins, axis=1) ** 2, axis=1
-            )
-        )
+    return share
 
 
 @dataclass(frozen=True, eq=False)
@@ -546,7 +521,7 @@ class _Compared:
 
     speeds: FloatArray | None
     growing: FloatArray | None
-    repeated: _Repeated | None
+    repeated: Callable[[FloatArray], FloatArray] | None
 
 
 def _compared(run: Observations, named: Mapping[str, FloatArray], sd: FloatArray) -> _Compared:
@@ -562,7 +537,7 @@ def _compared(run: Observations, named: Mapping[str, FloatArray], sd: FloatArray
         # what makes up for a bump is not the same everywhere
         local = run.lacks is not None and run.lacks.deviation > 0.0
         return _Compared(
-            None, None if local else _growing(values[0], run.x), _Repeated.of(run.x, sd)
+            None, None if local else _growing(values[0], run.x), _share_of_means(run.x, sd)
         )
     square = np.square(values)
     return _Compared(square / np.mean(square) - 1.0 if np.ptp(square) > 0.0 else None, None, None)
@@ -594,7 +569,7 @@ def _statistics(z: FloatArray, compared: _Compared) -> dict[str, FloatArray]:
     if compared.growing is not None:
         statistics["uneven"] = np.max(np.abs(sizes @ compared.growing.T), axis=1) / total
     if compared.repeated is not None:
-        statistics["repeated"] = compared.repeated.share(z) / size
+        statistics["repeated"] = compared.repeated(z) / size
     if compared.speeds is not None:
         held = np.minimum(sizes, _BEYOND * np.median(sizes, axis=1, keepdims=True))
         whole = np.sum(held, axis=1)
