@@ -26,7 +26,7 @@ from estim.campaign.name_rules import check_body_names, check_run_names
 from estim.campaign.part_table import AnyPart
 from estim.campaign.plan_table import PlanTable, check_plan
 from estim.campaign.prior_table import Finite, Positive, Stated
-from estim.campaign.trial_table import Degrees, TrialsTable
+from estim.campaign.trial_table import Degrees, OfReading, TrialsTable
 from estim.common import EXTREME, InputError, extreme, phrase
 from estim.reading import (
     TOML_BYTES,
@@ -140,8 +140,8 @@ class RunTable(LevelTable, frozen=True, kw_only=True):
 class LineTable(KeyTable, frozen=True, kw_only=True):
     file: str
     body: str
-    u_phi_deg: float | None = None
-    u_theta_min_deg: float | None = None
+    u_phi_deg: OfReading | None = None
+    u_theta_min_deg: OfReading | None = None
     u_zero_phi_deg: Degrees = 0.0
     u_zero_theta_min_deg: Degrees = 0.0
 

@@ -11,6 +11,8 @@ from msgspec import Meta
 from estim.campaign.key_table import KeyTable
 
 Degrees = Annotated[float, Meta(ge=0.0, lt=45.0)]  # an uncertainty of an angle
+# the same of each reading: no protractor is better, and the error of a sine would be lost
+OfReading = Annotated[float, Meta(ge=1e-4, lt=45.0)]
 
 
 class TrialsTable(KeyTable, frozen=True, kw_only=True):

@@ -129,6 +129,4 @@ def _uncertainty(source: CampaignFile, table: Table, name: str, common: float | 
         raise source.error(
             f"is missing: say it here or as a column of {table.file}", ("line", name)
         )
-    if not _LEAST <= common < 45.0:
-        raise source.error(f"must lie between {_LEAST:g} and 45", ("line", name), value=common)
     return np.full(table.lines.size, common)
