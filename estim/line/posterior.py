@@ -177,8 +177,8 @@ def _posed(data: LineData, priors: Mapping[str, Prior], *, through_origin: bool)
     # the points and their mirror images: the best line of both goes through the origin
     signs = (1.0, -1.0) if through_origin else (1.0,)
     fit = fit_line(
-        np.concatenate([sign * data.x for sign in signs]),
-        np.concatenate([sign * data.y for sign in signs]),
+        np.outer(signs, data.x).ravel(),
+        np.outer(signs, data.y).ravel(),
         u_x=None if data.method == "ols" else np.tile(data.u_x, len(signs)),
         u_y=None if data.method == "ols" else np.tile(data.u_y, len(signs)),
         r_xy=np.tile(data.r_xy, len(signs)),
