@@ -3,7 +3,7 @@ against its predictions; prints a Markdown table.
 
     python benchmarks/plan_predictions.py [--campaign data/replica/campaign.toml] [--runs
     heavy-02,heavy-04] [--for kappa] [--trials 200]
-        [--wishes phi,gamma,...] [--seed 1]
+        [--changes phi,gamma,...] [--seed 1]
 
 The truth of every trial is the fit of the real data; every trial draws anew what was stated (the
 centres of the priors) and all readings, and is fit with free start and unmodelled force as by
@@ -33,7 +33,7 @@ from estim.campaign import Campaign, NewRun, load_campaign, with_own_gamma, with
 from estim.common import NumericalError, Quantity
 from estim.fitting import Fit, fit_least_squares, fit_problem
 from estim.fitting.forces import fit_with_forces
-from estim.planning.changes import BETTER, MORE, OTHERWISE, Readings, Wish, measured_better
+from estim.planning.changes import BETTER, MORE, OTHERWISE, Change, Readings, measured_better
 from estim.planning.options import sds_with
 from estim.planning.own_curve import CurveBasis
 from estim.planning.planning import targets_of
@@ -60,7 +60,7 @@ class Achieved:
 
 
 def with_stated(parameters: Sequence[Parameter], u: dict[str, float]) -> tuple[Parameter, ...]:
-    """The parameters with priors as narrow as a wish has them."""
+    """The parameters with priors as narrow as a change has them."""
     changed = []
     for p in parameters:
         prior = p.prior
@@ -74,9 +74,9 @@ def with_stated(parameters: Sequence[Parameter], u: dict[str, float]) -> tuple[P
     return tuple(changed)
 
 
-def simulated(there: Outlook, wish: Wish, rng: np.random.Generator) -> tuple[Campaign, Problem]:
-    """One experiment as the wish has it: other readings, and other values of what is stated."""
-    known = with_stated(there.problem.parameters, dict(wish.u))
+def simulated(there: Outlook, change: Change, rng: np.random.Generator) -> tuple[Campaign, Problem]:
+    """One experiment as the change has it: other readings, and other values of what is stated."""
+    known = with_stated(there.problem.parameters, dict(change.u))
     parameters = measured_anew(replace(there.problem, parameters=known), there.values, rng)
     if all(run.motion is None for run in there.problem.runs):
         problem = PointDesign(there.problem).simulate(there.values, parameters, rng)
@@ -90,7 +90,7 @@ def simulated(there: Outlook, wish: Wish, rng: np.random.Generator) -> tuple[Cam
         assert table is not None
         tables[run.name] = table
     campaign = with_tables(there.campaign, MappingProxyType(tables))
-    posed = with_own_gamma(campaign.problem(names), wish.runs)
+    posed = with_own_gamma(campaign.problem(names), change.runs)
     assert posed.names == tuple(p.name for p in parameters)
     return campaign, replace(posed, parameters=parameters)
 
@@ -109,21 +109,21 @@ def rms(rows: list[FloatArray]) -> FloatArray:
 
 def achieved(
     basis: RollingBasis | CurveBasis,
-    wish: Wish,
+    change: Change,
     targets: Sequence[Parameter],
     *,
     trials: int,
     seed: int,
     ess: float = 400.0,
 ) -> Achieved:
-    """Trials of what a wish proposes."""
-    there = basis.outlook(wish)
-    predicted = sds_with(there, wish.u, targets)
+    """Trials of what a change proposes."""
+    there = basis.outlook(change)
+    predicted = sds_with(there, change.u, targets)
     columns = [there.problem.names.index(p.name) for p in targets]
     sds, off, failed = [], [], 0
     for trial in range(trials):
         rng = np.random.default_rng([seed, trial])
-        _, problem = simulated(there, wish, rng)
+        _, problem = simulated(there, change, rng)
         try:
             draws, _, _ = posterior_draws(
                 fitted(problem, there.values, rng), Engine(ess=ess, n_round=500), rng
@@ -135,25 +135,26 @@ def achieved(
         off.append(np.mean(draws[:, columns], axis=0) - there.values[columns])
         if len(sds) % 20 == 0:
             print(
-                f"  {wish.words}, {len(sds)}: {rms(sds) / predicted} {rms(off) / predicted}",
+                f"  {change.words}, {len(sds)}: {rms(sds) / predicted} {rms(off) / predicted}",
                 file=sys.stderr,
                 flush=True,
             )
     return Achieved(predicted, rms(sds) / predicted, rms(off) / predicted, len(sds), failed)
 
 
-def wishes_of(basis: RollingBasis | CurveBasis) -> dict[str, Wish]:
+def changes_of(basis: RollingBasis | CurveBasis) -> dict[str, Change]:
     """What is tried, by a short name."""
-    found = {"as is": Wish("as things are", OTHERWISE)}
+    found = {"as is": Change("as things are", OTHERWISE)}
     found |= {
-        next(iter(wish.u)).partition("[")[0]: wish for wish in measured_better(basis.fit.problem)
+        next(iter(change.u)).partition("[")[0]: change
+        for change in measured_better(basis.fit.problem)
     }
-    found |= {"frames": Wish("twice as many frames or readings", OTHERWISE, frames=2.0)}
-    found |= {"error": Wish("half the error of a reading", OTHERWISE, error=0.5)}
+    found |= {"frames": Change("twice as many frames or readings", OTHERWISE, frames=2.0)}
+    found |= {"error": Change("half the error of a reading", OTHERWISE, error=0.5)}
     if isinstance(basis, CurveBasis):
         run = basis.fit.problem.runs[0]
         return found | {
-            "reading": Wish(
+            "reading": Change(
                 "ten readings more",
                 MORE,
                 readings=(Readings(run.name, float(np.quantile(run.x, 0.2)), 10),),
@@ -165,9 +166,9 @@ def wishes_of(basis: RollingBasis | CurveBasis) -> dict[str, Wish]:
         "phi": Quantity(float(np.radians(8.0)), u),
         "theta0": Quantity(float(np.radians(75.0)), float(np.radians(1.5))),
     }
-    found["run"] = Wish("a run at 8°, 75°", MORE, runs=(NewRun(name, like, steep),))
+    found["run"] = Change("a run at 8°, 75°", MORE, runs=(NewRun(name, like, steep),))
     heavier = {"gamma": Quantity(0.28, 0.01), "phi": Quantity(0.105, u)}
-    found["heavier"] = Wish(
+    found["heavier"] = Change(
         "the disk with γ = 0.28(1), at 6°", MORE, runs=(NewRun(name, like, heavier),)
     )
     found["together"] = replace(
@@ -190,7 +191,7 @@ def main() -> None:
     )
     parser.add_argument("--runs", default="heavy-02,heavy-04")
     parser.add_argument("--for", dest="wanted", default="kappa")
-    parser.add_argument("--wishes", default="as is,phi,gamma,frames,error,run,heavier,together")
+    parser.add_argument("--changes", default="as is,phi,gamma,frames,error,run,heavier,together")
     parser.add_argument("--trials", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     chosen = parser.parse_args()
@@ -209,14 +210,14 @@ def main() -> None:
         "| what is measured | quantity | predicted u | sd | scatter | trials "
         "|\n|---|---|---|---|---|---|"
     )
-    for name, wish in wishes_of(basis).items():
-        if name in chosen.wishes.split(","):
+    for name, change in changes_of(basis).items():
+        if name in chosen.changes.split(","):
             start = time.process_time()
-            a = achieved(basis, wish, targets, trials=chosen.trials, seed=chosen.seed)
+            a = achieved(basis, change, targets, trials=chosen.trials, seed=chosen.seed)
             mc = 1.0 / np.sqrt(2.0 * a.n)
             for target, u, sd, scatter in zip(targets, a.predicted, a.sd, a.scatter, strict=True):
                 print(
-                    f"| {wish.words} | {target.name} | {u:.3g} | {sd:.3f} | {scatter:.3f} ± "
+                    f"| {change.words} | {target.name} | {u:.3g} | {sd:.3f} | {scatter:.3f} ± "
                     f"{mc * scatter:.3f} | {a.n} |",
                     flush=True,
                 )

@@ -18,7 +18,7 @@ from estim.cli.commands import cli
 from estim.common import InputError, Quantity
 from estim.deviation import force_sizes
 from estim.fitting import expected_information, fit_problem, information
-from estim.planning.changes import MORE, OTHERWISE, Readings, Wish, measured_better
+from estim.planning.changes import MORE, OTHERWISE, Change, Readings, measured_better
 from estim.planning.halving import ways_to_halve
 from estim.planning.options import sds_with, weigh
 from estim.planning.own_curve import CurveBasis
@@ -29,7 +29,7 @@ from estim.reports.plan import plan_answers, plan_status, shown_options, value_a
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
-NOTHING = Wish("as things are", OTHERWISE)
+NOTHING = Change("as things are", OTHERWISE)
 PAIR = ("heavy-02", "heavy-04")
 LINE = """title = "A line"
 kind = "synthetic"
@@ -143,7 +143,7 @@ def test_a_run_is_repeated_as_if_it_were_independent(pair: RollingBasis) -> None
     """
     fit = pair.fit
     runs = tuple(NewRun(f"again-{i}", "heavy-04", {}) for i in range(3))
-    there = pair.outlook(Wish("", MORE, runs=runs))
+    there = pair.outlook(Change("", MORE, runs=runs))
     names = [
         name
         for name in there.problem.names
@@ -153,7 +153,7 @@ def test_a_run_is_repeated_as_if_it_were_independent(pair: RollingBasis) -> None
     (kappa,) = targets_of(pair.campaign, fit.problem, ["kappa"])
     unforced = RollingBasis(pair.campaign, ("heavy-04",), _alone(pair), pair.release, {}, pair.ramp)
     known |= {"rolling_resistance": 1e-9}
-    one, four = unforced.outlook(NOTHING), unforced.outlook(Wish("", MORE, runs=runs))
+    one, four = unforced.outlook(NOTHING), unforced.outlook(Change("", MORE, runs=runs))
     here, more = (
         {name: u for name, u in known.items() if name in look.problem.names} for look in (one, four)
     )
@@ -171,19 +171,19 @@ def test_more_of_everything_never_harms_and_better_is_better(pair: RollingBasis)
     targets = targets_of(pair.campaign, pair.fit.problem, ["kappa", "gamma"])
     here = pair.outlook(NOTHING)
     now = sds_with(here, {}, targets)
-    for wish in (
-        Wish("", OTHERWISE, frames=2.0),
-        Wish("", OTHERWISE, error=0.5),
+    for change in (
+        Change("", OTHERWISE, frames=2.0),
+        Change("", OTHERWISE, error=0.5),
         *measured_better(here.problem),
     ):
-        assert np.all(weigh(pair, here, wish, targets, now).ratio <= 1.0 + 1e-3)
-    worse = weigh(pair, here, Wish("", OTHERWISE, error=3.0), targets, now)
+        assert np.all(weigh(pair, here, change, targets, now).ratio <= 1.0 + 1e-3)
+    worse = weigh(pair, here, Change("", OTHERWISE, error=3.0), targets, now)
     assert np.all(worse.ratio > 1.01)
 
 
 def test_another_particle_on_the_same_disk_shares_its_kappa(pair: RollingBasis) -> None:
     said = {"gamma": Quantity(0.28, 0.01), "phi": Quantity(0.1, 0.007)}
-    there = pair.outlook(Wish("", MORE, runs=(NewRun("new", "heavy-04", said),)))
+    there = pair.outlook(Change("", MORE, runs=(NewRun("new", "heavy-04", said),)))
     run = next(run for run in there.problem.runs if run.name == "new")
     assert run.arguments["kappa"] == "kappa[heavy]"
     assert run.arguments["gamma"] == "gamma[new]"
@@ -205,7 +205,7 @@ def test_a_run_that_cannot_be_measured_is_said_and_not_ranked(
     option = weigh(
         pair,
         pair.outlook(NOTHING),
-        Wish("", MORE, runs=(NewRun("new", "heavy-04", said),)),
+        Change("", MORE, runs=(NewRun("new", "heavy-04", said),)),
         [kappa],
         np.array([1.0]),
     )
@@ -226,13 +226,18 @@ def test_readings_of_a_line_do_what_the_closed_form_says(tmp_path: Path) -> None
         return float(u / np.sqrt(np.sum((x - x.mean()) ** 2)))
 
     x = np.arange(10.0)
-    for wish, expected in (
+    for change, expected in (
         (NOTHING, closed(x)),
-        (Wish("", MORE, readings=(Readings("line", 12.0, 3),)), closed(np.r_[x, 12.0, 12.0, 12.0])),
-        (Wish("", OTHERWISE, frames=2.0), closed(np.repeat(x, 2))),
-        (Wish("", OTHERWISE, error=0.5), closed(x, 0.05)),
+        (
+            Change("", MORE, readings=(Readings("line", 12.0, 3),)),
+            closed(np.r_[x, 12.0, 12.0, 12.0]),
+        ),
+        (Change("", OTHERWISE, frames=2.0), closed(np.repeat(x, 2))),
+        (Change("", OTHERWISE, error=0.5), closed(x, 0.05)),
     ):
-        assert sds_with(basis.outlook(wish), wish.u, [b])[0] == pytest.approx(expected, rel=1e-6)
+        assert sds_with(basis.outlook(change), change.u, [b])[0] == pytest.approx(
+            expected, rel=1e-6
+        )
 
 
 def test_the_best_place_for_the_slope_of_a_line_is_its_far_end(tmp_path: Path) -> None:
@@ -336,9 +341,9 @@ def test_a_change_of_the_readings_is_weighed_once_for_all_targets(
     here, targets = basis.outlook(NOTHING), fit.problem.parameters
     now, plain = sds_with(here, {}, targets), CurveBasis.outlook
 
-    def counted(self: CurveBasis, wish: Wish) -> object:
-        asked.append((wish.frames, wish.error))
-        return plain(self, wish)
+    def counted(self: CurveBasis, change: Change) -> object:
+        asked.append((change.frames, change.error))
+        return plain(self, change)
 
     monkeypatch.setattr(CurveBasis, "outlook", counted)
     both = ways_to_halve(basis, here, targets, now, [])
@@ -429,10 +434,10 @@ def test_of_the_runs_that_are_tried_the_best_of_each_kind_are_shown(pair: Rollin
     (kappa,) = targets_of(pair.campaign, pair.fit.problem, ["kappa"])
     here = pair.outlook(NOTHING)
     now = sds_with(here, {}, [kappa])
-    wishes = more_runs(pair.campaign, pair.fit)
-    tilts = {wish.runs[0].said["phi"].value for wish in wishes if "phi" in wish.runs[0].said}
+    changes = more_runs(pair.campaign, pair.fit)
+    tilts = {change.runs[0].said["phi"].value for change in changes if "phi" in change.runs[0].said}
     assert len(tilts) > 2
-    weighed = [weigh(pair, here, wish, [kappa], now) for wish in wishes[:8]]
+    weighed = [weigh(pair, here, change, [kappa], now) for change in changes[:8]]
     options = sorted(
         (option for option in weighed if not option.reason), key=lambda option: option.score
     )
@@ -450,17 +455,17 @@ def test_what_is_foreseen_is_achieved(pair: RollingBasis, what: str) -> None:
     """Scatter of 16 posterior means and their standard deviations over the predicted one (200:
     docs/planning.md).
     """
-    from plan_predictions import achieved, wishes_of
+    from plan_predictions import achieved, changes_of
 
     targets, trials = targets_of(pair.campaign, pair.fit.problem, ["kappa"]), 16
-    wish = wishes_of(pair)[what]
-    found = achieved(pair, wish, targets, trials=trials, seed=3)
+    change = changes_of(pair)[what]
+    found = achieved(pair, change, targets, trials=trials, seed=3)
     assert found.failed == 0
     assert found.sd[0] == pytest.approx(1.0, abs=0.1)
     assert abs(found.scatter[0] - 1.0) < 3.0 / np.sqrt(2.0 * trials)
     # a plan that takes the masses as exact is found out
     wrong = (
-        sds_with(pair.outlook(wish), dict(wish.u) | {"gamma[heavy]": 1e-6}, targets)
+        sds_with(pair.outlook(change), dict(change.u) | {"gamma[heavy]": 1e-6}, targets)
         / found.predicted
     )
     assert found.sd[0] / wrong[0] > 1.3

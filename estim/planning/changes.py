@@ -29,7 +29,7 @@ class Readings:
 
 
 @dataclass(frozen=True, eq=False)
-class Wish:
+class Change:
     """Something that might be measured; all of it together where several things are said.
 
     words : what it is, for a reader.
@@ -62,7 +62,7 @@ def by_quantity(parameters: Iterable[Parameter]) -> dict[str, tuple[Parameter, .
     return {name: tuple(every) for name, every in found.items()}
 
 
-def measured_better(problem: Problem, *, factor: float = 0.5) -> tuple[Wish, ...]:
+def measured_better(problem: Problem, *, factor: float = 0.5) -> tuple[Change, ...]:
     """For each quantity of the curves that was measured: `factor` times its stated uncertainty,
     wherever it stands.
     """
@@ -72,7 +72,7 @@ def measured_better(problem: Problem, *, factor: float = 0.5) -> tuple[Wish, ...
         if p.prior.measured and p.name not in problem.noise_names and n_uses(p.name, problem.runs)
     ]
     return tuple(
-        Wish(
+        Change(
             better_words(every, {p.name: factor * p.prior.sd for p in every}),
             BETTER,
             u={p.name: factor * p.prior.sd for p in every},
@@ -105,17 +105,22 @@ def _range(numbers: Sequence[str]) -> str:
     )
 
 
-def measured_otherwise(*, moving: bool) -> tuple[Wish, ...]:
+def measured_otherwise(*, moving: bool) -> tuple[Change, ...]:
     """Of every run: more frames, smaller errors, and (of a moving body) a longer way."""
-    half = Wish(phrase("half the error of a reading"), OTHERWISE, error=0.5)
+    half = Change(phrase("half the error of a reading"), OTHERWISE, error=0.5)
     if not moving:
         twice, fourfold = phrase("twice as many readings"), phrase("four times as many readings")
-        return Wish(twice, OTHERWISE, frames=2.0), Wish(fourfold, OTHERWISE, frames=4.0), half
+        return Change(twice, OTHERWISE, frames=2.0), Change(fourfold, OTHERWISE, frames=4.0), half
     twice, fourfold = phrase("twice the frame rate"), phrase("four times the frame rate")
-    farther = Wish(
+    farther = Change(
         phrase("1.5 times the path length, where the body reaches that far"), OTHERWISE, reach=1.5
     )
-    return Wish(twice, OTHERWISE, frames=2.0), Wish(fourfold, OTHERWISE, frames=4.0), half, farther
+    return (
+        Change(twice, OTHERWISE, frames=2.0),
+        Change(fourfold, OTHERWISE, frames=4.0),
+        half,
+        farther,
+    )
 
 
 def which_place(x: float, run: str) -> str:

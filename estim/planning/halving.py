@@ -10,7 +10,14 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import phrase
-from estim.planning.changes import MORE, OTHERWISE, Wish, better_words, by_quantity, measured_better
+from estim.planning.changes import (
+    MORE,
+    OTHERWISE,
+    Change,
+    better_words,
+    by_quantity,
+    measured_better,
+)
 from estim.planning.options import Option, sds_with, weigh
 from estim.planning.own_curve import Basis
 from estim.planning.rolling import Outlook
@@ -58,22 +65,24 @@ def ways_to_halve(
 
     @cache
     def of_readings(frames: float, error: float) -> Option:
-        wish = Wish("", OTHERWISE, frames=frames, error=error)
-        return weigh(basis, here, wish, targets, now)
+        change = Change("", OTHERWISE, frames=frames, error=error)
+        return weigh(basis, here, change, targets, now)
 
     found = []
     for k, target in enumerate(targets):
         sd = float(now[k])
         ways = [
-            _better(here, wish, target, sd) for wish in measured_better(here.problem, factor=1.0)
+            _better(here, change, target, sd)
+            for change in measured_better(here.problem, factor=1.0)
         ]
         ways += _steps(of_readings, here, k)
         more = [
             option
             for option in options
-            if option.wish.group == MORE and (len(option.wish.runs) == 1 or option.wish.readings)
+            if option.change.group == MORE
+            and (len(option.change.runs) == 1 or option.change.readings)
         ]
-        more = [option for option in more if option.wish.runs or not option.wish.own] or more
+        more = [option for option in more if option.change.runs or not option.change.own] or more
         if more:
             ways.append(
                 _many(basis, here, min(more, key=lambda option: option.ratio[k]), target, sd)
@@ -84,13 +93,13 @@ def ways_to_halve(
     return tuple(found)
 
 
-def _better(here: Outlook, wish: Wish, target: Parameter, now: float) -> Way:
+def _better(here: Outlook, change: Change, target: Parameter, now: float) -> Way:
     """A stated quantity as well known as it takes, or as it can be."""
-    parameters = [p for p in here.problem.parameters if p.name in wish.u]
+    parameters = [p for p in here.problem.parameters if p.name in change.u]
 
     def ratio(factor: float) -> float:
         return (
-            float(sds_with(here, {name: factor * u for name, u in wish.u.items()}, [target])[0])
+            float(sds_with(here, {name: factor * u for name, u in change.u.items()}, [target])[0])
             / now
         )
 
@@ -103,7 +112,7 @@ def _better(here: Outlook, wish: Wish, target: Parameter, now: float) -> Way:
     for _ in range(40):
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if ratio(middle) <= _HALF else (low, middle)
-    rounded = {name: float(f"{low * u:.2g}") for name, u in wish.u.items()}
+    rounded = {name: float(f"{low * u:.2g}") for name, u in change.u.items()}
     return Way(better_words(parameters, rounded), _HALF)
 
 
@@ -127,7 +136,7 @@ def _steps(of_readings: Callable[[float, float], Option], here: Outlook, k: int)
 
 def _many(basis: Basis, here: Outlook, best: Option, target: Parameter, now: float) -> Way:
     def of(n: int) -> tuple[str, float]:
-        several = again(best.wish, n)
+        several = again(best.change, n)
         option = weigh(basis, here, several, [target], np.array([now]))
         return several.words, float("inf") if option.reason else float(option.ratio[0])
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase
-from estim.planning.changes import Wish
+from estim.planning.changes import Change
 from estim.planning.own_curve import Basis
 from estim.planning.rolling import Outlook
 from estim.problem import Parameter
@@ -17,7 +17,7 @@ from estim.problem import Parameter
 
 @dataclass(frozen=True, eq=False)
 class Option:
-    """A wish and what comes of it.
+    """A change and what comes of it.
 
     u : (n_target,) expected standard deviations; empty where it cannot be measured, and `reason`
         says why.
@@ -25,7 +25,7 @@ class Option:
     remarks : what is worth saying of it.
     """
 
-    wish: Wish
+    change: Change
     u: FloatArray
     ratio: FloatArray
     reason: str = ""
@@ -38,23 +38,27 @@ class Option:
 
 
 def weigh(
-    basis: Basis, here: Outlook, wish: Wish, targets: Sequence[Parameter], now: FloatArray
+    basis: Basis, here: Outlook, change: Change, targets: Sequence[Parameter], now: FloatArray
 ) -> Option:
-    """What the wish would do beside `here`, the campaign as it is, with standard deviations `now`
+    """What the change would do beside `here`, the campaign as it is, with standard deviations `now`
     (n_target,).
     """
-    stays = wish.frames == wish.error == wish.reach == 1.0 and not wish.runs and not wish.readings
+    stays = (
+        change.frames == change.error == change.reach == 1.0
+        and not change.runs
+        and not change.readings
+    )
     try:
-        there = here if stays else basis.outlook(wish)
-        u = sds_with(there, wish.u, targets)
+        there = here if stays else basis.outlook(change)
+        u = sds_with(there, change.u, targets)
     except InputError as error:
         return Option(
-            wish,
+            change,
             np.array([]),
             np.array([]),
             phrase(error.rule) if not error.value else f"{error.field}: {phrase(error.rule)}",
         )
-    return Option(wish, u, u / now, remarks=there.remarks)
+    return Option(change, u, u / now, remarks=there.remarks)
 
 
 def sds_with(there: Outlook, u: Mapping[str, float], targets: Sequence[Parameter]) -> FloatArray:

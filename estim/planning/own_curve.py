@@ -15,7 +15,7 @@ from estim.calibration import curve_at
 from estim.campaign import Campaign, axis_columns, with_tables
 from estim.common import InputError, later
 from estim.fitting import Fit, expected_information
-from estim.planning.changes import Wish
+from estim.planning.changes import Change
 from estim.planning.rolling import Outlook, RollingBasis
 from estim.problem import Observations, Problem, Scale
 
@@ -28,8 +28,8 @@ class CurveBasis:
     names: tuple[str, ...]
     fit: Fit
 
-    def outlook(self, wish: Wish) -> Outlook:
-        """What the readings would say if the wish came true, its `u` left aside.  Raises InputError
+    def outlook(self, change: Change) -> Outlook:
+        """What the readings would say with the change made, its `u` left aside.  Raises InputError
         where that cannot be measured.
         """
         x_column, y_column = axis_columns(self.campaign)
@@ -37,9 +37,9 @@ class CurveBasis:
         for run in self.fit.problem.runs:
             table = tables[run.name]
             at = table.columns[x_column]
-            new = [one.x for one in wish.readings if one.run == run.name for _ in range(one.n)]
+            new = [one.x for one in change.readings if one.run == run.name for _ in range(one.n)]
             near = [int(np.argmin(np.abs(at - x))) for x in new]
-            rows = np.append(_every_so_often(at, wish.frames), near).astype(int)
+            rows = np.append(_every_so_often(at, change.frames), near).astype(int)
             x = at[rows].copy()
             x[rows.size - len(new) :] = new
             columns = {name: column[rows].copy() for name, column in table.columns.items()}
@@ -49,16 +49,16 @@ class CurveBasis:
             tables[run.name] = table.with_columns(arranged, lines=np.arange(order.size))
         campaign = with_tables(self.campaign, tables)
         problem = campaign.problem(self.names)
-        self._require_places(problem, wish)
-        problem, values = _errors_times(problem, self._values(problem), wish.error)
+        self._require_places(problem, change)
+        problem, values = _errors_times(problem, self._values(problem), change.error)
         return Outlook(problem, values, expected_information(problem, values, {}), campaign, {})
 
     def _values(self, problem: Problem) -> FloatArray:
         fitted = dict(zip(self.fit.names, self.fit.values, strict=True))
         return np.array([fitted[name] for name in problem.names])
 
-    def _require_places(self, problem: Problem, wish: Wish) -> None:
-        for one in wish.readings:
+    def _require_places(self, problem: Problem, change: Change) -> None:
+        for one in change.readings:
             run = next(run for run in problem.runs if run.name == one.run)
             if not np.any(run.x == one.x):
                 raise InputError(

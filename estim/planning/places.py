@@ -9,7 +9,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase
-from estim.planning.changes import MORE, Readings, Wish, further_readings, which_place
+from estim.planning.changes import MORE, Change, Readings, further_readings, which_place
 from estim.planning.options import sds_of
 from estim.planning.own_curve import CurveBasis
 from estim.planning.rolling import Outlook
@@ -44,7 +44,7 @@ def weigh_places(
         for place in basis.places(run.name):
             try:
                 there = basis.outlook(
-                    Wish("", MORE, readings=(Readings(run.name, float(place), 1),))
+                    Change("", MORE, readings=(Readings(run.name, float(place), 1),))
                 )
             except InputError:
                 continue
@@ -64,11 +64,11 @@ def weigh_places(
 
 def more_readings(
     basis: CurveBasis, here: Outlook, targets: Sequence[Parameter]
-) -> tuple[Wish, ...]:
+) -> tuple[Change, ...]:
     """As many readings as a tenth of those at hand at the place that is best for each target,
     inside the range and beside it.
     """
-    wishes: dict[tuple[str, float], Wish] = {}
+    changes: dict[tuple[str, float], Change] = {}
     for along in weigh_places(basis, here, targets):
         n = max(
             1, round(0.1 * next(run.n_obs for run in here.problem.runs if run.name == along.run))
@@ -84,7 +84,7 @@ def more_readings(
                 )
                 which = which_place(x, along.run if len(here.problem.runs) > 1 else "") + where
                 words = further_readings(n, which)
-                wishes[along.run, x] = Wish(
+                changes[along.run, x] = Change(
                     words, MORE, readings=(Readings(along.run, x, n),), which=which
                 )
-    return tuple(wishes.values())
+    return tuple(changes.values())

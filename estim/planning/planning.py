@@ -2,7 +2,7 @@
 linear theory, and which is best.
 
 The information of the campaign as it stands (data and what is stated) is set beside that of the
-same campaign with each wish come true:
+same campaign with each change made:
 
     u = sqrt(diag (sum J^T C^-1 J + P)^-1)        J: slopes of the curves at the fit, C: covariance
     of the errors, P: what is stated
@@ -30,8 +30,8 @@ from estim.planning.changes import (
     BETTER,
     MORE,
     OTHERWISE,
+    Change,
     Readings,
-    Wish,
     better_words,
     further_readings,
     measured_better,
@@ -121,16 +121,16 @@ def plan(
         if campaign.formula is None
         else CurveBasis(campaign, tuple(names), fit)
     )
-    nothing = Wish(phrase("present experiment"), OTHERWISE)
+    nothing = Change(phrase("present experiment"), OTHERWISE)
     here = basis.outlook(nothing)
     columns = [here.problem.names.index(p.name) for p in targets]
     now = sds_with(here, {}, targets)
     suggested = _suggested(campaign, basis, here, targets) if campaign.source.plan.built_in else ()
-    wishes, done = (*asked, *suggested), list[Option]()
-    for i, wish in enumerate(wishes):
-        done.append(weigh(basis, here, wish, targets, now))
+    changes, done = (*asked, *suggested), list[Option]()
+    for i, change in enumerate(changes):
+        done.append(weigh(basis, here, change, targets, now))
         if progress is not None:
-            progress(i + 1, len(wishes))
+            progress(i + 1, len(changes))
     possible = sorted(
         (option for option in done if not option.reason), key=lambda option: option.score
     )
@@ -189,7 +189,7 @@ def targets_of(
 
 def _suggested(
     campaign: Campaign, basis: Basis, here: Outlook, targets: Sequence[Parameter]
-) -> tuple[Wish, ...]:
+) -> tuple[Change, ...]:
     more = (
         more_readings(basis, here, targets)
         if isinstance(basis, CurveBasis)
@@ -202,14 +202,14 @@ def _suggested(
     )
 
 
-def _asked_readings(campaign: Campaign, names: Sequence[str]) -> list[Wish]:
-    wishes = []
+def _asked_readings(campaign: Campaign, names: Sequence[str]) -> list[Change]:
+    changes = []
     for one in campaign.source.plan.readings:
         run = one.run or names[0]
         if run in names:
             which = which_place(one.x, run if len(names) > 1 else "")
-            wishes.append(
-                Wish(
+            changes.append(
+                Change(
                     further_readings(one.n, which),
                     MORE,
                     own=True,
@@ -217,16 +217,16 @@ def _asked_readings(campaign: Campaign, names: Sequence[str]) -> list[Wish]:
                     which=which,
                 )
             )
-    return wishes
+    return changes
 
 
-def _asked_changes(campaign: Campaign, problem: Problem) -> list[Wish]:
+def _asked_changes(campaign: Campaign, problem: Problem) -> list[Change]:
     """What [[plan.change]] asks for.  Raises InputError with its line."""
-    wishes = []
-    for i, change in enumerate(campaign.source.plan.change):
+    changes = []
+    for i, table in enumerate(campaign.source.plan.change):
         u: dict[str, float] = {}
         words = []
-        for key, size in change.u.items():
+        for key, size in table.u.items():
             bare, level = split_level(key)
             name, factor = (
                 (bare, 1.0)
@@ -253,22 +253,22 @@ def _asked_changes(campaign: Campaign, problem: Problem) -> list[Wish]:
             u |= new
             words.append(better_words(hit, new))
         for times, text in (
-            (change.frames, later("{n:g} times as many frames")),
-            (change.reading_error, later("{n:g} times the error of a reading")),
-            (change.reach, later("{n:g} times the path length")),
+            (table.frames, later("{n:g} times as many frames")),
+            (table.reading_error, later("{n:g} times the error of a reading")),
+            (table.reach, later("{n:g} times the path length")),
         ):
             words += [phrase(text, n=times)] if times != 1.0 else []
-        said = f"{change.name} ({'; '.join(words)})" if change.name else "; ".join(words)
-        group = BETTER if len(words) == len(change.u) else OTHERWISE
-        wishes.append(
-            Wish(
+        said = f"{table.name} ({'; '.join(words)})" if table.name else "; ".join(words)
+        group = BETTER if len(words) == len(table.u) else OTHERWISE
+        changes.append(
+            Change(
                 said,
                 group,
                 own=True,
                 u=u,
-                frames=change.frames,
-                error=change.reading_error,
-                reach=change.reach,
+                frames=table.frames,
+                error=table.reading_error,
+                reach=table.reach,
             )
         )
-    return wishes
+    return changes

@@ -24,7 +24,7 @@ from estim.campaign import (
 from estim.common import InputError, later, phrase, split_level
 from estim.deviation import ForceSize, force_sizes
 from estim.fitting import Fit, expected_information
-from estim.planning.changes import Wish
+from estim.planning.changes import Change
 from estim.problem import Observations, Problem
 from estim.reading import Run
 
@@ -63,13 +63,13 @@ class RollingBasis:
     sizes: Mapping[str, ForceSize]
     ramp: Mapping[str, float]
 
-    def outlook(self, wish: Wish) -> Outlook:
-        """What the runs would say if the wish came true, its `u` left aside.  Raises InputError
+    def outlook(self, change: Change) -> Outlook:
+        """What the runs would say with the change made, its `u` left aside.  Raises InputError
         where that cannot be measured.
         """
-        changed = otherwise(self.campaign, reading_error=wish.error, reach=wish.reach)
-        changed = with_runs(changed, wish.runs)
-        like = {name: name for name in self.names} | {run.name: run.like for run in wish.runs}
+        changed = otherwise(self.campaign, reading_error=change.error, reach=change.reach)
+        changed = with_runs(changed, change.runs)
+        like = {name: name for name in self.names} | {run.name: run.like for run in change.runs}
         tables = dict(changed.tables)
         remarks = list[str]()
         named = self.fit.problem.named(self.fit.values)
@@ -77,16 +77,16 @@ class RollingBasis:
             run.name: _Followed(run, tables[run.name], named, self.release.get(run.name, 0.0))
             for run in self.fit.problem.runs
         }
-        for new in wish.runs:
+        for new in change.runs:
             run = measured[new.like].run
             run = replace(run, arguments=MappingProxyType(self._arguments(run, new)))
             first = replace(measured[new.like], run=run, table=tables[new.name])
             tables[new.name], remark = first.first(self.ramp)
             remarks += [remark] if remark else []
-        tables |= {name: run.again(wish) for name, run in measured.items()}
+        tables |= {name: run.again(change) for name, run in measured.items()}
         campaign = with_tables(changed, tables)
-        problem = with_own_gamma(posed(campaign, tuple(like)), wish.runs)
-        values = self._values(problem, wish.runs)
+        problem = with_own_gamma(posed(campaign, tuple(like)), change.runs)
+        values = self._values(problem, change.runs)
         sizes = {name: self.sizes[old] for name, old in like.items() if old in self.sizes}
         information = expected_information(problem, values, sizes)
         release = {name: self.release[old] for name, old in like.items() if old in self.release}
@@ -167,13 +167,13 @@ class _Followed:
             return follow(self.run, np.maximum(places - self.release, 0.0), self.named)
         return curve_at(self.run, places, self.named)
 
-    def again(self, wish: Wish) -> Run:
+    def again(self, change: Change) -> Run:
         """Its table with other frames, or followed farther."""
-        places = _denser(self.table.columns[self.where], wish.frames)
-        if wish.reach > 1.0:
-            end = wish.reach * float(np.max(self.table.columns[self.table.coordinate]))
+        places = _denser(self.table.columns[self.where], change.frames)
+        if change.reach > 1.0:
+            end = change.reach * float(np.max(self.table.columns[self.table.coordinate]))
             places = self._farther(places, end)
-        return self._measured(places, wish.error)
+        return self._measured(places, change.error)
 
     def first(self, ramp: Mapping[str, float]) -> tuple[Run, str]:
         """The table of a new run, and what is worth saying of it.  Raises InputError where it

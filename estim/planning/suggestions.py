@@ -11,29 +11,29 @@ import numpy as np
 from estim.campaign import Campaign, NewRun, planned_quantities
 from estim.common import Quantity, phrase
 from estim.fitting import Fit
-from estim.planning.changes import MORE, Wish, further_readings
+from estim.planning.changes import MORE, Change, further_readings
 from estim.problem import Observations
 
 _RELEASES = (1.0, 179.0)  # degrees, of a body that climbs
 
 
-def more_runs(campaign: Campaign, fit: Fit) -> tuple[Wish, ...]:
+def more_runs(campaign: Campaign, fit: Fit) -> tuple[Change, ...]:
     """Every run once more, all of them, and for each body runs on other ramps, from other angles,
     with other particles.
     """
     runs, named = fit.problem.runs, fit.problem.named(fit.values)
-    wishes = [_once_more([run.name], campaign) for run in runs]
+    changes = [_once_more([run.name], campaign) for run in runs]
     if len(runs) > 1:
-        wishes.append(_once_more([run.name for run in runs], campaign))
+        changes.append(_once_more([run.name for run in runs], campaign))
     for body in dict.fromkeys(campaign.body_of(run.name) for run in runs):
         own = [run for run in runs if campaign.body_of(run.name) == body]
-        wishes += _other_runs(own, fit, named, body or "")
-    return tuple(wishes)
+        changes += _other_runs(own, fit, named, body or "")
+    return tuple(changes)
 
 
-def planned_runs(campaign: Campaign) -> tuple[Wish, ...]:
+def planned_runs(campaign: Campaign) -> tuple[Change, ...]:
     """The runs that the campaign's [plan] asks for.  Raises InputError with its line."""
-    wishes = []
+    changes = []
     for i, table in enumerate(campaign.source.plan.runs):
         said = planned_quantities(campaign.source, table, i)
         new = tuple(
@@ -50,31 +50,31 @@ def planned_runs(campaign: Campaign) -> tuple[Wish, ...]:
             if n > 1
             else phrase("a run{which}", which=which)
         )
-        wishes.append(Wish(words, MORE, own=True, runs=new, which=which))
-    return tuple(wishes)
+        changes.append(Change(words, MORE, own=True, runs=new, which=which))
+    return tuple(changes)
 
 
-def again(wish: Wish, times: int) -> Wish:
-    """The wish with each of its runs and readings so many times."""
+def again(change: Change, times: int) -> Change:
+    """The change with each of its runs and readings so many times."""
     runs = tuple(
-        NewRun(f"{run.name}.{k}", run.like, run.said) for run in wish.runs for k in range(times)
+        NewRun(f"{run.name}.{k}", run.like, run.said) for run in change.runs for k in range(times)
     )
-    readings = tuple(replace(one, n=one.n * times) for one in wish.readings)
-    words = phrase("{words}, {n} times", words=wish.words, n=times)
+    readings = tuple(replace(one, n=one.n * times) for one in change.readings)
+    words = phrase("{words}, {n} times", words=change.words, n=times)
     if readings:
-        words = further_readings(readings[0].n, wish.which)
-    elif wish.which:
-        words = phrase("{n} runs{which}", n=len(runs), which=wish.which)
-    return Wish(words, MORE, wish.own, runs=runs, readings=readings, which=wish.which)
+        words = further_readings(readings[0].n, change.which)
+    elif change.which:
+        words = phrase("{n} runs{which}", n=len(runs), which=change.which)
+    return Change(words, MORE, change.own, runs=runs, readings=readings, which=change.which)
 
 
-def _once_more(names: Sequence[str], campaign: Campaign) -> Wish:
+def _once_more(names: Sequence[str], campaign: Campaign) -> Change:
     words = (
         phrase("{run} repeated", run=names[0])
         if len(names) == 1
         else phrase("every run repeated ({n} runs)", n=len(names))
     )
-    return Wish(
+    return Change(
         words,
         MORE,
         runs=tuple(NewRun(_free_name(campaign, i, 0), name, {}) for i, name in enumerate(names)),
@@ -83,7 +83,7 @@ def _once_more(names: Sequence[str], campaign: Campaign) -> Wish:
 
 def _other_runs(
     runs: Sequence[Observations], fit: Fit, named: Mapping[str, object], body: str
-) -> list[Wish]:
+) -> list[Change]:
     tilts, releases = (
         [float(_value(run, argument, named)) for run in runs] for argument in ("phi", "theta0")
     )
@@ -92,7 +92,7 @@ def _other_runs(
     u_tilt, u_release, u_gamma = (
         _stated_u(like, argument, fit) for argument in ("phi", "theta0", "gamma")
     )
-    gamma, wishes = _value(like, "gamma", named), list[Wish]()
+    gamma, changes = _value(like, "gamma", named), list[Change]()
     # times the middle one
     for factor in (0.5, 1.0, 1.5, 2.0):
         # degrees beside the middle angle at release
@@ -104,15 +104,15 @@ def _other_runs(
             if factor != 1.0:
                 said["phi"] = Quantity(radians(_two_digits(degrees(tilt) * factor)), u_tilt)
             if said:
-                wishes.append(_run(f"{len(wishes)}", like, said, body, tilt, radians(angle)))
+                changes.append(_run(f"{len(changes)}", like, said, body, tilt, radians(angle)))
     if gamma > 0.0:
         # times that of the body, and the tilt that goes with it
         for share, factor in ((0.5, 0.5), (1.5, 1.0), (1.5, 1.5)):
             said = {"gamma": Quantity(_two_digits(gamma * share), u_gamma)}
             if factor != 1.0:
                 said["phi"] = Quantity(radians(_two_digits(degrees(tilt) * factor)), u_tilt)
-            wishes.append(_run(f"{len(wishes)}", like, said, body, tilt, release))
-    return wishes
+            changes.append(_run(f"{len(changes)}", like, said, body, tilt, release))
+    return changes
 
 
 def _run(
@@ -122,10 +122,10 @@ def _run(
     body: str,
     tilt: float,
     release: float,
-) -> Wish:
+) -> Change:
     shown = {"phi": Quantity(tilt), "theta0": Quantity(release)} | dict(said)
     which = _which(body, shown)
-    return Wish(
+    return Change(
         phrase("a run{which}", which=which),
         MORE,
         runs=(NewRun(f"{like.name}+{number}", like.name, said),),

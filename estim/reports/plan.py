@@ -129,9 +129,9 @@ def plan_record(plan: Plan) -> PlanRecord:
     }
     options = [
         OptionRecord(
-            o.wish.words,
-            o.wish.group,
-            o.wish.own,
+            o.change.words,
+            o.change.group,
+            o.change.own,
             dict(zip(names, o.u.tolist(), strict=True)),
             dict(zip(names, o.ratio.tolist(), strict=True)),
             list(o.remarks),
@@ -152,7 +152,7 @@ def plan_record(plan: Plan) -> PlanRecord:
         list(plan.names),
         targets,
         options,
-        [RefusedRecord(o.wish.words, o.reason) for o in plan.refused],
+        [RefusedRecord(o.change.words, o.reason) for o in plan.refused],
         ways,
         provenance(plan.campaign, list(plan.names), plan.seed),
     )
@@ -195,10 +195,10 @@ def shown_options(options: Sequence[Option]) -> tuple[Option, ...]:
     """
     chosen, seen = [], set[object]()
     for option in options:
-        if option.wish.group == MORE and not option.wish.own:
-            run = option.wish.runs[0] if len(option.wish.runs) == 1 else None
+        if option.change.group == MORE and not option.change.own:
+            run = option.change.runs[0] if len(option.change.runs) == 1 else None
             alike = (
-                option.wish.words
+                option.change.words
                 if run is None
                 else (
                     run.like,
@@ -239,7 +239,7 @@ def _answer(plan: Plan, halving: Halving, i: int) -> str:
         "is {what}, which leaves {left:.0f} % of it{idle}.",
         symbol=symbol,
         sd=sd,
-        what=best.wish.words,
+        what=best.change.words,
         left=100.0 * best.ratio[i],
         idle=idle,
     )
@@ -247,13 +247,13 @@ def _answer(plan: Plan, halving: Halving, i: int) -> str:
 
 def _idle(plan: Plan, i: int) -> str:
     """What twice as many frames, or readings, gain."""
-    twice = next((o for o in plan.options if o.wish.frames == 2.0 and not o.wish.own), None)
+    twice = next((o for o in plan.options if o.change.frames == 2.0 and not o.change.own), None)
     if twice is None or twice.ratio[i] < 0.9:
         return ""
     gain = 100.0 * (1.0 - twice.ratio[i])
     if gain < 0.5:
-        return phrase("; {what} would not reduce it", what=twice.wish.words)
-    return phrase("; {what} would reduce it by {gain:.0f} %", what=twice.wish.words, gain=gain)
+        return phrase("; {what} would not reduce it", what=twice.change.words)
+    return phrase("; {what} would reduce it by {gain:.0f} %", what=twice.change.words, gain=gain)
 
 
 def _size(p: Parameter, u: float) -> str:
@@ -277,9 +277,10 @@ def _refused(options: Sequence[Option]) -> list[tuple[str, list[str], int]]:
     rows = []
     for reason, alike in by_reason.items():
         words = [
-            option.wish.words for option in sorted(alike, key=lambda option: not option.wish.own)
+            option.change.words
+            for option in sorted(alike, key=lambda option: not option.change.own)
         ]
-        n = max(6, sum(option.wish.own for option in alike))
+        n = max(6, sum(option.change.own for option in alike))
         rows.append((reason, words[:n], len(words[n:])))
     return rows
 
@@ -287,7 +288,9 @@ def _refused(options: Sequence[Option]) -> list[tuple[str, list[str], int]]:
 def ratio_figure(plan: Plan, options: Sequence[Option]) -> Figure:
     """Standard deviations over those as things are, one row an option, the best at the top."""
     names = [
-        option.wish.words if len(option.wish.words) <= _WIDE else f"{option.wish.words[:_WIDE]}…"
+        option.change.words
+        if len(option.change.words) <= _WIDE
+        else f"{option.change.words[:_WIDE]}…"
         for option in options
     ]
     places = -np.arange(len(names), dtype=float)
