@@ -72,12 +72,9 @@ def measured_better(problem: Problem, *, factor: float = 0.5) -> tuple[Change, .
         if p.prior.measured and p.name not in problem.noise_names and n_uses(p.name, problem.runs)
     ]
     return tuple(
-        Change(
-            better_words(every, {p.name: factor * p.prior.sd for p in every}),
-            BETTER,
-            u={p.name: factor * p.prior.sd for p in every},
-        )
+        Change(better_words(every, u), BETTER, u=u)
         for every in by_quantity(stated).values()
+        for u in [{p.name: factor * p.prior.sd for p in every}]
     )
 
 
@@ -107,20 +104,19 @@ def _range(numbers: Sequence[str]) -> str:
 
 def measured_otherwise(*, moving: bool) -> tuple[Change, ...]:
     """Of every run: more frames, smaller errors, and (of a moving body) a longer way."""
-    half = Change(phrase("half the error of a reading"), OTHERWISE, error=0.5)
-    if not moving:
-        twice, fourfold = phrase("twice as many readings"), phrase("four times as many readings")
-        return Change(twice, OTHERWISE, frames=2.0), Change(fourfold, OTHERWISE, frames=4.0), half
-    twice, fourfold = phrase("twice the frame rate"), phrase("four times the frame rate")
-    farther = Change(
-        phrase("1.5 times the path length, where the body reaches that far"), OTHERWISE, reach=1.5
+    more = (
+        (phrase("twice the frame rate"), phrase("four times the frame rate"))
+        if moving
+        else (phrase("twice as many readings"), phrase("four times as many readings"))
     )
-    return (
-        Change(twice, OTHERWISE, frames=2.0),
-        Change(fourfold, OTHERWISE, frames=4.0),
-        half,
-        farther,
-    )
+    changes = [
+        Change(words, OTHERWISE, frames=n) for words, n in zip(more, (2.0, 4.0), strict=True)
+    ]
+    changes.append(Change(phrase("half the error of a reading"), OTHERWISE, error=0.5))
+    if moving:
+        farther = phrase("1.5 times the path length, where the body reaches that far")
+        changes.append(Change(farther, OTHERWISE, reach=1.5))
+    return tuple(changes)
 
 
 def which_place(x: float, run: str) -> str:
