@@ -109,17 +109,17 @@ def _experiment(plan: TrialPlan, rng: np.random.Generator) -> tuple[FloatArray, 
     """A truth, the problem that its simulated data pose, and how many had to be drawn again.
     Raises NumericalError.
     """
-    parameters = plan.design.problem.parameters
+    problem = plan.design.problem
     for n_rejected in range(_MOST_TRIES):
         if plan.what == "sbc":
-            values = np.array([float(p.prior.draw(rng, 1)[0]) for p in parameters])
-            stated = measured_anew(plan.design.problem, values, rng, plan.design.problem.readings)
+            values = problem.prior_draw(rng)
+            stated = measured_anew(problem, values, rng, problem.readings)
         else:
             values = plan.truth
-            stated = measured_anew(plan.design.problem, values, rng)
-        problem = plan.design.simulate(values, stated, rng)
-        if problem is not None:
-            return values, problem, n_rejected
+            stated = measured_anew(problem, values, rng)
+        simulated = plan.design.simulate(values, stated, rng)
+        if simulated is not None:
+            return values, simulated, n_rejected
     raise NumericalError(
         f"calibration cannot start: of {_MOST_TRIES} draws of the priors none gives data "
         "that could be fit (state narrower priors)"

@@ -37,7 +37,7 @@ Statistical Inference (1973) 4a.2; Eadie et al., Statistical Methods in Experime
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -181,15 +181,12 @@ def _distance(problem: Problem, unstated: Fit, i: int) -> float:
     """Of one stated value from what data and all other stated values say, in standard deviations of
     that distance.
     """
-    parameters = tuple(
-        replace(p, prior=_loosened(p.prior)) if k == i else p
-        for k, p in enumerate(problem.parameters)
-    )
+    stated = problem.parameters[i]
+    prior = stated.prior
     try:
-        others = refit(replace(problem, parameters=parameters), unstated.values)
+        others = refit(problem.with_priors({stated.name: _loosened(prior)}), unstated.values)
     except NumericalError:
         return 0.0
-    prior = problem.parameters[i].prior
     return float(
         (others.values[i] - prior.centre) / math.hypot(prior.sd, math.sqrt(others.cov[i, i]))
     )
@@ -202,16 +199,11 @@ def _explained(fit: Fit) -> Fit | None:
     The tests are those of any fit: whether its residuals look like the noise.
     """
     problem = fit.problem
-    parameters = tuple(
-        p if p.name in problem.noise_names else replace(p, prior=_loosened(p.prior))
-        for p in problem.parameters
-    )
-    loose = replace(problem, parameters=parameters)
+    curve = [p for p in problem.parameters if p.name not in problem.noise_names]
+    loose = problem.with_priors({p.name: _loosened(p.prior) for p in curve})
     rng = stream(0, Stream.FIT)
     drawn = _N_START if all(math.isfinite(p.prior.sd) for p in loose.parameters) else 0
-    draws = [
-        np.array([float(p.prior.draw(rng, 1)[0]) for p in loose.parameters]) for _ in range(drawn)
-    ]
+    draws = [loose.prior_draw(rng) for _ in range(drawn)]
     return next(
         (
             candidate

@@ -161,9 +161,7 @@ def fit_least_squares(
             "uncertainty or a prior",
             field="parameters",
         )
-    drawn = (
-        [float(p.prior.draw(rng, 1)[0]) for p in problem.parameters] for _ in range(n_start - 1)
-    )
+    drawn = (problem.prior_draw(rng) for _ in range(n_start - 1))
     starts = np.vstack([problem.start() if start is None else start, *drawn, *further])
     begun = [(start, problem.linearised(start)) for start in starts]
     begun = [

@@ -9,7 +9,7 @@ this at its own result until nothing moves.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -139,6 +139,15 @@ class Problem:
     def start(self) -> FloatArray:
         """(n_par,) the centres of the priors."""
         return np.array([p.prior.centre for p in self.parameters])
+
+    def prior_draw(self, rng: np.random.Generator) -> FloatArray:
+        """(n_par,) one draw of the priors."""
+        return np.array([float(p.prior.draw(rng, 1)[0]) for p in self.parameters])
+
+    def with_priors(self, priors: Mapping[str, Prior]) -> Problem:
+        """The same with `priors`, by name, in place of those of their parameters."""
+        changed = (replace(p, prior=priors.get(p.name, p.prior)) for p in self.parameters)
+        return replace(self, parameters=tuple(changed))
 
     def support(self) -> tuple[FloatArray, FloatArray]:
         """(n_par,) lowest and highest values that the priors allow."""

@@ -119,14 +119,7 @@ def drift_of(analysis: Analysis, *, rng: np.random.Generator) -> Drift:
     sds = analysis.chain.flat.std(axis=0)
     narrowing = float(np.mean([sds[i] / problem.parameters[i].prior.sd for i in losses]))
     names = {problem.parameters[i].name for i in losses}
-    free = Problem(
-        tuple(
-            replace(p, prior=Uniform(0.0, 1.0)) if p.name in names else p
-            for p in problem.parameters
-        ),
-        problem.runs,
-        problem.shared,
-    )
+    free = problem.with_priors(dict.fromkeys(names, Uniform(0.0, 1.0)))
     held = tuple(
         replace(
             run,

@@ -377,10 +377,7 @@ def _again(
 ) -> tuple[float, float]:
     fit, certificate = analysis.fit, analysis.certificate
     assert certificate is not None, "asked before"
-    parameters = tuple(
-        replace(p, prior=prior) if p.name == name else p for p in fit.problem.parameters
-    )
-    density = replace(fit.sampled, problem=replace(fit.problem, parameters=parameters))
+    density = replace(fit.sampled, problem=fit.problem.with_priors({name: prior}))
     once_more = certify(density, adapt_proposal(density, fit.values, fit.cov, rng=rng), rng=rng)
     if not once_more.reliable:
         return math.nan, math.nan
