@@ -45,16 +45,7 @@ from estim.arrays import FloatArray
 from estim.checks.goodness import check_goodness
 from estim.checks.sources import fitted
 from estim.common import Amount, Finding, Kind, NumericalError, Stream, stream
-from estim.fitting import (
-    ALONE,
-    Fit,
-    Quadratic,
-    around,
-    chi2_p,
-    curve_indices,
-    fit_least_squares,
-    refit,
-)
+from estim.fitting import ALONE, Fit, Quadratic, around, chi2_p, fit_least_squares, refit
 from estim.problem import Prior, Problem
 
 P_CONFLICT = 0.01
@@ -104,7 +95,7 @@ def check_stated_values(fit: Fit) -> Conflict:
     at the fit.
     """
     problem = fit.problem
-    curve = curve_indices(fit)
+    curve = np.array(problem.of_curve, dtype=np.int64)
     slopes = fit.posterior.prior_slopes(fit.values)[curve]
     stated = np.flatnonzero(slopes != 0.0)
     if not stated.size:

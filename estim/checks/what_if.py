@@ -19,7 +19,7 @@ import numpy as np
 from estim.arrays import FloatArray, all_finite
 from estim.common import Amount, Finding, Kind
 from estim.curves import scale_errors_of
-from estim.fitting import Fit, curve_indices, descend_by_runs
+from estim.fitting import Fit, descend_by_runs
 from estim.problem import CommonError, Observations, Problem
 
 TOLD_FROM = 0.5  # posterior standard deviations
@@ -62,7 +62,7 @@ def influences(fit: Fit, sds: FloatArray | None = None) -> tuple[Influence, ...]
     sds : (n_par,) of the posterior, by which shifts are divided; None: those at the mode.
     """
     sds = fit.sds if sds is None else sds
-    inside = [i for i in curve_indices(fit) if np.isfinite(fit.sds[i])]
+    inside = [i for i in fit.problem.of_curve if np.isfinite(fit.sds[i])]
     if fit.singular or not inside:
         return ()
     errors = {
@@ -122,7 +122,7 @@ def _mode_near(fit: Fit, problem: Problem) -> FloatArray | None:
     """
     values, variance = fit.values, np.diag(fit.cov)
     scale = np.sqrt(np.where(variance > 0.0, variance, np.inf))
-    free = curve_indices(fit).tolist()
+    free = fit.problem.of_curve
     for _ in range(_MOST_ROUNDS):
         with np.errstate(all="ignore"):
             posterior = problem.linearised(values)

@@ -9,7 +9,6 @@ from estim.fitting.edges import (
     ALONE,
     Limit,
     around,
-    curve_indices,
     limit_cell,
     limit_found,
     limit_of,

@@ -73,11 +73,6 @@ class Quadratic:
         return step * self.scale, float(np.sum((rows @ step - aim) ** 2))
 
 
-def curve_indices(fit: Fit) -> Indices:
-    """Places of the parameters of the curve; the others are of the noise."""
-    return np.flatnonzero([name not in fit.problem.noise_names for name in fit.names])
-
-
 def around(fit: Fit) -> Quadratic:
     """The data's chi^2 in the parameters of the curve, the noise held at the fit.
 
@@ -85,7 +80,7 @@ def around(fit: Fit) -> Quadratic:
     curvature at the mode is that of the most probable sizes, and smaller ones than they allow for a
     good part of the probability.
     """
-    problem, curve = fit.problem, curve_indices(fit)
+    problem, curve = fit.problem, fit.problem.of_curve
     scale = fit.scale[curve]
     scale = np.where(scale > 0.0, scale, 1.0)
     whole = fit.forces or fit.deviations
@@ -119,7 +114,7 @@ def pressed(fit: Fit, *, estimated: bool = False) -> Mapping[str, float]:
 
     estimated : whether the size of the noise, held here, was taken from the residuals.
     """
-    problem, curve = fit.problem, curve_indices(fit)
+    problem, curve = fit.problem, fit.problem.of_curve
     on_edge = [k for k, i in enumerate(curve) if fit.names[i] in fit.at_bound]
     if not on_edge or fit.singular:
         return {}
@@ -128,7 +123,7 @@ def pressed(fit: Fit, *, estimated: bool = False) -> Mapping[str, float]:
     off = fit.posterior.prior_residuals(fit.values)[curve]
     here = model.least(pull_rows, off)[1]
     inferred = estimated or bool(problem.noise_names)
-    dof = max(1, problem.n_obs - curve.size)
+    dof = max(1, problem.n_obs - len(curve))
     squares = float(np.sum(fit.posterior.size_residuals(fit.values) ** 2))
     probabilities = {}
     for k in on_edge:
