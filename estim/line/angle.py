@@ -148,6 +148,15 @@ class ScaledPoints(NamedTuple):
         """The inverse of a covariance times values (n_obs,)."""
         return np.asarray(np.linalg.solve(cov, values) if self.dense else values / cov)
 
+    @property
+    def twice_cov_xy(self) -> FloatArray:
+        """Covariance of the errors of x and y, and of y and x."""
+        return self.cov_xy + self.cov_xy.T
+
+    def across(self, b: float) -> FloatArray:
+        """Covariance of y - b x."""
+        return self.var_y - b * self.twice_cov_xy + b * b * self.var_x
+
     def line(self, angle: float, offset: float) -> tuple[float, float]:
         """Intercept and slope in the units of the data, of the line with that angle and distance
         from the origin.
@@ -220,8 +229,7 @@ def profile(angle: FloatArray, points: ScaledPoints) -> Profile:
     s, c = np.sin(angle), np.cos(angle)
     if not points.dense:
         s, c = s[..., None], c[..., None]
-    twice = points.cov_xy + points.cov_xy.T
-    variance = s * s * points.var_x - s * c * twice + c * c * points.var_y
+    variance = s * s * points.var_x - s * c * points.twice_cov_xy + c * c * points.var_y
     shared = s * c * (points.var_y - points.var_x) + c * c * points.cov_xy - s * s * points.cov_xy.T
     across = c * points.y - s * points.x
     w = points.solve(variance, np.ones(points.x.size))

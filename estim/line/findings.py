@@ -62,9 +62,7 @@ def line_goodness(fit: LineFit) -> Goodness:
     data, points, stated = fit.data, scaled_points(fit.data), fit.method != "ols"
     scale_x, scale_y = points.scale
     b = fit.slope * scale_x / scale_y
-    twice = points.cov_xy + points.cov_xy.T
-    across = points.var_y - b * twice + b * b * points.var_x
-    across = across if stated else across * fit.chi2 / fit.dof
+    across = points.across(b) if stated else points.across(b) * fit.chi2 / fit.dof
     line = fit.intercept + fit.slope * data.x
     misfit, order = (data.y - line) / scale_y, np.argsort(data.x, kind="stable")
     shift = points.times(b * points.var_x - points.cov_xy, points.solve(across, misfit))

@@ -236,9 +236,8 @@ def _propagated(points: ScaledPoints, b: float, a: float) -> FloatArray:
 
     Source: Krystek and Anton 2007, Meas. Sci. Technol. 18, 3438, section 4.
     """
-    x, d, twice = points.x, points.y - a - b * points.x, points.cov_xy + points.cov_xy.T
-    across = points.var_y - b * twice + b * b * points.var_x
-    turned = 2.0 * b * points.var_x - twice  # d across / d b
+    x, d, across = points.x, points.y - a - b * points.x, points.across(b)
+    turned = 2.0 * b * points.var_x - points.twice_cov_xy  # d across / d b
     w, wx, wd = (points.solve(across, values) for values in (np.ones(x.size), x, d))
     turned_wd = points.times(turned, wd)
     bent = points.solve(across, turned_wd)
