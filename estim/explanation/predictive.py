@@ -89,14 +89,9 @@ def predictive_checks(
             continue
         again, used = drawn
         # as the likelihood has them: without the shifts of bad frames
-        points = likelihood.points.runs
-        for run, run_points, y in zip(
-            group.runs,
-            points,
-            np.split(again, np.cumsum([run.n_obs for run in group.runs])[:-1], axis=1),
-            strict=True,
-        ):
-            checks[run.name] = _of_run(run, run_points, y, run_points.bind(problem.named(used)))
+        parts = zip(group.runs, likelihood.points.runs, group.split(again.T), strict=True)
+        for run, run_points, y in parts:
+            checks[run.name] = _of_run(run, run_points, y.T, run_points.bind(problem.named(used)))
     return tuple(check for run in problem.runs for check in checks.get(run.name, ()))
 
 

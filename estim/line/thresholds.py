@@ -59,7 +59,7 @@ def thresholds(trials: Trials, scatter: FloatArray) -> tuple[Threshold, ...]:
     starts = np.broadcast_to(angles, (_N_SCATTER, n_angle))
     results = []
     for end in (LOW, HIGH):
-        for part in (subset for tilt in trials.tilts if (subset := tilt.end(end)).theta.size):
+        for part in trials.end(end).tilts:
             logs = outcomes(part, end, starts, spread, None)
             shapes = np.exp(logs - logs.max(axis=1, keepdims=True))
             density = np.mean(shapes / shapes.sum(axis=1, keepdims=True), axis=0)

@@ -57,7 +57,6 @@ def place_of(run: Observations, arguments: Named, *, farthest: float, n_draw: in
     arguments : of its curve, scalars or (n_draw, 1).  farthest : m from the release.
     """
     phi, theta0 = placed(arguments)
-    theta0 = np.mod(theta0 + 0.5 * np.pi, 2.0 * np.pi) - 0.5 * np.pi
     stop = np.broadcast_to(np.ravel(stop_of(arguments)), n_draw)
     turns, turned = (stop > 0.0) & np.isfinite(stop), _turned(run)
     beyond, before = float(np.mean(stop >= farthest)), float(np.mean(stop <= farthest))
