@@ -93,7 +93,12 @@ def _other_runs(
         _stated_u(like, argument, fit) for argument in ("phi", "theta0", "gamma")
     )
     gamma, changes = _value(like, "gamma", named), list[Change]()
-    # times the middle one
+
+    def tilted(factor: float) -> dict[str, Quantity]:
+        """A tilt so many times the middle one, where it is another."""
+        phi = radians(_two_digits(degrees(tilt) * factor))
+        return {} if factor == 1.0 else {"phi": Quantity(phi, u_tilt)}
+
     for factor in (0.5, 1.0, 1.5, 2.0):
         # degrees beside the middle angle at release
         for turn in (-30.0, -15.0, 0.0, 15.0, 30.0):
@@ -101,16 +106,12 @@ def _other_runs(
             if tilt > 0.0 and not _RELEASES[0] <= angle <= _RELEASES[1]:
                 continue
             said = {} if turn == 0.0 else {"theta0": Quantity(radians(round(angle)), u_release)}
-            if factor != 1.0:
-                said["phi"] = Quantity(radians(_two_digits(degrees(tilt) * factor)), u_tilt)
-            if said:
+            if said := said | tilted(factor):
                 changes.append(_run(f"{len(changes)}", like, said, body, tilt, radians(angle)))
     if gamma > 0.0:
         # times that of the body, and the tilt that goes with it
         for share, factor in ((0.5, 0.5), (1.5, 1.0), (1.5, 1.5)):
-            said = {"gamma": Quantity(_two_digits(gamma * share), u_gamma)}
-            if factor != 1.0:
-                said["phi"] = Quantity(radians(_two_digits(degrees(tilt) * factor)), u_tilt)
+            said = {"gamma": Quantity(_two_digits(gamma * share), u_gamma)} | tilted(factor)
             changes.append(_run(f"{len(changes)}", like, said, body, tilt, release))
     return changes
 
