@@ -19,6 +19,15 @@ def all_finite(*arrays: ArrayLike) -> bool:
     return all(bool(np.isfinite(array).all()) for array in arrays)
 
 
+def diagonal_scale(matrix: FloatArray) -> FloatArray:
+    """(n,) units in which the diagonal of a matrix (n, n) is 1, of covariances or of information; 1
+    where it is next to nothing.
+    """
+    diagonal = np.diag(matrix)
+    # the inverse of less could not be squared
+    return np.sqrt(np.where(diagonal > 1e-200, diagonal, 1.0))
+
+
 def max_abs(array: ArrayLike) -> float:
     """The largest absolute value."""
     return float(np.max(np.abs(array)))

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, diagonal_scale
 from estim.campaign.campaign_file import CampaignFile, LevelTable
 from estim.campaign.part_table import (
     AnyPart,
@@ -315,9 +315,8 @@ def known_to(value: FloatArray, u: FloatArray) -> FloatArray:
 
 def correlations(covariance: FloatArray) -> FloatArray:
     """The correlation matrix of a covariance matrix; 0 beside what is exact."""
-    sd = np.sqrt(np.diag(covariance))
-    safe = np.where(sd > 0.0, sd, 1.0)
-    return np.asarray(np.where(np.eye(len(sd)) > 0.0, 1.0, covariance / np.outer(safe, safe)))
+    scale = diagonal_scale(covariance)
+    return np.asarray(np.where(np.eye(len(scale)) > 0.0, 1.0, covariance / np.outer(scale, scale)))
 
 
 def of_one_disk(source: CampaignFile, body: str) -> tuple[str, ...]:

@@ -37,7 +37,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, diagonal_scale
 from estim.checks.sources import (
     PRIORS,
     Quadratic,
@@ -291,8 +291,7 @@ def _suspects(judged: Sequence[Disagreement], rows: Rows) -> tuple[str, ...]:
 def _estimate(centre: FloatArray, quadratic: Quadratic) -> SharedEstimate:
     """Where a quadratic has its minimum, and its standard deviations; inf where it has none."""
     information, score = quadratic
-    scale = np.sqrt(np.maximum(np.diag(information), 0.0))
-    scale = np.where(scale > 0.0, scale, 1.0)
+    scale = diagonal_scale(information)
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
     known = values > ALONE * max(float(values[-1]), 1.0)
     inverse = (vectors[:, known] / values[known]) @ vectors[:, known].T

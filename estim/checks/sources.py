@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, diagonal_scale
 from estim.common import later
 from estim.fitting import ALONE, Fit
 from estim.problem import Group, parameters_of
@@ -127,8 +127,7 @@ def fitted(
     """
     if not free.size:
         return information[np.ix_(kept, kept)], score[kept]
-    scale = np.sqrt(np.maximum(np.diag(information)[free], 0.0))
-    scale = np.where(scale > 0.0, scale, 1.0)
+    scale = diagonal_scale(information)[free]
     inverse = np.linalg.pinv(
         information[np.ix_(free, free)] / np.outer(scale, scale), rcond=ALONE, hermitian=True
     )
@@ -181,8 +180,7 @@ def _beyond(alone: Quadratic, stated: FloatArray) -> Quadratic:
 
 def _root(matrix: FloatArray) -> FloatArray:
     """L with L L^T = `matrix` (n, n), but for rounding in directions that nothing determines."""
-    scale = np.sqrt(np.diag(matrix))
-    scale = np.where(scale > 0.0, scale, 1.0)
+    scale = diagonal_scale(matrix)
     unit = matrix / np.outer(scale, scale) + ALONE * np.eye(len(matrix))
     return np.asarray(np.linalg.cholesky(unit) * scale[:, None])
 

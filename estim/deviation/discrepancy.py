@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, diagonal_scale
 from estim.common import PROBABILITIES, phrase
 from estim.deviation.components import Deviation, Shape, diagonalise
 from estim.deviation.generic import (
@@ -237,8 +237,7 @@ def _sds(slopes: FloatArray, precision: FloatArray) -> FloatArray:
     else.
     """
     information = slopes @ slopes.T + precision
-    scale = np.sqrt(np.diag(information))
-    scale[scale == 0.0] = 1.0
+    scale = diagonal_scale(information)
     return np.asarray(
         np.sqrt(np.diag(np.linalg.pinv(information / np.outer(scale, scale), hermitian=True)))
         / scale

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, diagonal_scale
 from estim.deviation.bad_frame_search import BadFrames
 from estim.deviation.completed import Completed
 from estim.deviation.inferred_force import Force, OwnForce
@@ -121,8 +121,7 @@ def as_prior(known: Sequence[TrialInformation]) -> TrialInformation:
     information and score.
     """
     precision, score = summed(known)
-    scale = np.sqrt(np.maximum(np.diag(precision), 0.0))
-    scale = np.where(scale > 0.0, scale, 1.0)
+    scale = diagonal_scale(precision)
     pull = (
         np.linalg.lstsq(precision / np.outer(scale, scale), score / scale, rcond=1e-12)[0] / scale
     )

@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from estim.arrays import FloatArray, all_finite
+from estim.arrays import FloatArray, all_finite, diagonal_scale
 from estim.common import Finding, InputError, NumericalError, phrase
 from estim.deviation import FoundDeviation, FoundForce, NormalParts
 from estim.distributions import chi2_tail
@@ -273,7 +273,7 @@ def _inverse(matrix: FloatArray, problem: Problem) -> FloatArray:
     """(n_par, n_par) inverse of an information matrix of the problem, of what it says something of,
     whatever the units of its parameters.
     """
-    units = _units(matrix)
+    units = diagonal_scale(matrix)
     scaled = matrix / np.outer(units, units)
     try:
         root = np.linalg.inv(np.linalg.cholesky(scaled)) if many(problem) else None
@@ -281,15 +281,6 @@ def _inverse(matrix: FloatArray, problem: Problem) -> FloatArray:
         root = None
     inverse = np.linalg.pinv(scaled, hermitian=True) if root is None else root.T @ root
     return np.asarray(inverse / np.outer(units, units))
-
-
-def _units(matrix: FloatArray) -> FloatArray:
-    """(n_par,) in which the diagonal of an information matrix is 1; 1 for what it says next to
-    nothing of.
-    """
-    diagonal = np.diag(matrix)
-    # of the information: its inverse could not be squared
-    return np.sqrt(np.where(diagonal > 1e-200, diagonal, 1.0))
 
 
 def _condition(matrix: FloatArray, inverse: FloatArray, problem: Problem) -> float:
@@ -477,7 +468,7 @@ def _describe(
     matrix = information(posterior, values)
     if not all_finite(matrix):
         raise _no_curvature(values, posterior)
-    spread = _units(matrix)
+    spread = diagonal_scale(matrix)
     scaled = matrix / np.outer(spread, spread)
     inverse = _inverse(scaled, problem)
     singular = _condition(scaled, inverse, problem) > _ILL

@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, Named, all_finite
+from estim.arrays import BoolArray, FloatArray, Named, all_finite, diagonal_scale
 from estim.problem.abscissas import (
     LOG_WEIGHTS,
     Predictive,
@@ -388,8 +388,7 @@ def rooted(information: FloatArray, score: FloatArray, n: int) -> tuple[FloatArr
         return np.full((max(n, score.size), score.size), np.nan), np.full(
             max(n, score.size), np.nan
         )
-    scale = np.sqrt(np.maximum(np.diag(information), 0.0))
-    scale = np.where(scale > 0.0, scale, 1.0)
+    scale = diagonal_scale(information)
     stiffness, axes = np.linalg.eigh(information / np.outer(scale, scale))
     size = np.sqrt(np.maximum(stiffness, 0.0))
     height = np.divide(
