@@ -15,6 +15,9 @@ from estim.descent import End, Start, Task
 from estim.fitting.profile_search import ProfileSearch
 
 
+_LOST = 16.0  # times the level
+
+
 def walk(search: ProfileSearch, mode: End, i: int, sign: float, rise: float) -> Task[list[End]]:
     """Points outward from the mode until the objective has risen by `rise`, to the edge of the
     prior, or out of reach.
@@ -77,7 +80,11 @@ def crossing(
     ):
         share = below / (below - above)
         values = inner.values + share * (beyond.values - inner.values)
-        near = inner if share < 0.5 or not math.isfinite(beyond.objective) else beyond
+        # far above the level the others may be anywhere, as those of a power law with a < 0
+        lost = not beyond.objective - mode.objective < _LOST * rise
+        if lost:
+            values = _with(inner.values, i, float(values[i]))
+        near = inner if share < 0.5 or lost else beyond
         point = yield Start(values, (i,), near, instead=_with(inner.values, i, float(values[i])))
         cuts.append(point)
         height = _height(point, mode, rise)
