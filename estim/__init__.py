@@ -22,7 +22,7 @@ def __getattr__(name: str) -> object:
         globals()[name] = found
         return found
     except ImportError as error:
-        from estim.namesakes import in_the_way, namesake_behind
+        from estim.shadowed_modules import in_the_way, namesake_behind
 
         file = namesake_behind(error)
         if file:

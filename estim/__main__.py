@@ -10,7 +10,7 @@ import gc
 import os
 import sys
 
-from estim.namesakes import forget_working_folder, in_the_way, namesake_behind
+from estim.shadowed_modules import forget_working_folder, in_the_way, namesake_behind
 
 _BAD_INPUT = 2  # `estim.cli.commands.BAD_INPUT`, which cannot be imported yet
 # made before garbage is looked for: modules make many that stay, and looking through them took a

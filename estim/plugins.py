@@ -15,7 +15,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from estim.common import InputError, listed
-from estim.namesakes import working_folder
+from estim.shadowed_modules import working_folder
 from estim.versions import USED
 
 if TYPE_CHECKING:

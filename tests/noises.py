@@ -20,7 +20,7 @@ from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import Stated, WithForce
 from estim.deviation.residuals import Residuals
 from estim.problem.count_distributions import BINOMIAL, POISSON
-from estim.problem.counts import Counts
+from estim.problem.count_noise import Counts
 from estim.problem.differences import covariance_in_bands
 from estim.problem.finite_differences import STENCILS, differentiate
 from estim.problem.likelihood import Noise, Points

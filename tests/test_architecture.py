@@ -79,12 +79,12 @@ def importers(package):
 def test_the_code_is_found():
     assert {
         "estim.model.body",
-        "estim.model.phase",
+        "estim.model.phase_curve",
         "estim.cli.commands",
         "estim.campaign.bodies",
         "estim.fitting.least_squares",
     } <= set(FILES)
-    assert importers("numpy") > {"estim.model.phase", "estim.problem.priors"}
+    assert importers("numpy") > {"estim.model.phase_curve", "estim.problem.priors"}
 
 
 def test_physics_needs_numpy_and_nothing_else():

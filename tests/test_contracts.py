@@ -17,7 +17,7 @@ from estim.curves.function import wrap_function
 from estim.curves.rolling import MotionCurve, PhaseCurve, Place, RollingMotion, Setting
 from estim.curves.shared_errors import DistortedCurve
 from estim.fitting import Fit, fit_problem
-from estim.problem.counts import CountErrors
+from estim.problem.count_noise import CountErrors
 from estim.problem.curve import POINTS as PLAIN
 from estim.problem.curve import Motion, SpeedCurve
 from estim.problem.likelihood import Likelihood, reading_sd

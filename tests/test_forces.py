@@ -28,7 +28,7 @@ from estim.model import (
     turning_point,
 )
 from estim.model.energy import kinetic_energy, potential_energy
-from estim.model.phase import energy_ratio, energy_ratio_derivatives
+from estim.model.phase_curve import energy_ratio, energy_ratio_derivatives
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 from truth.motion import Truth, solve

@@ -16,7 +16,7 @@ from estim.checks.goodness import Goodness
 from estim.deviation import BadFrames, FreeStart, Trajectory, bad_frames, pose_forces, trajectory
 from estim.deviation.autocorrelated import AutoCorrelated
 from estim.deviation.smoothing import settled
-from estim.fitting import screen
+from estim.fitting import further_optima
 from estim.model import Body, positions_at
 from estim.problem import normal, roots
 from estim.problem.roots import LowRankRoot
@@ -220,7 +220,7 @@ def test_a_scan_of_many_points_in_pieces_finds_the_same(monkeypatch):
     start = {"a": 1.8, "tau": 12.0, "w": 3.02, "p": 0.3}
     found = []
     for batch in (400_000, 2_000):
-        monkeypatch.setattr(screen, "_BATCH", batch)
+        monkeypatch.setattr(further_optima, "_BATCH", batch)
         found.append(fit_curve("a*exp(-x/tau)*cos(w*x + p)", t, y, u_y=0.05, start=start))
     one, other = found
     for name in start:

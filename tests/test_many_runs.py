@@ -17,7 +17,7 @@ from estim.campaign.campaign_file import read_campaign_file
 from estim.checks import goodness
 from estim.checks.goodness import Check, Goodness
 from estim.checks.prior_sensitivity import power_scaling
-from estim.fitting import arrow
+from estim.fitting import arrowhead
 from estim.fitting.fisher_information import information
 from estim.fitting.least_squares import _fit_curve, _inverse, fit_least_squares
 from estim.problem.noise import Independent, Scale
@@ -27,7 +27,7 @@ from estim.problem.whitened import Linear
 from estim.reports.curve_figures import MOST_DRAWN, drawn_runs
 
 X = np.linspace(0.0, 1.0, 9)
-MANY = arrow.MANY + 4
+MANY = arrowhead.MANY + 4
 REPLICA = Path(__file__).parents[1] / "data" / "replica" / "campaign.toml"
 
 
@@ -69,7 +69,7 @@ def test_lines_of_many_runs_have_the_mode_and_covariance_of_linear_algebra(rng):
     fit = fit_least_squares(problem, rng=rng, n_start=1)
     design, target = dense(ys, (2.0, 2.0))
     expected, cov = np.linalg.lstsq(design, target, rcond=None)[0], np.linalg.inv(design.T @ design)
-    assert arrow.many(problem)
+    assert arrowhead.many(problem)
     assert np.allclose(fit.values, expected, rtol=0.0, atol=1e-10)
     assert np.allclose(fit.cov, cov, rtol=1e-9, atol=1e-12)
     # a model whose runs share their offset ends elsewhere
@@ -80,7 +80,7 @@ def test_lines_of_many_runs_have_the_mode_and_covariance_of_linear_algebra(rng):
 
 def test_a_slope_beyond_its_range_ends_at_the_limit_and_the_others_make_the_best_of_it(rng):
     problem, ys = lines(MANY, rng, Uniform(0.0, 0.8))
-    found = arrow.descend_by_runs(
+    found = arrowhead.descend_by_runs(
         problem.linearised(problem.start()), problem.start(), range(problem.n_par)
     )
     design, target = dense(ys, None)
@@ -108,7 +108,7 @@ def test_of_two_parameters_at_their_limits_one_leaves_again(rng):
     )
     assert free[0] > 0.8 == pytest.approx(expected[0])
     assert free[1] < 0.35 < expected[1] - 0.1
-    found = arrow.descend_by_runs(
+    found = arrowhead.descend_by_runs(
         problem.linearised(problem.start()), problem.start(), range(problem.n_par)
     )
     assert np.allclose(found, expected, rtol=0.0, atol=1e-9)
@@ -117,7 +117,9 @@ def test_of_two_parameters_at_their_limits_one_leaves_again(rng):
 def test_the_others_make_the_best_of_a_limit_in_the_same_step(rng):
     problem, ys = lines(MANY, rng, Uniform(0.0, 0.8))
     start = problem.start()
-    found = arrow.descend_by_runs(problem.linearised(start), start, range(problem.n_par), most=1)
+    found = arrowhead.descend_by_runs(
+        problem.linearised(start), start, range(problem.n_par), most=1
+    )
     design, target = dense(ys, None)
     low, high = np.full(problem.n_par, -np.inf), np.full(problem.n_par, np.inf)
     low[0], high[0] = 0.0, 0.8
@@ -141,7 +143,7 @@ def test_a_prior_draws_a_parameter_off_the_limit_that_the_points_push_it_to(rng)
     )
     start = problem.start()
     start[:2] = 3.0, 0.0  # above the points
-    found = arrow.descend_by_runs(problem.linearised(start), start, range(problem.n_par))
+    found = arrowhead.descend_by_runs(problem.linearised(start), start, range(problem.n_par))
     design, target = dense(ys, (2.0, 2.0))
     design[MANY * X.size + 1, 1], target[MANY * X.size + 1] = 100.0, 100.0
     expected = np.linalg.lstsq(design, target, rcond=None)[0]
@@ -184,7 +186,7 @@ def test_steps_too_far_are_damped_and_what_is_no_number_is_left(rng):
     )
     for rate in (-15.0, 1.0):
         start = np.array([rate, *[5.0] * MANY])
-        found = arrow.descend_by_runs(problem.linearised(start), start, range(problem.n_par))
+        found = arrowhead.descend_by_runs(problem.linearised(start), start, range(problem.n_par))
         assert np.allclose(found, expected.x, rtol=1e-6)
 
 
@@ -198,10 +200,10 @@ def test_eight_runs_end_where_dense_least_squares_do_to_eight_digits(rng):
     )
     posterior = problem.linearised(problem.start())
     one_by_one, together = (
-        arrow.descend_by_runs(posterior, problem.start(), range(problem.n_par)),
+        arrowhead.descend_by_runs(posterior, problem.start(), range(problem.n_par)),
         _fit_curve(posterior, problem.start()),
     )
-    assert not arrow.many(problem)
+    assert not arrowhead.many(problem)
     assert np.allclose(one_by_one, together, rtol=1e-8, atol=0.0)
 
 
@@ -212,12 +214,12 @@ def test_eight_runs_of_the_replica_end_where_dense_least_squares_do():
     posterior = problem.linearised(problem.start())
     free = range(problem.n_par)
     one_by_one, together = (
-        arrow.descend_by_runs(posterior, problem.start(), free),
+        arrowhead.descend_by_runs(posterior, problem.start(), free),
         _fit_curve(posterior, problem.start()),
     )
     matrix = information(posterior, together)
     assert np.max(np.abs(one_by_one - together) * np.sqrt(np.diag(matrix))) < 1e-5
-    assert arrow._height(posterior, one_by_one) <= arrow._height(posterior, together) * (
+    assert arrowhead._height(posterior, one_by_one) <= arrowhead._height(posterior, together) * (
         1.0 + 1e-13
     )
 
@@ -254,10 +256,10 @@ def test_spreads_of_each_run_are_the_blocks_of_the_inverse(rng):
     design, _ = dense(ys, (2.0, 2.0))
     whole = np.linalg.inv(design.T @ design)
     for found, used in zip(
-        arrow.spreads_by_runs(roots, problem.columns, slopes), problem.columns, strict=True
+        arrowhead.spreads_by_runs(roots, problem.columns, slopes), problem.columns, strict=True
     ):
         assert np.allclose(found @ found.T, whole[np.ix_(used, used)], rtol=1e-9)
-    nothing = arrow.spreads_by_runs(
+    nothing = arrowhead.spreads_by_runs(
         [np.array([[1.0, 0.0], [2.0, 0.0]])] * 2, [np.array([0, i]) for i in (1, 2)], np.zeros(3)
     )
     assert np.allclose([root @ root.T for root in nothing], [[0.1, 0.0], [0.0, 0.0]])
@@ -274,7 +276,7 @@ def test_units_of_a_runs_own_parameters_change_nothing(rng):
         np.array(
             [
                 spread @ spread.T
-                for spread in arrow.spreads_by_runs(
+                for spread in arrowhead.spreads_by_runs(
                     [root / unit for root in roots], columns, slopes
                 )
             ]
@@ -344,7 +346,7 @@ def test_simulated_residuals_of_each_run_are_those_of_all_runs_together(rng):
     design[: 2 * X.size] *= 10.0
     rows, spread_of_all = design[: X.size], np.linalg.inv(design.T @ design)
     taken = rows @ spread_of_all @ rows.T
-    spread = arrow.spreads_by_runs(
+    spread = arrowhead.spreads_by_runs(
         [jacobian for jacobian, _ in fit.posterior.narrow_scoring(fit.values)],
         problem.columns,
         fit.posterior.prior_slopes(fit.values),

@@ -22,7 +22,7 @@ from estim.model import (
     turning_angle,
     turning_point,
 )
-from estim.model.phase import (
+from estim.model.phase_curve import (
     STANDARD_GRAVITY,
     energy_ratio,
     energy_ratio_derivatives,

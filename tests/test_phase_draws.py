@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estim.model import Body, phase
+from estim.model import Body, phase_curve
 
 
 def literal(angle, gamma, j, theta0, phi, resistance):
@@ -38,16 +38,18 @@ def test_many_draws_at_once_give_the_formula_to_rounding_also_close_to_the_relea
     body = Body(radius=radius, gamma=gamma, kappa=kappa)
     x = scale * np.linspace(0.0, 0.8, 40)
     angle = x / radius
-    ratio = phase.energy_ratio(angle, body, phi=phi, theta0=theta0, rolling_resistance=resistance)
+    ratio = phase_curve.energy_ratio(
+        angle, body, phi=phi, theta0=theta0, rolling_resistance=resistance
+    )
     expected = literal(angle, gamma, body.inertia_ratio, theta0, phi, resistance)
     assert ratio.shape == (n, 40)
     # rounding of the terms, which are of the order of the angle: no loss towards angle 0
     assert np.all(np.abs(ratio - expected) <= 3e-15 * np.abs(angle))
     # 1 - cos u taken literally would lose everything there: the bound can fail
     if scale == 1e-9:
-        crude = gamma * (np.cos(theta0) - np.cos(theta0 + angle)) - angle * phase.effective_slope(
-            phi, resistance
-        )
+        crude = gamma * (
+            np.cos(theta0) - np.cos(theta0 + angle)
+        ) - angle * phase_curve.effective_slope(phi, resistance)
         assert np.any(
             np.abs(
                 crude / (1.0 + body.inertia_ratio + 2.0 * gamma * np.cos(theta0 + phi)) - expected
@@ -59,8 +61,12 @@ def test_many_draws_at_once_give_the_formula_to_rounding_also_close_to_the_relea
 def test_speeds_do_not_depend_on_the_draws_beside_them(rng):
     values = rng.uniform(0.1, 0.3, (5, 1))
     x = np.linspace(0.0, 0.4, 7)
-    together = phase.speed(x, Body(radius=0.15, gamma=values, kappa=0.45), phi=0.05, theta0=1.0)
+    together = phase_curve.speed(
+        x, Body(radius=0.15, gamma=values, kappa=0.45), phi=0.05, theta0=1.0
+    )
     for row, gamma in zip(together, values[:, 0], strict=True):
-        alone = phase.speed(x, Body(radius=0.15, gamma=gamma, kappa=0.45), phi=0.05, theta0=1.0)
+        alone = phase_curve.speed(
+            x, Body(radius=0.15, gamma=gamma, kappa=0.45), phi=0.05, theta0=1.0
+        )
         assert alone.shape == (7,)
         assert np.allclose(row, alone, rtol=1e-12, atol=1e-9)

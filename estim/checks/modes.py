@@ -5,7 +5,7 @@ Two optima are separate modes where no way leads from one to the other on which 
 near that of the lower of the two, and each holds a share of the posterior that matters.  Two ways
 are tried: the straight line, and the ridge (the parameter in which they differ most is led from one
 value to the other, all others re-optimised), for a ridge may be bent.  A mode that no start, no
-scan (`estim.fitting.screen`) and no walker has met stays unknown.
+scan (`estim.fitting.further_optima`) and no walker has met stays unknown.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ from estim.common import (
     require_room,
     write_whole,
 )
-from estim.namesakes import namesake_behind
+from estim.shadowed_modules import namesake_behind
 
 if TYPE_CHECKING:
     from estim.campaign import Campaign

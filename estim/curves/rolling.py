@@ -29,7 +29,7 @@ from estim.model import (
     energy,
     moment_ratio,
     needed_friction,
-    phase,
+    phase_curve,
     positions_at,
     release_energy,
     release_speed,
@@ -112,7 +112,7 @@ def derived_of(body: Body, motion: Mapping[str, Any], mass: float | None) -> dic
         ),
         "slope": Derived(
             "1",
-            np.atleast_2d(phase.effective_slope(phi, resistance)),
+            np.atleast_2d(phase_curve.effective_slope(phi, resistance)),
             phrase("effective slope sin φ + c_rr cos φ"),
             Notation("s"),
         ),
@@ -178,7 +178,7 @@ class _Known:
 
     @property
     def acting(self) -> dict[str, Any]:
-        """Keywords of the functions of `estim.model.phase`."""
+        """Keywords of the functions of `estim.model.phase_curve`."""
         return {**self.motion, "release_energy": self.energy, "forces": self.forces}
 
 
@@ -231,7 +231,7 @@ class PhaseCurve:
     def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
         square = self.local_square(x, arguments)
         return LocalCurve(
-            *phase.root_derivatives(square.value, square.slope, dict(square.gradient))
+            *phase_curve.root_derivatives(square.value, square.slope, dict(square.gradient))
         )
 
     def local_square(self, x: FloatArray, arguments: Named) -> LocalCurve:
@@ -265,7 +265,7 @@ class PhaseCurve:
             for name in ("scale_x", "scale_t")
         )
         since, k = from_release(x, arguments), np.square(scale / clock)
-        square, along, gradient = phase.squared_speed_derivatives(
+        square, along, gradient = phase_curve.squared_speed_derivatives(
             since / scale, body, **motion, angular=self.angular
         )
         value, slope = k * np.atleast_2d(square), k / scale * np.atleast_2d(along)
@@ -287,7 +287,7 @@ class PhaseCurve:
         known = _known(arguments, self.setting)
         true = known.readings.true_position(from_release(x, arguments))
         squares = self._squares(true, known, order)
-        derivative = phase.time_derivative(squares, order)
+        derivative = phase_curve.time_derivative(squares, order)
         return np.atleast_2d(_as_read(derivative, squares, order, known.readings, true))
 
     def square(self, x: FloatArray, arguments: Named) -> FloatArray:
@@ -295,7 +295,7 @@ class PhaseCurve:
         true = known.readings.true_position(from_release(x, arguments))
         radius, g = np.asarray(known.body.radius), np.asarray(known.motion["g"])
         scale = 2.0 * g / radius if self.angular else 2.0 * g * radius
-        ratio = phase.energy_ratio(
+        ratio = phase_curve.energy_ratio(
             true if self.angular else true / radius, known.body, **known.acting
         )
         return np.atleast_2d(scale * ratio * known.readings.speed(1.0, true) ** 2)
@@ -303,7 +303,7 @@ class PhaseCurve:
     def _squares(self, true: FloatArray, known: _Known, order: int) -> list[FloatArray]:
         """Square of the true speed and its derivatives along the way."""
         radius, g = np.asarray(known.body.radius), np.asarray(known.motion["g"])
-        ratios = phase.energy_ratio_derivatives(
+        ratios = phase_curve.energy_ratio_derivatives(
             true if self.angular else true / radius, known.body, **known.acting, order=order
         )
         scale, step = (2.0 * g / radius, 1.0) if self.angular else (2.0 * g * radius, radius)
@@ -523,7 +523,7 @@ class RollingMotion:
             # pushed back it comes by again about as fast
             acting["release_energy"] = np.abs(known.energy)
         far = 2.0 * self.reach / (1.0 if self.angular else float(np.min(radius))) + np.pi
-        angle = phase.turning_angle(known.body, **acting, far=far)
+        angle = phase_curve.turning_angle(known.body, **acting, far=far)
         true = np.asarray(angle if self.angular else radius * angle)
         turns = np.isfinite(true)
         return np.where(turns, known.readings.position(np.where(turns, true, 0.0)), true)
@@ -552,7 +552,7 @@ def _of_forces(known: _Known, arguments: Named, rolling: Derived | None) -> dict
     quantities: dict[str, Derived] = {}
     forces = known.forces or Forces()
     if "moment" in arguments:
-        slope = phase.effective_slope(
+        slope = phase_curve.effective_slope(
             known.motion["phi"], known.motion["rolling_resistance"]
         ) + np.asarray(forces.moment)
         quantities["slope"] = _derived(

@@ -4,7 +4,7 @@ Priors enter as residuals, sigmas are absolute (`scale_covar=False`), the Jacobi
 the search starts from several points.  The covariance of the noise depends weakly on the curve, so
 the fit is repeated with it taken at the last result until nothing moves (iteratively reweighted
 least squares); inferred noise parameters are updated in turn by maximising the same posterior.
-More than 16 independent runs are fit run by run (`estim.fitting.arrow`), not by lmfit.
+More than 16 independent runs are fit run by run (`estim.fitting.arrowhead`), not by lmfit.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from estim.arrays import FloatArray, all_finite, diagonal_scale
 from estim.common import Finding, InputError, NumericalError, phrase
 from estim.deviation import FoundDeviation, FoundForce, NormalParts
 from estim.distributions import chi2_tail
-from estim.fitting.arrow import descend_by_runs, many
+from estim.fitting.arrowhead import descend_by_runs, many
 from estim.fitting.finish import finished
 from estim.fitting.fisher_information import information
 from estim.fitting.noise_fit import fit_noise

@@ -7,10 +7,10 @@ around them, because a frequency or a rate has many local optima.  The winner is
 Gauss-Newton steps with a QR decomposition until they are at rounding error.
 
 From the best point every nonlinear parameter is then led through its whole range
-(`estim.fitting.screen`), so that other optima are met, better ones or equal ones.  Values that draw
-the same curve everywhere (two exponentials can change places, `estim.problem.symmetry`) are one
-optimum, given with the labels closest to the user's start.  All else that is not much worse is
-another solution.
+(`estim.fitting.further_optima`), so that other optima are met, better ones or equal ones.  Values
+that draw the same curve everywhere (two exponentials can change places, `estim.problem.symmetry`)
+are one optimum, given with the labels closest to the user's start.  All else that is not much worse
+is another solution.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray, Named, all_finite
 from estim.common import Amount, Finding, InputError, Kind, phrase
+from estim.fitting.further_optima import far_places, further_optima
 from estim.fitting.gauss_newton import End, descended, inverse_information, near_bound, stepped
 from estim.fitting.least_squares import (
     WITHIN_REACH,
@@ -34,7 +35,6 @@ from estim.fitting.least_squares import (
     settled,
 )
 from estim.fitting.noise_fit import fit_noise
-from estim.fitting.screen import far_places, further_optima
 from estim.fitting.separable import RESOLVED, SeparableSearch, set_apart
 from estim.fitting.solutions import (
     MOST_OTHERS,
@@ -450,7 +450,7 @@ def is_resolved(fit: Fit) -> bool:
 
 
 def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
-    """`fit` with the further optima that scans of its parameters meet (`estim.fitting.screen`),
+    """`fit` with the optima that scans of its parameters meet (`estim.fitting.further_optima`),
     where these are few; the best of all becomes the fit.
     """
     if fit.singular or fit.problem.n_par > MAX_PARAMETERS:

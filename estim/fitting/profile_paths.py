@@ -14,7 +14,6 @@ from estim.arrays import FloatArray
 from estim.descent import End, Start, Task
 from estim.fitting.profile_search import ProfileSearch
 
-
 _LOST = 16.0  # times the level
 
 

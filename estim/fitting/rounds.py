@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.fitting.arrow import own_columns
+from estim.fitting.arrowhead import own_columns
 from estim.problem import Likelihood, Posterior, Problem
 
 _TRIED = 3  # rounds at a share, before a covariance is held

@@ -41,7 +41,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.line.trial_data import HIGH, LOW, Tilt, Trials
-from estim.model.phase import effective_slope
+from estim.model.phase_curve import effective_slope
 from estim.problem import HalfNormal, LogNormal, Normal, Prior, Uniform
 from estim.sampling import log_sum_exp
 

@@ -15,7 +15,7 @@ from estim.model.forces import (
 )
 from estim.model.motion import back_and_forth, positions_at, trajectory, travel_time
 from estim.model.parts import Assembly, Part, assemble, bolt, disk, ring, rod
-from estim.model.phase import (
+from estim.model.phase_curve import (
     STANDARD_GRAVITY,
     angular_rate,
     ascends,

@@ -1,9 +1,9 @@
 """The force between ramp and body: how hard it presses, the friction that rolling needs, and where
 rolling must end.
 
-With H = W/D the energy ratio of `estim.model.phase` (theta'^2 = 2 g H/R, theta'' = g H'/R) and a =
-theta + phi_x the angle of the particle from the normal of the ramp, Newton's law for the centre of
-mass gives, per unit weight,
+With H = W/D the energy ratio of `estim.model.phase_curve` (theta'^2 = 2 g H/R, theta'' = g H'/R)
+and a = theta + phi_x the angle of the particle from the normal of the ramp, Newton's law for the
+centre of mass gives, per unit weight,
 
     N/(M g) = cos phi_x + 2 phi' R H - gamma [H' sin a + 2 H cos a]
     F/(M g) = sin phi_x + H' + gamma [H' cos a - 2 H sin a] + k_1 v/g + k_2 v^2/g
@@ -35,7 +35,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from estim.model.body import Body
 from estim.model.forces import Forces, energy_series, inertia
-from estim.model.phase import STANDARD_GRAVITY, energy_ratio_derivatives, turning_angle
+from estim.model.phase_curve import STANDARD_GRAVITY, energy_ratio_derivatives, turning_angle
 
 FloatArray = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from estim.model.body import Body
 from estim.model.forces import Forces, inertia, ramp_height
-from estim.model.phase import STANDARD_GRAVITY
+from estim.model.phase_curve import STANDARD_GRAVITY
 
 FloatArray = NDArray[Any]
 

@@ -27,7 +27,7 @@ from estim.model.chebyshev_series import cosine_transform, evaluate, integral
 from estim.model.driven import driven_motion, sine_and_cosine
 from estim.model.forces import Forces
 from estim.model.inversion import invert
-from estim.model.phase import STANDARD_GRAVITY, effective_slope, energy_ratio, turning_angle
+from estim.model.phase_curve import STANDARD_GRAVITY, effective_slope, energy_ratio, turning_angle
 
 FloatArray = NDArray[Any]
 

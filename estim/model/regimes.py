@@ -18,7 +18,7 @@ theta_max = pi - theta_min.
 - Downhill (s < 0) it rolls on for ever where it starts higher than the next hill top
   (`release_that_rolls_on`); uphill it never does.
 
-All functions broadcast, as those of `estim.model.phase`.
+All functions broadcast, as those of `estim.model.phase_curve`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from estim.model.phase import effective_slope
+from estim.model.phase_curve import effective_slope
 
 FloatArray = NDArray[np.float64]
 

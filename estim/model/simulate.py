@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from estim.model.body import Body
 from estim.model.motion import trajectory, travel_time
-from estim.model.phase import STANDARD_GRAVITY, theta_min, turning_point
+from estim.model.phase_curve import STANDARD_GRAVITY, theta_min, turning_point
 
 FloatArray = NDArray[np.float64]
 

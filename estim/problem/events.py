@@ -25,9 +25,9 @@ from estim.problem.count_distributions import BINOMIAL as BINOMIAL
 from estim.problem.count_distributions import POISSON as POISSON
 from estim.problem.count_distributions import Counted as Counted
 from estim.problem.count_distributions import Law as Law
-from estim.problem.counts import CountErrors
-from estim.problem.counts import Counts as Counts
-from estim.problem.counts import counted_words as counted_words
+from estim.problem.count_noise import CountErrors
+from estim.problem.count_noise import Counts as Counts
+from estim.problem.count_noise import counted_words as counted_words
 from estim.problem.curve import Curve, LocalCurve, Wording
 from estim.problem.latent import rooted
 from estim.problem.likelihood import Likelihood, Points, n_draws
