@@ -504,7 +504,7 @@ def test_a_campaign_counts_as_python_does(tmp_path: Path, rng: np.random.Generat
             '"poisson", bins = ["low", "high"]',
             '"binomial"',
             ROWS,
-            r'trials. is missing \(model = "binomial"\)',
+            r'trials. is missing \(model = "binomial"\) \(how many at each x: a number or a col',
         ),
         (
             '"poisson", bins = ["low", "high"]',

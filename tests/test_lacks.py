@@ -136,7 +136,7 @@ def test_a_run_has_the_last_word(folder):
         ('correlated = "none"', "none"),
         ("deviation = 0.1\nu_x = 0.01", "u_x"),
         ('deviation = 0.1\nrobust = "student-t"', "robust"),
-        ("every = 0", "must be >= 1"),
+        ("every = 0", r"must be >= 1 \(3: every third point\): 0"),
     ],
 )
 def test_what_does_not_go_together_is_refused_at_its_line(folder, keys, said):

@@ -556,7 +556,7 @@ HEAD = 'title = "t"\n[measurand]\nformula = "a*b"\n[inputs]\nb = {value = 1, u =
         ),
         (
             HEAD + 'a = {value = 1, u = 1}\n[[correlations]]\nbetween = ["a", "b"]\nr = 1.5\n',
-            ":9: 'r' must be <= 1: 1.5",
+            ":9: 'r' must be >= -1 and <= 1: 1.5",
         ),
         (
             'simultaneous = [["a", "b"]]\n' + HEAD + "a = {readings = [1, 2]}\n",
@@ -582,7 +582,7 @@ HEAD = 'title = "t"\n[measurand]\nformula = "a*b"\n[inputs]\nb = {value = 1, u =
         ),
         (
             "probability = 1.5\n" + HEAD + "a = {value = 1}\n",
-            ":1: 'probability' must be <= 0.9999: 1.5",
+            ":1: 'probability' must be >= 0.5 and <= 0.9999: 1.5",
         ),
         (HEAD + "a = {value = 1, components = {p = {u = -1}}}\n", ":6: 'u' must be > 0"),
     ],

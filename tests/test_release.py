@@ -307,7 +307,7 @@ def test_outcomes_at_random_are_a_poor_fit(tmp_path: Path) -> None:
             "t.csv:3: 'theta_deg' must lie between 0 and 180: 182.0",
         ),
         ("4,20,0\n", "", "'rows' must hold at least 4 rows of numbers"),
-        (ROWS, "release_deg = -1\n", "c.toml:13: 'release_deg' must be >= 0: -1"),
+        (ROWS, "release_deg = -1\n", "c.toml:13: 'release_deg' must be >= 0 and < 45: -1"),
         (
             ROWS,
             "u_theta_min_deg = 1\n",

@@ -21,7 +21,7 @@ import msgspec
 from estim.campaign.curve_keys import CurveRunTable, CurveTable
 from estim.campaign.effect_table import EffectTable
 from estim.campaign.key_table import KeyTable
-from estim.campaign.mismatch import located, meant, mismatch, of_table
+from estim.campaign.mismatch import hint, located, meant, mismatch, of_table
 from estim.campaign.name_rules import check_body_names, check_run_names
 from estim.campaign.part_table import AnyPart
 from estim.campaign.plan_table import PlanTable, check_plan
@@ -373,7 +373,7 @@ def checked(tree: object, kind: type[T], places: Places, path: KeyPath) -> T:
             if match[1] == "unknown":
                 rule = f"is not a known key here{mark}{meant(match[2], keys)}"
             else:
-                rule = f"is missing{mark}"
+                rule = f"is missing{mark}{hint(kind, [*inner, match[2]])}"
             raise places.error(rule, (*full, match[2])) from None
         rule, value = mismatch(message, kind, inner, found)
         raise places.error(rule, full, field=None if full else "campaign", value=value) from None

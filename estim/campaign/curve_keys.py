@@ -64,7 +64,7 @@ class PoissonTable(CountTable, frozen=True, tag="poisson"):
 
 
 class BinomialTable(CountTable, frozen=True, tag="binomial"):
-    trials: float | str
+    trials: Annotated[float | str, Meta(description="how many at each x: a number or a column")]
 
 
 class EventsTable(CountTable, frozen=True, tag="event-times"):
@@ -81,7 +81,7 @@ class CurveKeys(DialectKeys, frozen=True, kw_only=True):
     deviation: float | None = None
     correlated: bool | str | None = None
     window: RangeTable | None = None
-    every: Annotated[int, Meta(ge=1)] | None = None
+    every: Annotated[int, Meta(ge=1, description="3: every third point")] | None = None
     parameters: dict[str, float | str | ParameterTable] = msgspec.field(default_factory=dict)
 
 

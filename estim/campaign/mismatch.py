@@ -38,13 +38,36 @@ def mismatch(message: str, kind: object, path: Sequence[str], found: object) -> 
     if isinstance(found, float) and not math.isfinite(found):
         return "must be finite", found
     if match := re.fullmatch(r"Expected `\w+` ([<>]=?) (.+)", message):
-        return f"must be {match[1]} {match[2].removesuffix('.0')}", found
+        broken, limits = f"{match[1]} {match[2].removesuffix('.0')}", _limits(kind, path)
+        said = " and ".join(limits) if broken in limits else broken
+        return f"must be {said}{hint(kind, path)}", found
     if match := re.fullmatch(r"Expected `array` of length (\d+), got (\d+)", message):
         return f"must be a list of {match[1]}, not of {match[2]}", None
     choices = list(dict.fromkeys(_choices(kind, path)))
     if message.startswith("Invalid ") and choices:
         return f"must be one of {', '.join(choices)}{meant(str(found), choices)}", found
     return message[0].lower() + message[1:].replace("`", ""), None
+
+
+def hint(kind: object, path: Sequence[str]) -> str:
+    """' (a number or a column)', what the type at `path` says of itself; "" where it does not."""
+    return "".join(f" ({meta.description})" for meta in _metas(kind, path) if meta.description)
+
+
+def _limits(kind: object, path: Sequence[str]) -> list[str]:
+    """All that are for people, not for computers, of the number at `path`: '> 0', '<= 1'."""
+    marks = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
+    return [
+        f"{mark} {limit:.15g}"
+        for meta in _metas(kind, path)
+        for key, mark in marks.items()
+        if (limit := getattr(meta, key)) is not None and abs(limit) < 1e100
+    ]
+
+
+def _metas(kind: object, path: Sequence[str]) -> Iterator[msgspec.Meta]:
+    for variant in _at(kind, path):
+        yield from getattr(variant, "__metadata__", ())
 
 
 def meant(written: str, choices: Sequence[str]) -> str:
