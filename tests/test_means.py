@@ -20,6 +20,8 @@ import estim
 from estim.cli.commands import cli
 from estim.common.errors import InputError
 from estim.common.quantity import Quantity, difference, e_n
+from estim.means.table_mean import mean_of_table
+from estim.reports.mean import mean_figure
 
 KAON = [493.696, 493.636, 493.640, 493.670, 493.657, 493.691]
 U_KAON = [0.007, 0.011, 0.054, 0.029, 0.020, 0.040]
@@ -149,6 +151,8 @@ def test_a_mistyped_reading_is_told_by_either_door(tmp_path):
     out = str(tmp_path / "out")
     done = runner().invoke(cli, ["mean", str(file), "--out", out, "--figures", "none"])
     assert done.exit_code == 3
+    bands = mean_figure(mean_of_table(file)).axes[0].patches
+    assert [band.get_label() for band in bands] == ["readings, 95 %"]
     assert "mean: poor-fit\n  Quote none: value number 8, 14.1" in done.output
     assert "±" not in done.output
 

@@ -154,7 +154,8 @@ def mean_figure(found: TableMean) -> Figure:
         places = 1.0 + np.array([mean.groups.names.index(label) for label in found.labels])
     others = "weighted" if mean.u_data is not None else "readings"
     with_tau = "hierarchical" if mean.u_data is not None else mean.recommended
-    for name, colour in dict.fromkeys(((others, BLUE), (with_tau, ORANGE))):
+    quoted = mean.recommended if mean.status.ok else ""
+    for name, colour in {others: BLUE, with_tau: ORANGE}.items():
         a = mean.averages[name]
         ax.axhspan(
             a.low,
@@ -163,7 +164,7 @@ def mean_figure(found: TableMean) -> Figure:
             alpha=0.2,
             lw=0,
             label=f"{name}, {100.0 * mean.probability:g} %"
-            + (f" ({phrase('recommended')})" if name == mean.recommended else ""),
+            + (f" ({phrase('recommended')})" if name == quoted else ""),
         )
         ax.axhline(a.value, color=colour, lw=1.2)
     ax.errorbar(
