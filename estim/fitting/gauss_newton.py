@@ -95,16 +95,15 @@ def near_bound(
     Where two parameters do the same at a bound, the gradient in one is that in the other, 0, and
     its sign is rounding.
     """
-    gradient = jacobian.T @ residual
-    slack = (
-        _NO_STEP
-        * np.linalg.norm(jacobian, axis=0)
-        * math.sqrt(chi2 / max(1, residual.size - search.free.size))
-    )
+    gradient, moves = jacobian.T @ residual, np.linalg.norm(jacobian, axis=0)
+    nothing = _NO_STEP * math.sqrt(chi2 / max(1, residual.size - search.free.size))
+    slack = nothing * moves
     # nanometres may be written in metres
     unit = np.where(search.held != 0.0, np.minimum(np.abs(search.held), 1.0), 1.0)
     margin = 1e-8 * (unit + np.abs(values))
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore"):
+        # and a start may lie on the bound but for rounding
+        margin = np.maximum(margin, np.where(moves > 0.0, nothing / moves, 0.0))
         return ((values - search.low < margin) & (gradient > -slack)) | (
             (search.high - values < margin) & (gradient < slack)
         )
