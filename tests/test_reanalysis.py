@@ -345,15 +345,13 @@ def test_a_wrong_series_is_refused_with_its_place(
     assert told in str(caught.value)
 
 
-@pytest.mark.parametrize(("u", "told"), [("1e-9", "must be >= 0.0001"), ("50.0", "must be < 45")])
-def test_an_uncertainty_of_all_angles_has_limits(
-    replica: Path, tmp_path: Path, u: str, told: str
-) -> None:
+@pytest.mark.parametrize("u", ["1e-9", "50.0"])
+def test_an_uncertainty_of_all_angles_has_limits(replica: Path, tmp_path: Path, u: str) -> None:
     text = (replica / "campaign.toml").read_text()
     (tmp_path / "campaign.toml").write_text(text.replace("[line]\n", f"[line]\nu_phi_deg = {u}\n"))
     with pytest.raises(InputError) as caught:
         load_campaign(tmp_path / "campaign.toml")
-    assert f"'u_phi_deg' {told}: {float(u)}" in str(caught.value)
+    assert f"'u_phi_deg' must be >= 0.0001 and < 45: {float(u)}" in str(caught.value)
 
 
 def test_published_numbers_meet_what_was_found(project: Path) -> None:

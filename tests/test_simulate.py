@@ -207,8 +207,8 @@ def test_particle_mass_gives_the_wanted_gamma():
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("kappa = 0.45", "kappa = -0.45", "'kappa' must be > 0: -0.45"),
-        ("sigma_x_m = 0.001", "sigma_x_m = 0.0", "'sigma_x_m' must be > 0: 0.0"),
+        ("kappa = 0.45", "kappa = -0.45", "'kappa' must be > 0 and <= 1: -0.45"),
+        ("sigma_x_m = 0.001", "sigma_x_m = 0.0", "'sigma_x_m' must be > 0 and <= 1000: 0.0"),
         (
             "frames_per_second = 30",
             'frames_per_second = "30"',

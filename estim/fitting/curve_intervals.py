@@ -114,9 +114,9 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
                 )
             )
             sds[i] = np.nan
-        elif (np.any(beside) or ended or bent[i]) and _lopsided(
-            intervals[name], float(best.values[i]), float(sds[i]), float(dofs[i])
-        ):
+        elif (
+            np.any(beside) or ended or (bent[i] and _one_sign(intervals[name], symmetric[name]))
+        ) and _lopsided(intervals[name], float(best.values[i]), float(sds[i]), float(dofs[i])):
             notes.append(
                 Finding(
                     Kind.CUT_BY_LIMIT
@@ -203,6 +203,12 @@ def profiled(
     return intervals, left_open
 
 
+def _one_sign(ends: Ends, symmetric: Ends) -> bool:
+    """Whether the 95 % interval has one sign where value ± sd has not."""
+    widest = PROBABILITIES[-1]
+    return ends[widest][0] * ends[widest][1] > 0.0 > math.prod(symmetric[widest])
+
+
 def _lopsided(ends: Ends, value: float, sd: float, dof: float) -> bool:
     """Whether value ± sd would say something else than the 68 % interval does."""
     half = _quantile(PROBABILITIES[0], np.array([dof]))[0] * sd
@@ -248,7 +254,8 @@ def shown_value(
 
     def end(place: float) -> str:
         # of an interval that may reach over decades, each end by its own size
-        own = size if math.isfinite(sd) or place == 0.0 else min(size, 0.1 * abs(place))
+        one_sign = low > 0.0 or high < 0.0
+        own = min(size, 0.1 * abs(place)) if one_sign and not math.isfinite(sd) else size
         return format_rounded(place, own)
 
     spans = {p: f"[{end(a)}, {end(b)}]" for p, (a, b) in ends.items()}

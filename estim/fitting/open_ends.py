@@ -20,7 +20,7 @@ from estim.problem import Parameter, Problem
 _PROBABILITY = 0.95
 _VAGUE = 0.5  # ranges of the data
 _STRAIGHT = 0.05  # standard deviations of the residuals, by which a step of one bends them
-_FAR, _LONGER = 10.0, 3.0  # standard deviations; times the other side, in logarithms
+_FAR, _LONGER = 10.0, 1.5  # standard deviations; times the other side, in logarithms
 
 
 def open_sides(fit: Fit, sds: FloatArray, *, dof: float = math.inf) -> list[Finding]:
