@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import re
 from typing import Any
 
 import lmfit
@@ -10,7 +11,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from estim import DataSet, InputError, fit_curve, fit_curves, sample_curve
+from estim import (
+    DataSet,
+    EventTimes,
+    InputError,
+    Target,
+    curve_report,
+    fit_curve,
+    fit_curves,
+    sample_curve,
+)
 from estim.checks import influences
 
 U, V = (grid.ravel() for grid in np.meshgrid(np.linspace(-3, 3, 9), np.linspace(-2, 2, 8)))
@@ -56,6 +66,17 @@ def test_a_plane_needs_no_start_and_is_the_linear_regression() -> None:
     assert pickle.loads(pickle.dumps(fit))(at) == pytest.approx(rows @ best)
 
 
+def test_a_column_of_a_data_frame_is_one_abscissa() -> None:
+    frame = pd.DataFrame({"x": U, "y": 2.0 * U + noise(0.2)}, index=[f"row {i}" for i in U])
+    fit = fit_curve("a*x + b", frame["x"], frame["y"], u_y=0.2)
+    same = fit_curve("a*x + b", U, frame["y"].to_numpy(), u_y=0.2)
+    assert fit.values == same.values
+    assert fit(frame["x"]) == pytest.approx(same(U))
+    assert fit(U.reshape(8, 9)).shape == (8, 9)
+    joint = fit_curves("a*x + b", {"one": DataSet(frame["x"], frame["y"], 0.2)})
+    assert joint.values["a"] == pytest.approx(same.values["a"])
+
+
 def test_a_wrong_surface_is_refused() -> None:
     z = 2.0 * U - V + 0.5 + 0.15 * U * V + noise(0.2)
     assert fit_curve("a*u + b*v + c", BOTH, z, u_y=0.2).status == "poor-fit"
@@ -95,6 +116,18 @@ def test_ties_robust_errors_and_joint_fits_take_them() -> None:
     assert joint([3.0], data="line") == pytest.approx(3.0 * joint.values["a"])
 
 
+def test_the_digest_of_the_data_is_that_of_all_abscissas() -> None:
+    y = 2.0 * U - V + noise(0.2)
+    target = Target(ess=400.0)
+    told = set()
+    for x in (BOTH, {"u": U, "v": 1.5 * V}):
+        fit = fit_curve("a*u + b*v", x, y)
+        analysis = sample_curve(fit, seed=1, target=target)
+        report = curve_report(fit, analysis, title="A plane", kind="synthetic", figures="none")
+        told.add(re.findall(rb"`\(arrays\)`, SHA-256 `(\w{64})`", report["report.md"])[0])
+    assert len(told) == 2
+
+
 def test_nothing_is_said_of_an_axis_that_is_only_the_order_of_the_points() -> None:
     fit = fit_curve("a*u + b*v + c", BOTH, 2.0 * U - V + noise(0.2), u_y=0.2)
     assert fit.notes == ()
@@ -116,6 +149,7 @@ def test_nothing_is_said_of_an_axis_that_is_only_the_order_of_the_points() -> No
         ("a*u + b*v", BOTH, {"start": {"q": 1.0}}, "start", "'q', which is not in the formula"),
         ("a*u + b*v", BOTH, {"u_y": 0.1, "u_x": 0.1}, "u_x", "several abscissas"),
         ("a*u + b*v", BOTH, {"u_y": 0.1, "deviation": 0.1}, "deviation", "several abscissas"),
+        ("a*u + b*v", BOTH, {"noise": EventTimes(0.0, 9.0)}, "noise", "several abscissas"),
     ],
 )
 def test_what_does_not_go_together_is_refused(

@@ -182,7 +182,7 @@ class CurveFit:
         data : as in `predict`.
         """
         refuse_quantities(x=x)
-        if hasattr(x, "keys") or self._run(data).numbered:
+        if isinstance(x, Mapping) or self._run(data).numbered:
             return self.predict(x, data=data).value
         return self.predict(np.ravel(x), data=data).value.reshape(np.shape(x))
 

@@ -53,7 +53,7 @@ from estim.curves.rolling import (
     energy_of_speed,
     size_with_blur,
 )
-from estim.curves.several import are_places, at_places, numbered
+from estim.curves.several_abscissas import are_places, at_places, numbered
 from estim.curves.shared_errors import Component, scale_errors_of
 from estim.curves.derived import (
     SoughtQuantity,

@@ -23,7 +23,7 @@ from estim.arrays import FloatArray, Named
 from estim.common import InputError
 from estim.curves.dual import Dual, plain
 from estim.curves.formula import local_of, time_derivative_of
-from estim.curves.several import OfPoints
+from estim.curves.several_abscissas import OfPoints
 from estim.given_numbers import real_numbers
 from estim.problem import EXACT, LocalCurve, n_draws
 

@@ -23,7 +23,7 @@ from estim.curves.models import known_models as known_models
 from estim.curves.models import read_model as read_model
 from estim.curves.posing import CurveProblem
 from estim.curves.projected import linear_in as linear_in
-from estim.curves.several import OfPoints
+from estim.curves.several_abscissas import OfPoints
 from estim.problem import MOST_REWEIGHTED, Flat, errors_widened, typical_size
 
 _SIZE = "size_of_density"

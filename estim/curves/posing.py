@@ -17,13 +17,20 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray, IntArray
 from estim.common import InputError, Notation, Quantity, phrase, read_quantity
 from estim.curves.columns import column, errors_of, share_of
-from estim.curves.counting import MAX_OBS, CountedPoints, Counting, ask_counts, refuse_errors
+from estim.curves.counting import (
+    MAX_OBS,
+    CountedPoints,
+    Counting,
+    EventTimes,
+    ask_counts,
+    refuse_errors,
+)
 from estim.curves.derived import SoughtQuantity, seek_of_fit
 from estim.curves.discrepancy import discrepancy_of
 from estim.curves.formula import Formula, check_names, read_formula
 from estim.curves.function import PythonCurve, wrap_function
 from estim.curves.models import Limits
-from estim.curves.several import OfPoints
+from estim.curves.several_abscissas import OfPoints
 from estim.curves.shared_errors import Component, DistortedCurve
 from estim.curves.tied import TiedCurve, followed, only_for_ties, read_tied
 from estim.curves.units import AxisNames as AxisNames
@@ -79,7 +86,7 @@ class CurveProblem:
     jitter, tails : the scatter beside the stated errors, and the shape of the errors; `further` are
         their unknowns.
     order : (n_obs,) where each point stood among those given; None of single events.
-    numbered : whether x are the numbers of points that have several abscissas.
+    places : name -> (n_obs,), the abscissas of points that have several: x are their numbers.
     """
 
     text: str
@@ -105,7 +112,7 @@ class CurveProblem:
     said: tuple[str, ...] = ()
     cov_x: FloatArray | None = None
     r_xy: FloatArray | None = None
-    numbered: bool = False
+    places: Mapping[str, FloatArray] | None = None
 
     @property
     def infers_errors(self) -> bool:
@@ -179,8 +186,8 @@ class CurveProblem:
             curve=self.curve,
             arguments=MappingProxyType(arguments),
             noise=noise,
-            x_name=phrase("number of the point") if self.numbered else self.axes.x_name,
-            x_unit="1" if self.numbered else self.axes.x_unit,
+            x_name=self.axes.x_name if self.places is None else phrase("number of the point"),
+            x_unit=self.axes.x_unit if self.places is None else "1",
             y_name=self.axes.y_name,
             y_unit=self.axes.y_unit,
             excluded=(),
@@ -189,7 +196,7 @@ class CurveProblem:
             words=plain_words() if self.counted is None else self.counted.words,
             sought=self.sought,
             order=self.order,
-            numbered=self.numbered,
+            places=self.places,
         )
 
 
@@ -248,14 +255,15 @@ def pose_curve(
         bounds=bounds, priors=priors, units=units, fixed=fixed, derived=derived, tied=tied
     )
     _check_words(units, errors, axes)
-    numbered = isinstance(curve, OfPoints)
+    places = curve.columns if isinstance(curve, OfPoints) else None
     along_x = {
         "u_x": u_x is not None,
         "cov_x": cov_x is not None,
         "deviation": deviation != 0.0,
+        "noise": isinstance(noise, EventTimes) or getattr(noise, "bins", None) is not None,
         "errors": any(component.kind.endswith("_x") for component in errors),
     }
-    for field in (name for name, asked in along_x.items() if numbered and asked):
+    for field in (name for name, asked in along_x.items() if places is not None and asked):
         raise InputError("does not go with several abscissas", field=field)
     counted = ask_counts(
         noise,
@@ -409,7 +417,7 @@ def pose_curve(
         sought=seek_of_fit(following, units, [*all_of, *(p.name for p in shared)], parameter_units),
         share=share,
         said=said,
-        numbered=numbered,
+        places=places,
     )
 
 

@@ -127,8 +127,8 @@ class Observations:
     words : how the measured numbers are spoken of.
     order : (n_obs,) where each point stood among those that were given; None where that is not
         known.
-    numbered : whether x are the numbers of points that have several abscissas, between which the
-        curve is nothing.
+    places : name -> (n_obs,), the abscissas of points that have several: x are then the numbers of
+        the points, between which the curve is nothing.
     """
 
     name: str
@@ -155,7 +155,12 @@ class Observations:
     lacks: Discrepancy | None = None
     sought: tuple[DerivedQuantity, ...] = ()
     order: IntArray | None = None
-    numbered: bool = False
+    places: Mapping[str, FloatArray] | None = None
+
+    @property
+    def numbered(self) -> bool:
+        """Whether x are the numbers of points that have several abscissas."""
+        return self.places is not None
 
     @property
     def stated(self) -> bool:

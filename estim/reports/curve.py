@@ -94,7 +94,8 @@ def write_curve_report(
 
 def _table_of(run: Observations) -> Run:
     """The points of a data set as the table that a file would hold."""
-    columns = {"x": run.x, "y": run.y, "u_y": run.noise.reading_gain()}
+    places = {f"x[{name}]": values for name, values in (run.places or {}).items()}
+    columns = {"x": run.x, **places, "y": run.y, "u_y": run.noise.reading_gain()}
     digest = hashlib.sha256(
         b"".join(np.ascontiguousarray(column).tobytes() for column in columns.values())
     ).hexdigest()

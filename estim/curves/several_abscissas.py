@@ -66,6 +66,13 @@ class OfPoints:
         names = self.curve.names if isinstance(self.curve, Formula) else ()
         return tuple(name for name in names if name not in self.places)
 
+    @property
+    def columns(self) -> Mapping[str, FloatArray]:
+        """Name -> (n_obs,): the abscissas, those of an array by their rows."""
+        if isinstance(self.places, Mapping):
+            return self.places
+        return {str(row): values for row, values in enumerate(self.places)}
+
     @cached_property
     def linear(self) -> tuple[str, ...]:
         """Parameters of a formula in which it is linear, which need no starting value."""
@@ -79,7 +86,8 @@ class OfPoints:
 
 def are_places(x: object) -> bool:
     """Whether x holds several abscissas: a mapping, a data frame or an array of two axes."""
-    return hasattr(x, "keys") or (isinstance(x, np.ndarray) and x.ndim == 2)
+    frame = isinstance(x, np.ndarray) or hasattr(x, "keys")  # a column of a frame has keys too
+    return isinstance(x, Mapping) or (frame and getattr(x, "ndim", 1) == 2)
 
 
 def numbered(curve: Any, x: Any) -> tuple[Any, Any]:
@@ -133,7 +141,7 @@ def _kinds(places: Places) -> set[str | int]:
 
 def _read(x: Any) -> tuple[Places, int]:
     """The abscissas, checked, and how many points they have."""
-    if not hasattr(x, "keys"):
+    if isinstance(x, np.ndarray):
         array = real_numbers(x, "x")
         if not np.all(np.isfinite(array)):
             raise InputError("must be finite", field="x")
