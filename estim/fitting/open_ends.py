@@ -54,10 +54,10 @@ def vague(fit: Fit, sds: FloatArray) -> BoolArray:
     moved = _moved(fit.problem, fit.values, [fit.problem.names[i] for i in free])
     far[free] = moved * sds[free] >= _VAGUE
     for i in np.flatnonzero(far):
-        step = fit.cov[i] / math.sqrt(fit.cov[i, i])
-        ends = fit.posterior.residuals_at(
-            np.array([fit.values, fit.values - step, fit.values + step])
-        )
+        with np.errstate(all="ignore"):
+            steps = np.outer((0.0, -1.0, 1.0), fit.cov[i] / np.sqrt(fit.cov[i, i]))
+            within = np.clip(fit.values + steps, *fit.problem.support())
+            ends = fit.posterior.residuals_at(within)
         far[i] = not np.linalg.norm(ends[1] + ends[2] - 2.0 * ends[0]) < _STRAIGHT
     return far
 
