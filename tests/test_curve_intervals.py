@@ -298,6 +298,8 @@ def test_the_constant_of_a_power_law_is_known_in_any_unit(
     # the interval of b = ln a, in which the curve is nearly linear, says the same
     other = fit_curve("exp(b)*x**n", size * x, y, u_y=1.2)
     ends = other.profile_interval("b")
+    places = size * np.array([1.0, 4.0])
+    assert fit.predict(places).u == pytest.approx(other.predict(places).u, rel=1e-4)
     if not nearly_normal:
         assert np.log([low, high]) == pytest.approx(ends, abs=0.01 * other.sds["b"])
         (note,) = (words for words in fit.notes if "farther on one side" in words)

@@ -225,7 +225,9 @@ class CurveFit:
             raise InputError("must lie between 0 and 1", field="probability", value=probability)
         value = np.array(run.drawn(self.values, places))
         gradient = replace(run.points, x=places).gradient(self.values, self.names)
-        of_curve = set(self.names) - self.problem.noise_names
+        # the curve is known as well whatever its parameters are: exp(b) in place of a
+        lopsided = {f.parameters[0].name for f in self.seen if f.kind is Kind.LOPSIDED}
+        of_curve = set(self.names) - self.problem.noise_names - lopsided
         known = self.status.ok and all(math.isfinite(self.sds[name]) for name in of_curve)
         u = (
             np.sqrt(np.einsum("ni,ij,nj->n", gradient, self.cov, gradient))
