@@ -57,6 +57,7 @@ def ran(script: str, folder: Path, *arguments: str) -> subprocess.CompletedProce
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["curve", "rolling"])
 def test_a_report_needs_no_process_no_thread_and_no_numba(
     what: str, tmp_path: Path, project: Path, monkeypatch: pytest.MonkeyPatch

@@ -46,6 +46,7 @@ def explained(folder: Path, run: str, **slips: str) -> Explanation:
     return explain(replace(suspects, causes=near), rng=np.random.default_rng(1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("slips", "symbols", "cure"),
     [

@@ -76,6 +76,7 @@ def importers(package):
     return {module for module in FILES if package in packages(module)}
 
 
+@pytest.mark.slow
 def test_the_code_is_found():
     assert {
         "estim.model.body",
@@ -539,6 +540,7 @@ NAMES += (
 )
 
 
+@pytest.mark.slow
 def test_public_names_are_the_same_in_a_fresh_process_and_after_every_import():
     absent = {"estim.model.compiled"} if find_spec("numba") is None else set()
     modules = [

@@ -359,6 +359,7 @@ def test_a_frame_interval_unlike_those_of_most_runs_is_told_in_the_batch() -> No
     assert "the frames are" not in batch_report(elsewhere, figures="none")["report.md"].decode()
 
 
+@pytest.mark.slow
 def test_a_batch_is_verified_and_its_reports_have_figures_only_where_they_are_wanted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -459,6 +460,7 @@ def test_a_cluster_does_the_work_where_one_is_named(
     )
 
 
+@pytest.mark.slow
 def test_verify_knows_what_other_processes_have_read(three: Path, tmp_path: Path) -> None:
     assert (
         runner()

@@ -119,6 +119,7 @@ def fitted(folder: Path, shared: str) -> Fit:
     )
 
 
+@pytest.mark.slow
 def test_where_runs_disagree_the_line_is_offered_and_with_it_they_agree(tmp_path: Path) -> None:
     apart = check_consistency(fitted(tmp_path, ""))
     assert not apart.agree

@@ -109,6 +109,7 @@ def test_holding_one_source_fixed_takes_away_more_than_its_part() -> None:
     assert readings_alone < 0.9 * budget.contributions[2, 0]
 
 
+@pytest.mark.slow
 def test_parts_of_a_simulated_experiment_are_how_it_scatters() -> None:
     """Readings alone anew, stated values held: the scatter of refits is the part of the readings,
     and not the whole.

@@ -176,6 +176,7 @@ def repeated(
     return np.array(out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("noise", "extra", "column", "sd"),
     [
@@ -413,6 +414,7 @@ def test_a_curve_of_ones_own_is_calibrated_at_its_points(rng):
     assert all("too narrow" in tell(finding) for finding in findings(wrong))
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_ranks_for_any_number_of_jobs(tmp_path):
     campaign = load(tmp_path, '{model = "independent", sigma_v_m_s = 0.02}')
     one, two = sbc(campaign, 6), sbc(campaign, 6, jobs=2)

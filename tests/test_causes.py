@@ -220,6 +220,7 @@ def wheel_with(folder: Path, lines: tuple[str, ...]) -> Campaign:
     return load_campaign(folder / "c.toml")
 
 
+@pytest.mark.slow
 def test_an_addition_is_told_with_the_result_that_it_gives_and_is_no_cure_where_the_force_stays(
     tmp_path: Path,
 ) -> None:
@@ -259,6 +260,7 @@ def test_an_addition_is_told_with_the_result_that_it_gives_and_is_no_cure_where_
     assert analysis.diagnosis.ok
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "line"),
     [("push", "release_energy"), pytest.param("sag", "sag_m", marks=pytest.mark.statistics)],

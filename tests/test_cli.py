@@ -91,6 +91,7 @@ def test_result_json_keeps_to_the_published_schema(fitted: Path, project: Path) 
     assert result["provenance"]["seed"] == 1
 
 
+@pytest.mark.slow
 def test_same_seed_gives_the_same_bytes(estim: Command, fitted: Path, tmp_path: Path) -> None:
     estim("fit", fitted / "campaign.toml", "--out", tmp_path, *CHOSEN)
     for file in ("result.json", "report.md", "figures/phase.png"):
@@ -171,6 +172,7 @@ main()
     assert done.stdout.splitlines()[-1] == "loaded:"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_capped_chains_of_several_runs_get_a_folder_each_and_an_index_and_exit_with_3(
     estim: Command, tmp_path: Path, replica: Path
@@ -227,6 +229,7 @@ def test_line_without_a_series_is_one_line(estim: Command, tmp_path: Path, repli
     assert done.stderr.count("\n") == 1
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn", "few_draws")
 def test_energy_writes_its_report(estim: Command, tmp_path: Path, replica: Path) -> None:
     """Of a run that does not say how much is lost, and with a prior so wide that it does."""

@@ -267,6 +267,7 @@ def test_robust_noise_is_fit_from_where_the_plain_fit_ended_as_from_afar(tmp_pat
     assert refit_with_noise(other.problem(["r"]), [known], rng=rng) is None  # other points
 
 
+@pytest.mark.slow
 def test_robust_noise_has_the_further_optima_of_a_search_from_afar(tmp_path, monkeypatch):
     """Two frames of five a third too fast: the plain fit explains nothing, and where it ended is no
     word on how many optima other noise has.

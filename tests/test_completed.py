@@ -164,6 +164,7 @@ def test_noise_that_is_larger_than_stated_widens_the_band_of_new_points(
     ) == pytest.approx(2.0, abs=0.2)
 
 
+@pytest.mark.slow
 def test_a_new_reading_has_the_error_of_the_readings_beside_it() -> None:
     """Draws that are all alike: the band of a reading is as wide as its error says, between two
     readings as a straight line says; alike for one size of all errors.

@@ -184,6 +184,7 @@ def test_a_wrong_stated_value_of_a_formula_is_a_contradiction_though_the_scatter
     )
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn", "few_draws")
 def test_what_is_hardly_in_agreement_is_said_on_the_terminal_though_it_is_ok(
     tmp_path: Path, rng: np.random.Generator

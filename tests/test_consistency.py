@@ -232,6 +232,7 @@ def test_disk_with_another_gamma_is_named(tmp_path: Path, rng: np.random.Generat
     assert check_disks(tmp_path, rng, [0.187] * 6).agree
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("each", [2, pytest.param(4, marks=pytest.mark.statistics)])
 def test_runs_of_two_bodies_with_forces_agree(each: int, project: Path) -> None:
     """Rounding errors in its information on the other body's parameters were taken for a

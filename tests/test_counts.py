@@ -83,6 +83,7 @@ def test_no_count_at_all_is_refused_with_a_limit() -> None:
     assert -math.log(0.05) == pytest.approx(3.0, abs=0.005)
 
 
+@pytest.mark.slow
 def test_the_lifetime_of_single_times_in_a_long_window_is_their_mean(
     rng: np.random.Generator,
 ) -> None:
@@ -129,6 +130,7 @@ def test_single_times_with_background_against_a_grid(rng: np.random.Generator) -
     assert fit.intervals["tau"][0.68] == pytest.approx(brute, rel=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", [150.0, pytest.param(1500.0, marks=pytest.mark.statistics), 1e6])
 def test_a_window_of_many_lifetimes_is_integrated(rng: np.random.Generator, end: float) -> None:
     times = decays(200, rng, end=1e3)
@@ -141,6 +143,7 @@ def test_a_window_of_many_lifetimes_is_integrated(rng: np.random.Generator, end:
 PEAK = "p*exp(-(x - m)**2/(2*s**2))/(s*sqrt(2*pi)) + (1 - p)/100"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sd", [0.1, pytest.param(0.15, marks=pytest.mark.statistics), 0.2])
 def test_a_narrow_feature_in_a_wide_window_against_scipy(
     rng: np.random.Generator, sd: float
@@ -531,6 +534,7 @@ def test_a_campaign_says_where_counts_are_wrong(
         load_campaign(path).problem(["one"])
 
 
+@pytest.mark.slow
 def test_the_muon_of_the_gallery_agrees_with_what_was_published() -> None:
     """2.118 +0.067 -0.094 µs, unbinned from 0.7 µs on (data/gallery/README.md); in bins nearly the
     same.
@@ -705,6 +709,7 @@ def test_thousands_of_bins_are_fit_as_they_are(rng: np.random.Generator) -> None
     assert 2.2 / math.sqrt(20_000) < u < 1.5 * 2.2 / math.sqrt(20_000)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("end", [15.0, 100.0])
 def test_events_in_a_window_whose_ends_expect_none_at_all(end: float) -> None:
@@ -764,6 +769,7 @@ def test_a_line_whose_least_squares_expect_fewer_than_no_count_is_found(y: list[
     assert [fit.values["a"], fit.values["b"]] == pytest.approx(best.x, rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1, 3])
 def test_a_decay_with_a_tail_of_zeros_has_the_profile_interval(seed: int) -> None:
     """The interval of tau against one by brute force, with expectations that end at 0 exactly."""

@@ -530,6 +530,7 @@ def test_parameter_that_nothing_holds_is_refused_before_sampling(
         analyse(load(folder, text), ["first"], seed=1, target=Target(max_step=50))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unrendered")
 def test_report_of_parameters_without_limits_is_written(folder: Path) -> None:
     """Flat priors without limits cannot be drawn from, but all figures and tables are made."""

@@ -208,6 +208,7 @@ FALL = "y0 - v_t*x - dv*tau*(1 - exp(-x/tau))"
 FALL_START = {"y0": 1.9, "v_t": 5.0, "dv": -5.0, "tau": 1.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("noise", "correlated"),
     [

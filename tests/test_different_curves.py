@@ -258,6 +258,7 @@ def test_two_histograms_share_place_and_width() -> None:
     assert np.abs(at - best.x) / sds == pytest.approx(0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_a_place_that_is_not_shared_is_refused() -> None:
     fit, _ = histograms(5.2)
     assert fit.status == "poor-fit"
@@ -320,6 +321,7 @@ def test_each_instrument_has_its_jitter() -> None:
     assert 2.0 * (rise[1] - rise[0]) == pytest.approx(1.96**2, abs=0.2)
 
 
+@pytest.mark.slow
 def test_a_fit_with_jitter_is_sampled_of_one_set_and_of_several() -> None:
     """A flat prior of the jitter says nothing of it; means and widths are those of the fit."""
     one = fit_curve(STAR, DAYS["k"], SPEEDS["k"], u_y=1.0, jitter=True, start=STAR_START)

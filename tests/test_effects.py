@@ -185,6 +185,7 @@ def deviation(fit: Fit, but: str = "") -> float:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "noise"), CASES)
 def test_an_effect_is_recovered_and_without_its_key_the_fit_is_poor_or_off(
     tmp_path: Path, name: str, noise: str
@@ -443,6 +444,7 @@ def test_an_exposure_is_a_part_of_the_time_between_frames_beside_a_known_error(
             load_campaign(tmp_path / "campaign.toml")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn", "few_draws")
 def test_the_command_recovers_a_moment(tmp_path: Path) -> None:
     recorded(
@@ -461,6 +463,7 @@ def test_the_command_recovers_a_moment(tmp_path: Path) -> None:
     assert "speed_at_release" not in found["runs"]["r"]["derived"]
 
 
+@pytest.mark.slow
 def test_an_analysis_recovers_an_energy_and_without_it_needs_the_free_start(tmp_path: Path) -> None:
     """Not said, a push is within what every fit has room for; where the curve is said to be
     complete it is not trusted.

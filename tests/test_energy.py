@@ -109,12 +109,14 @@ def test_no_loss_is_not_found_where_there_is_none(tmp_path: Path) -> None:
     assert max(found) > 0.1
 
 
+@pytest.mark.slow
 def test_a_loss_that_is_only_its_prior_says_so() -> None:
     drift = drift_of(heavy_04()[1], rng=np.random.default_rng(1))
     assert drift.free
     assert not drift.determined
 
 
+@pytest.mark.slow
 def test_a_loss_that_was_held_fixed_is_not_tested(tmp_path: Path, rng: np.random.Generator) -> None:
     text = KNOWN.replace(
         'rolling_resistance = {prior = "uniform", low = 0.0, high = 0.05}',
@@ -128,6 +130,7 @@ def test_a_loss_that_was_held_fixed_is_not_tested(tmp_path: Path, rng: np.random
     assert not drift.determined
 
 
+@pytest.mark.slow
 def test_relative_change_is_that_of_the_formula(tmp_path: Path, rng: np.random.Generator) -> None:
     campaign = campaign_file(tmp_path, '{sigma_x_m = 0.001, derivative = "central"}', KNOWN)
     (record,) = energy_along(

@@ -27,6 +27,7 @@ def test_a_loss_is_called_measured_only_where_the_data_show_one() -> None:
     assert "c_rr ≤ 0.012 with probability 95 %" in null
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_speeds_of_the_wrong_sign_are_a_poor_fit_and_the_report_says_so_first(
     tmp_path: Path,

@@ -147,6 +147,7 @@ def test_notebooks_get_literal_text() -> None:
             ), text
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:Glyph", "ignore:Matplotlib currently does not")
 @pytest.mark.parametrize("text", LOOKS_LIKE_MARKDOWN + MOVES, ids=ascii)
 def test_figures_show_hostile_text_literally(text: str) -> None:

@@ -215,6 +215,7 @@ def beside_the_data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_three_lines_of_python_give_what_independent_fits_give(beside_the_data: Path) -> None:
     codes = blocks(PAGE.read_text(encoding="utf-8"), "python")
     names: dict[str, object] = {}

@@ -112,6 +112,7 @@ def noise_of_known_size(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(prior_grid.__kwdefaults__, "scales", (1.0,))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("noise_of_known_size")
 def test_the_posterior_beside_a_turning_point_is_the_exact_one(tmp_path: Path) -> None:
     x, v, theta0, phi = rolled(11, turns=True, hill=0.0)

@@ -60,6 +60,7 @@ def corner_of(problem: Problem, rng: np.random.Generator) -> Figure:
     return figure
 
 
+@pytest.mark.slow
 def test_a_figure_is_drawn_once_where_a_layout_draws_it_twice_and_looks_the_same(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -97,6 +98,7 @@ def single_run(n_par: int) -> Problem:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_par", [1, 2, 3, 5, 7])
 def test_every_label_of_a_corner_figure_is_on_the_canvas_and_clear_of_the_ticks(
     n_par: int, rng: np.random.Generator
@@ -118,6 +120,7 @@ def test_every_label_of_a_corner_figure_is_on_the_canvas_and_clear_of_the_ticks(
         assert not any(box.overlaps(number) for number in numbers), axis.label.get_text()
 
 
+@pytest.mark.slow
 def test_tick_labels_of_neighbouring_panels_do_not_touch(rng: np.random.Generator) -> None:
     problem = single_run(7)
     figure = corner_of(problem, rng)
@@ -217,6 +220,7 @@ def trace_of(n_par: int, draws: np.ndarray) -> Figure:
     return figure
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_par", [1, 6, 11])
 def test_every_parameter_has_a_strip_of_the_trace_with_its_name_clear_of_its_numbers(
     n_par: int, rng: np.random.Generator
@@ -376,6 +380,7 @@ def test_the_axis_of_residuals_names_a_symbol_only_where_there_is_one(
     assert ax.get_ylabel() == label
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("n", "columns"), [(1, 1), (2, 2), (4, 2), (7, 3)])
 def test_every_run_has_its_residuals_right_below_its_curve(n: int, columns: int) -> None:
     figure, pairs = panel_pairs(n, height=3.0)

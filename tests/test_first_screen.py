@@ -67,6 +67,7 @@ def pages(text: str) -> float:
     return sum(max(1, -(-len(line) // 90)) for line in text.splitlines()) / 55.0
 
 
+@pytest.mark.slow
 def test_the_first_screen_is_short_and_has_the_result_the_rest_is_folded() -> None:
     *_, report = fitted()
     first, folds = (
@@ -499,6 +500,7 @@ def test_a_curve_that_does_not_fit_shows_its_best_values_without_uncertainties(
     assert far["sds"] == pytest.approx(14.0, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_scatter_that_sets_the_errors_is_called_no_test_of_the_curve(tmp_path: Path) -> None:
     y = [0.21, 2.05, 3.82, 5.71, 7.49, 9.36, 11.14, 13.03]
     _, report = fit_of_a_table(tmp_path, y)

@@ -214,6 +214,7 @@ def test_with_a_prior_the_estimated_size_of_the_errors_settles(rng: np.random.Ge
     assert fit.sigma == pytest.approx(math.sqrt(np.sum((y - fit.values["a"]) ** 2) / T.size))
 
 
+@pytest.mark.slow
 def test_a_frequency_far_from_the_start_is_found(rng: np.random.Generator) -> None:
     y = 3.0 * np.exp(-0.1 * T) * np.cos(4.0 * T + 0.5) + 0.1 * rng.standard_normal(T.size)
     for start in (1.0, 9.0):

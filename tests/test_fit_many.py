@@ -18,6 +18,7 @@ def decays(n: int, *, u: float = 0.1, seed: int = 5) -> np.ndarray:
     return 5.0 * np.exp(-X / 2.5) + 1.0 + u * noise
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("u_y", [0.1, None])
 def test_each_fit_is_that_of_fit_curve(u_y: float | None) -> None:
     y = decays(12)

@@ -139,6 +139,7 @@ def test_inferred_sigma_is_the_rms_of_the_residuals(
     assert np.sqrt(fit.cov[0, 0]) == pytest.approx(rms / np.sqrt(2 * 60), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_posterior_agrees_with_brute_force_quadrature(
     tmp_path: Path, rng: np.random.Generator
 ) -> None:

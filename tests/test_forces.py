@@ -155,6 +155,7 @@ def test_positions_are_those_of_lagrange_back_and_forth(body_name, case):
     assert (body_name == "downhill") or len(motion.legs) > 2  # friction has changed its sign twice
 
 
+@pytest.mark.slow
 def test_any_body_under_any_forces_moves_as_lagrange_says_up_to_where_it_turns(rng):
     turned = 0
     for _ in range(12):

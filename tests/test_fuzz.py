@@ -41,6 +41,7 @@ def test_the_sound_files_are_read(kind: str) -> None:
     assert all(attempt(kind, data) for data in BASES[kind])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @QUICK
 @given(seed=st.integers(0, 2**32))
@@ -68,6 +69,7 @@ def test_any_bytes_give_a_record_or_one_line(kind: str, data: bytes) -> None:
     attempt(kind, data)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", READERS)
 @QUICK
 @given(words=LISTS)

@@ -72,6 +72,7 @@ def test_right_model_with_inferred_scatter_passes(tmp_path: Path, rng: np.random
     assert good.scatter_ratio < 2.0
 
 
+@pytest.mark.slow
 def test_wrong_model_fails_although_its_scatter_is_inferred(
     tmp_path: Path, rng: np.random.Generator
 ) -> None:
@@ -227,6 +228,7 @@ def test_stated_deviations_cover_where_the_pattern_is_called_covered(
 CUBIC = {"start": {"a": 1.0, "b": 0.0, "c": 0.0, "d": 0.0}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("correlated", [False, True])
 def test_a_curve_that_can_take_every_slow_shape_shows_no_drift(correlated: bool) -> None:
     """A cubic leaves nothing of the shapes of `trend` but rounding, or what the mixture of
@@ -250,6 +252,7 @@ def test_a_drift_that_the_curve_cannot_take_is_seen(rng: np.random.Generator) ->
     assert "trend" in {finding.test for finding in fit.findings}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_error", [30, 13_333, 1_000_000])
 def test_data_sets_are_simulated_until_every_p_value_is_known_well_enough(
     n_error: int, monkeypatch: pytest.MonkeyPatch
@@ -287,6 +290,7 @@ def test_data_sets_are_simulated_until_every_p_value_is_known_well_enough(
     assert checks["trend"].p_value == 1.0 / (1.0 + sum(sizes)) < goodness.P_POOR_FIT
 
 
+@pytest.mark.slow
 def test_the_p_values_of_right_curves_are_uniform_though_simulation_ends_early() -> None:
     rng, x = np.random.default_rng(3), np.linspace(0.1, 1.0, 12)
     root = -x[:, None]

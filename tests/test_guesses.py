@@ -103,6 +103,7 @@ def test_there_are_27_such_sets() -> None:
     assert len({path.stem for path in NONLINEAR} | {"Nelson"}) == 27
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["filament", "falling_phone", "muon_binned", "alpha_counts", "balmer", "forbes"]
 )

@@ -137,6 +137,7 @@ def test_points_without_scatter_are_told_as_such(tmp_path: Path) -> None:
     assert noisy.diagnosis.ok
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("any_speed")
 def test_positions_in_a_wrong_unit_fit_as_they_are_end_in_a_fit(tmp_path: Path) -> None:
     """Hundreds of times too large."""

@@ -189,6 +189,7 @@ def compare_with_harmless(hostile: Path, harmless: Path) -> dict[str, str]:
     return texts
 
 
+@pytest.mark.slow
 def test_a_formula_with_hostile_texts(estim, plain, tmp_path: Path) -> None:
     hostile = curve_campaign(tmp_path / FORGED.replace("/", ""), FORGED, FILE.replace("/", ""))
     harmless = curve_campaign(tmp_path / "harmless", "word", "r.csv")
@@ -339,6 +340,7 @@ def test_import_says_names_of_tracks_and_files_literally(estim, tmp_path: Path, 
         assert done.one_line, done.err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", STRINGS, ids=ascii)
 def test_errors_quote_hostile_text_on_one_line(
     estim, tmp_path: Path, replica: Path, text: str

@@ -47,6 +47,7 @@ def test_all_pulls_from_one_solution_are_those_of_leaving_each_out_and_name_a_wr
     assert fit.names[int(np.argmax(np.abs(pulls)))] == "tilt[7]"
 
 
+@pytest.mark.slow
 def test_of_many_runs_one_that_is_wrong_fails_and_the_others_do_not() -> None:
     rng = np.random.default_rng(6)
     problem = readings(100, rng)
@@ -188,6 +189,7 @@ def test_of_many_parameters_those_that_are_tied_most_keep_their_correlations(
     assert found.matrix[i][j] == pytest.approx(3.0 / np.sqrt(10.0), abs=0.02)
 
 
+@pytest.mark.slow
 def test_readings_without_scatter_fail_among_hundreds_of_data_sets() -> None:
     x, rng = np.arange(4.0), np.random.default_rng(2)
     data = {f"s{i}": DataSet(x, 2.0 * x + 0.1 * rng.standard_normal(4), 0.1) for i in range(340)}

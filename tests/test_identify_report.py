@@ -158,6 +158,7 @@ def test_a_conflict_says_how_far_the_posterior_lies_from_the_prior(
     assert ("prior sd" in said.verdict) == (leaning.verdict == CONFLICT)
 
 
+@pytest.mark.slow
 def test_what_is_hardly_better_known_goes_by_the_draws_as_the_table_does(
     replica: Path, rng: np.random.Generator
 ) -> None:

@@ -335,6 +335,7 @@ def test_a_trk_and_its_export_make_the_same_run(tracker_folder: Path) -> None:
     np.testing.assert_allclose(video.x, table.x, atol=1.1e-8)
 
 
+@pytest.mark.slow
 def test_suspicions_of_the_recordings(tracker_folder: Path) -> None:
     def said(file: str, **choices) -> str:
         return " | ".join(import_track(tracker_folder / file, Choices(**choices)).warnings)

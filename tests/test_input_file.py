@@ -68,6 +68,7 @@ def test_what_only_looks_like_a_file_is_refused(path: str) -> None:
         read_bytes(Path(path))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/kmsg").exists(), reason="no such file")
 def test_no_campaign_waits_for_a_file_without_end(tmp_path: Path) -> None:
     """In a process of its own, which a reader that waits would hold until it is ended."""

@@ -115,6 +115,7 @@ def test_order_keeps_our_r_hat_and_effective_sizes_and_the_order_in_time_does_no
 # --- DataTree and netCDF
 
 
+@pytest.mark.slow
 def test_netcdf_and_back_gives_equal_numbers(analysis: Analysis, xarray: SimpleNamespace) -> None:
     with xarray.open_datatree(io.BytesIO(estim.to_netcdf(analysis)), engine="h5netcdf") as back:
         back.load()
@@ -183,6 +184,7 @@ def test_prior_draws_follow_the_stated_values_and_improper_priors_have_none(
     assert prior.attrs["improper"] == "b"
 
 
+@pytest.mark.slow
 def test_arviz_summary_and_loo_agree_with_ours(analysis: Analysis, xarray: SimpleNamespace) -> None:
     arviz_stats = pytest.importorskip("arviz_stats")
     if not hasattr(arviz_stats, "summary"):
@@ -203,6 +205,7 @@ def test_arviz_summary_and_loo_agree_with_ours(analysis: Analysis, xarray: Simpl
     assert abs(theirs.p - ours.p_loo) < 0.1 * ours.se
 
 
+@pytest.mark.slow
 def test_joint_runs_stand_side_by_side(campaign: estim.Campaign, xarray: SimpleNamespace) -> None:
     joint = estim.analyse(
         campaign,
@@ -282,6 +285,7 @@ def run_fit(campaign: Path, out: Path, *more: str) -> Result:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_fit_writes_the_draws_beside_the_report(
     tmp_path: Path, replica: Path, xarray: SimpleNamespace
@@ -404,6 +408,7 @@ def test_markdown_survives_a_bar_in_a_name() -> None:
 # --- the page
 
 
+@pytest.mark.slow
 def test_the_code_of_the_page_runs(
     project: Path,
     xarray: SimpleNamespace,

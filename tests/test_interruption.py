@@ -131,6 +131,7 @@ def test_every_signal_to_stop_ends_with_130(fit: RunFit, tmp_path: Path, number:
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn", "few_draws")
 def test_several_runs_go_on_with_the_one_that_was_interrupted(fit: RunFit, tmp_path: Path) -> None:
     """The first of two is done when the signal comes; the end is that of a command that nobody

@@ -46,6 +46,7 @@ def test_a_cell_is_taken_up_where_it_stopped_and_a_program_that_came_later_catch
     assert whole["estim"]["answers"] < 6  # errors half of what is true are refused
 
 
+@pytest.mark.slow
 def test_a_program_that_is_not_installed_is_left_out_and_the_run_says_so(
     tmp_path, monkeypatch, capsys
 ):
@@ -109,6 +110,7 @@ def test_undisturbed_intervals_hold_the_truth_as_stated_and_those_of_half_the_er
     assert abs(held["stated / 2"][0] - 0.68) > 4.0 * held["stated / 2"][1]
 
 
+@pytest.mark.slow
 def test_linear_theory_of_the_body_agrees_with_least_squares_of_estim(tmp_path, rng):
     """Which share no code; phi and c_rr are left out, since the half-normal prior of c_rr has no
     one width.

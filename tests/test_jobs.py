@@ -38,6 +38,7 @@ def square_or_die(folder: Path, once: bool, n: int) -> int:
     return n * n
 
 
+@pytest.mark.slow
 def test_what_a_killed_worker_left_is_done_again(tmp_path: Path) -> None:
     seen: list[int] = []
     assert run_parallel(
@@ -49,6 +50,7 @@ def test_what_a_killed_worker_left_is_done_again(tmp_path: Path) -> None:
     assert len(done) < 12 + 2 * 2 + 1  # what was queued and no more
 
 
+@pytest.mark.slow
 def test_a_second_killed_worker_ends_the_work_in_words(tmp_path: Path) -> None:
     with pytest.raises(NumericalError, match="worker process was killed, twice"):
         run_parallel(partial(square_or_die, tmp_path, False), range(12), jobs=2)
@@ -152,6 +154,7 @@ class Held:
         self.values = MappingProxyType({n: np.float64(n) / 3.0})
 
 
+@pytest.mark.slow
 def test_results_may_hold_read_only_mappings() -> None:
     assert [dict(held.values) for held in run_parallel(Held, range(2), jobs=2)] == [
         {0: 0.0},
@@ -183,6 +186,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_workers_import_nothing_from_the_working_folder(tmp_path: Path, project: Path) -> None:
     data = tmp_path / "data"
     data.mkdir()

@@ -267,6 +267,7 @@ def _from_the_stated_values(campaign: Campaign, names: Sequence[str]) -> Fit:
     return fit_problem(problem, rng=np.random.default_rng(1), near=problem.start())
 
 
+@pytest.mark.slow
 def test_runs_whose_own_values_differ_do_not_agree_though_each_may_have_a_force_of_its_own(
     tmp_path: Path,
 ) -> None:

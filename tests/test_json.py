@@ -78,6 +78,7 @@ def ran(command: str, *arguments: str) -> dict[str, Any]:
     return said
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn", "few_draws")
 @pytest.mark.parametrize(
     "command", [pytest.param(c, marks=[pytest.mark.slow] if c in LONG else []) for c in COMMANDS]
@@ -130,6 +131,7 @@ def test_what_is_not_a_number_is_null(place: dict[str, str]) -> None:
     assert "averages.hierarchical" not in {one["name"] for one in said["estimates"]}
 
 
+@pytest.mark.slow
 def test_nothing_is_printed_where_the_input_is_wrong(place: dict[str, str]) -> None:
     words = [sys.executable, "-m", "estim", "mean", "data/everyday/periods.csv", "--json"]
     done = subprocess.run(words, capture_output=True, text=True, check=False)

@@ -157,6 +157,7 @@ def with_step(
     return load_campaign(folder / "c.toml")
 
 
+@pytest.mark.slow
 def test_a_recording_with_a_step_ends_where_the_same_one_without_it_does(tmp_path: Path) -> None:
     clean, spoiled = (nearby(with_step(tmp_path, size, 20)) for size in (0.0, 0.015))
     assert clean.forces[0].bad.jumps == ()
@@ -195,6 +196,7 @@ def test_rows_that_are_left_out_as_stated_are_gone_and_counted(tmp_path: Path) -
             load_campaign(tmp_path / "d.toml")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("counts", [5, -5])
 def test_counts_that_a_real_wheels_encoder_loses_are_named_and_its_moment_stays(
     tmp_path: Path, counts: int

@@ -216,6 +216,7 @@ def test_an_outlier_is_no_smooth_deviation():
     assert fit_curve("a + b*x", X, y, start=START, u_y=0.01, deviation=0.05).status == "poor-fit"
 
 
+@pytest.mark.slow
 def test_units_do_not_matter():
     one = fit_curve("a + b*x", X, data(), start=START, deviation=0.05, correlated=True)
     other = fit_curve(
@@ -421,6 +422,7 @@ def by_brute_force(x: np.ndarray, y: np.ndarray, u: float) -> float:
     return here / (here + none)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("size", "seed"), [(0.0, 1), (1.3, 2)])
 def test_how_probable_an_unasked_deviation_is_comes_out_by_brute_force(
     size: float, seed: int

@@ -130,6 +130,7 @@ def fits_format(text: str) -> bool:
     return True
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("language", OTHERS)
 def test_every_sentence_of_a_catalogue_is_said_somewhere(language: str) -> None:
     known = said()

@@ -485,6 +485,7 @@ def test_york_2004_errors_are_too_small_where_both_uncertainties_are_large(rng):
     assert abs(held["exact"] / n_repeat - p) < 3.0 * sd
 
 
+@pytest.mark.slow
 def test_sum_follows_chi_squared_when_the_uncertainties_are_right(rng):
     p_values = []
     for _ in range(400):

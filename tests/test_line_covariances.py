@@ -58,6 +58,7 @@ def test_the_line_is_that_of_least_squares_over_all_true_abscissas(seed: int) ->
     ).chi2 != pytest.approx(brute.fun, rel=0.01)
 
 
+@pytest.mark.slow
 def test_propagated_uncertainties_are_those_of_differences(rng: np.random.Generator) -> None:
     cov = any_covariance(rng)
     data = np.concatenate(drawn(rng, cov))

@@ -48,6 +48,7 @@ def shell(project: Path, **variables: str) -> str:
     ).stdout
 
 
+@pytest.mark.slow
 def test_tab_completes_commands_options_and_choices(project: Path) -> None:
     (line,) = re.findall(
         r"eval \"\$\((_ESTIM_COMPLETE)=(bash_source) estim\)\"",

@@ -102,6 +102,7 @@ def _named_at_the_truth(path: Path) -> list[tuple[str, int]]:
     return [(jump.kind, jump.row) for jump in found.jumps]
 
 
+@pytest.mark.slow
 def test_of_dense_frames_none_beside_the_release_is_named(tmp_path, monkeypatch):
     def named_of(bad: float = 0.0) -> list[tuple[str, int]]:
         return _named_at_the_truth(recording(tmp_path, NOISES["speeds"], 800, bad=bad, seed=4))
@@ -149,6 +150,7 @@ def test_beside_a_turning_point_readings_stay_on_their_path():
     assert 0.01 * sd < np.max(np.abs(off)) < sd / 15.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", NOISES)
 def test_bands_say_what_whole_matrices_say(tmp_path, monkeypatch, noise):
     path = recording(tmp_path, NOISES[noise], 301, bad=0.004)
@@ -214,6 +216,7 @@ def test_where_the_covariance_does_not_stay_the_same_a_recording_has_at_most_300
         load_campaign(path).problem(["long"])
 
 
+@pytest.mark.slow
 def test_a_scan_of_many_points_in_pieces_finds_the_same(monkeypatch):
     rng, t = np.random.default_rng(1), np.linspace(0.0, 20.0, 400)
     y = 2.0 * np.exp(-t / 15.0) * np.cos(3.0 * t + 0.4) + 0.05 * rng.standard_normal(t.size)

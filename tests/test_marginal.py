@@ -133,6 +133,7 @@ def grid_moments(grid: np.ndarray, log_p: np.ndarray) -> tuple[float, float, flo
     return mean, sd, float(np.log(np.sum(weight) * (grid[1] - grid[0])) + np.max(log_p))
 
 
+@pytest.mark.slow
 def test_volume_of_each_run_moves_the_shared_parameter_as_a_grid_says(
     rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -150,6 +151,7 @@ def test_volume_of_each_run_moves_the_shared_parameter_as_a_grid_says(
     assert abs(wrong.mean[0] - mean) > 0.2 * sd
 
 
+@pytest.mark.slow
 def test_exact_weights_notice_a_wrong_marginal(
     rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -182,6 +184,7 @@ def test_shared_parameter_at_a_hard_edge_is_that_of_a_grid(
 # --- brute force in three dimensions: own parameters that are not normal
 
 
+@pytest.mark.slow
 def test_evidence_is_that_of_brute_force_and_nodes_remove_the_error_of_laplace(
     rng: np.random.Generator,
 ) -> None:
@@ -410,6 +413,7 @@ def test_joint_fits_of_positions_go_through_the_marginal(project: Path) -> None:
     assert chosen.diagnosis.ok, chosen.diagnosis.reasons
 
 
+@pytest.mark.slow
 def test_runs_of_few_points_need_nodes_and_get_them() -> None:
     """Thirty decays of four points each share their amplitude: the skewness of a single lifetime
     hardly shows, thirty of them move the amplitude by a fifth of its standard deviation.

@@ -23,6 +23,7 @@ def _needs_package(file: str) -> None:
         pytest.importorskip("python_calamine")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(MESSY))
 def test_a_messy_table_is_read_by_one_command_or_refused_with_the_cure(
     name: str, tmp_path: Path

@@ -417,6 +417,7 @@ def test_data_sets_drawn_again_have_the_mean_and_covariance_of_the_same_deviatio
     assert np.max(np.abs(mean - curve)) > 0.1  # a deviation drawn from its prior would have none
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("noise", "failing", "every"),
     [
@@ -454,6 +455,7 @@ def test_a_model_without_resistance_does_not_bring_back_the_end_of_a_braked_run(
     assert all(one.p > 0.02 for one in checked["rolling-resistance"].values())
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_report_and_says_what_is_recommended(
     tmp_path: Path, few_draws: None, undrawn: None
 ) -> None:

@@ -154,6 +154,7 @@ def test_starts_weigh_the_points_by_their_errors() -> None:
     assert start == pytest.approx(true, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "true"),
     [
@@ -359,6 +360,7 @@ def swings(text: str, seed: int) -> tuple[np.ndarray, np.ndarray, dict[str, floa
     return x, y + 0.1 * rng.standard_normal(80), truth
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text", ["oscillation", "damped_oscillation + constant", "a_oscillation + b_oscillation"]
 )
@@ -434,6 +436,7 @@ def campaign(folder: Path, text: str = CAMPAIGN) -> Path:
     return folder / "campaign.toml"
 
 
+@pytest.mark.slow
 def test_a_campaign_may_name_its_model(tmp_path: Path) -> None:
     problem = load_campaign(campaign(tmp_path)).problem(["first", "second"])
     starts = {p.name: p.prior.centre for p in problem.parameters}

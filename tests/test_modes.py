@@ -37,6 +37,7 @@ def swing(**choices: object) -> CurveFit:
 # aliases: the same at every measured point, another curve between them
 
 
+@pytest.mark.slow
 def test_aliases_within_the_bounds_are_several_solutions() -> None:
     fit = swing(bounds={"f": (0.0, 2.0)})
     assert fit.status == "multimodal"
@@ -55,6 +56,7 @@ def test_bounds_that_hold_one_alias_leave_one_solution() -> None:
     assert fit.fit.others.size == 0
 
 
+@pytest.mark.slow
 def test_without_bounds_the_smoothest_alias_is_meant_unless_the_start_says_another() -> None:
     fit = swing(start={"A": 1.0, "f": 0.3, "p": 0.0})
     assert fit.status == "ok"
@@ -385,6 +387,7 @@ def test_starts_are_counted_by_place_and_not_by_how_well_they_fit() -> None:
     assert simple(0).message.startswith("8 of 8 starting points")
 
 
+@pytest.mark.slow
 def test_a_parameter_on_its_way_to_infinity_is_no_solution() -> None:
     """Two peaks over an exponential: far out in its decay length the sum of squares hardly changes,
     so that the curvature there promises a share of the posterior without end.
@@ -402,6 +405,7 @@ def test_a_parameter_on_its_way_to_infinity_is_no_solution() -> None:
     assert found.chi2 <= near.chi2 * (1.0 + 1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("far", [661.7, 5e4])
 def test_the_place_of_a_peak_far_from_zero_is_no_angle(far: float) -> None:
     """A narrow peak that lies outside the points is not seen, and does not change when it is moved
@@ -417,6 +421,7 @@ def test_the_place_of_a_peak_far_from_zero_is_no_angle(far: float) -> None:
             assert abs(found.values["center"] - far) < 5.0 * found.sds["center"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("decimals", [6, 4])
 def test_times_that_a_file_rounds_leave_aliases_what_they_are(decimals: int) -> None:
     """At 30 pictures a second, times of a few decimals tell aliases apart by what was rounded away:

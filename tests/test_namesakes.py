@@ -45,6 +45,7 @@ def run(words: list[str], *path: Path, cwd: Path) -> subprocess.CompletedProcess
 LINE = Formula("a + b*x", "a = {start = 1.0}\nb = {start = 1.0}", lambda x: 1.0 + 2.0 * x)
 
 
+@pytest.mark.slow
 def test_a_file_beside_the_data_is_not_imported(tmp_path: Path, project: Path) -> None:
     campaign = LINE.write(tmp_path)
     for name in NAMES:
@@ -64,6 +65,7 @@ def test_the_folder_of_the_sources_is_kept(project: Path, replica: Path) -> None
     )
 
 
+@pytest.mark.slow
 def test_a_model_that_the_path_insists_on_is_left_alone(
     tmp_path: Path, project: Path, replica: Path
 ) -> None:
@@ -75,6 +77,7 @@ def test_a_model_that_the_path_insists_on_is_left_alone(
     assert not (tmp_path / "imported").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "text"),
     [

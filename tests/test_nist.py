@@ -129,6 +129,7 @@ def test_the_reference_data_are_there() -> None:
     } <= {path.stem for path in FILES}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("path", "start"),
     [  # most sets are left to `make statistics`, and to the next test

@@ -41,6 +41,7 @@ def lines(text: str) -> list[str]:
     return [line for line in text.splitlines() if line]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("runs", "some"),
@@ -114,6 +115,7 @@ EMPTY = {
 }
 
 
+@pytest.mark.slow
 def test_nothing_that_draws_is_loaded_for_a_report_without_figures(tmp_path: Path) -> None:
     code = (
         "import sys\nfrom estim.__main__ import main\ntry: main()\nexcept SystemExit: "

@@ -106,6 +106,7 @@ def test_it_is_told_with_the_key_and_fails_nothing(
     assert result_of(campaign, analysis).runs["a"].checks["speed"].p_value < P_TOLD
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("noise", "later"),
     [

@@ -85,6 +85,7 @@ def test_a_users_parameters_have_their_own_names_and_units_in_the_report(
     assert b"label" not in files["result.json"]
 
 
+@pytest.mark.slow
 def test_a_users_parameters_have_their_own_names_and_units_in_figures(analysis: Analysis) -> None:
     drawn = {
         "corner": corner_figure(analysis),

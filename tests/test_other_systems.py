@@ -149,6 +149,7 @@ def test_a_campaign_is_reanalysed_by_two_processes(run: Run, folder: Path) -> No
     assert (folder / "nochmals ö" / "report.md").stat().st_size > 3000
 
 
+@pytest.mark.slow
 def test_the_page_answers(folder: Path) -> None:
     words = ["serve", "--no-browser", "--folder", str(folder / "Seite ö")]
     with subprocess.Popen(

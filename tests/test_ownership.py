@@ -88,6 +88,7 @@ def computed(*_: object, **__: object) -> None:
     raise AssertionError("computed before it was asked whether there is room")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_file_of_somebody_else_stops_every_command_before_it_computes(
     command: str, place: Path

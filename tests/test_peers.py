@@ -20,6 +20,7 @@ EXAMPLES = run.load()
 KEPT = cases.stored()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("item", EXAMPLES, ids=[item.name for item in EXAMPLES])
 def test_estim_says_what_the_peer_says(item: cases.Example) -> None:
     if item.slow:

@@ -205,6 +205,7 @@ def in_a_process(*words: str) -> list[str]:
     return [sys.executable, "-m", "estim", *words]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
 def test_a_calibration_that_is_killed_ends_with_the_same_bytes(
     tmp_path: Path, project: Path

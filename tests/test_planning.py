@@ -394,6 +394,7 @@ def test_what_the_data_refuse_is_no_ground_for_a_plan(tmp_path: Path) -> None:
         ) is bool(code)
 
 
+@pytest.mark.slow
 def test_the_command_ranks_what_was_asked_for_and_says_where_linear_theory_fails(
     tmp_path: Path, replica: Path, unrendered: None
 ) -> None:

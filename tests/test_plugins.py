@@ -103,6 +103,7 @@ def test_an_installed_model_and_reader_fit_as_scipy_does(reported: tuple[Path, s
     assert origin["versions"]["estim-resonance"] == "1.0"
 
 
+@pytest.mark.slow
 def test_models_are_listed_with_their_packages(installed: Path) -> None:
     alone, with_it = estim("models"), estim("models", path=installed)
     assert alone.returncode == with_it.returncode == 0
@@ -115,6 +116,7 @@ def test_models_are_listed_with_their_packages(installed: Path) -> None:
     assert reader == "*.sweep  (estim-resonance 1.0)"
 
 
+@pytest.mark.slow
 def test_without_the_package_the_name_and_the_file_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("x,y\n" + "".join(f"{n},{n * n % 7}\n" for n in range(9)))
     named = estim("fit", tmp_path / "a.csv", "--formula", "fano", "--out", tmp_path / "out")
@@ -125,6 +127,7 @@ def test_without_the_package_the_name_and_the_file_are_refused(tmp_path: Path) -
     assert "example.sweep:4: 'header' has no line of column names" in read.stderr
 
 
+@pytest.mark.slow
 def test_a_report_with_a_plugin_is_verified(installed: Path, reported: tuple[Path, str]) -> None:
     again = estim("verify", "out", path=installed, cwd=reported[0])
     assert (again.returncode, "note" in again.stdout) == (0, False), again.stdout
@@ -237,6 +240,7 @@ BROKEN = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", BROKEN)
 def test_a_broken_package_is_one_line_and_stops_nothing_else(
     install: Install, tmp_path: Path, code: str

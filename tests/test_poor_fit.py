@@ -217,6 +217,7 @@ def test_a_wrong_curve_stays_wrong_beside_a_deviation(
     assert "try another curve" in " ".join(advice_for(fit.findings))
 
 
+@pytest.mark.slow
 def test_an_irregular_deviation_of_the_stated_size_is_kept() -> None:
     """Matern-3/2 over a tenth of the range beside the right line: most are ok, and hold what they
     say.

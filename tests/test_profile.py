@@ -291,6 +291,7 @@ def test_a_lower_mode_met_on_the_way_is_reported() -> None:
     assert "several separate pieces" in found.sentence
 
 
+@pytest.mark.slow
 def test_ends_of_the_replicas_intervals_are_found_by_another_optimiser(replica: Path) -> None:
     """At each 95 % end scipy's SLSQP, from scattered starts, finds no lower objective than the
     quantile.

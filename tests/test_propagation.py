@@ -572,6 +572,7 @@ def test_stated_monte_carlo_errors_are_the_scatter_of_repeated_runs():
     assert np.all((spread > 0.7) & (spread < 1.6)), spread
 
 
+@pytest.mark.slow
 def test_adaptive_rule_stops_within_its_tolerance():
     exact = math.log(0.125)
     misses, sizes = 0, []

@@ -137,6 +137,7 @@ def test_readings_about_true_values_are_counted_rightly_and_values_that_were_set
     assert share[1, 0] < 0.68 - 0.05
 
 
+@pytest.mark.slow
 def test_a_size_of_errors_that_runs_share_is_integrated_and_not_pulled() -> None:
     """40 runs of four points: with the measure of all that is own, the inferred standard deviation
     is too small by three of its own.

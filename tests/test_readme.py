@@ -78,6 +78,7 @@ def test_the_gallery_has_as_many_experiments_as_the_readme_says_and_the_muon_its
     assert f"{value} +{high} −{low} µs" in readme.replace("\xa0", " ")
 
 
+@pytest.mark.slow
 def test_python_of_the_campaign_page_runs(
     project: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

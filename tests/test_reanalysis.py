@@ -81,6 +81,7 @@ def test_knowing_the_tilt_narrows_gamma_as_a_refit_with_a_sharp_tilt_does(
     assert found["phi"].share > 10.0 * abs(found["radius"].share)
 
 
+@pytest.mark.slow
 def test_a_run_depends_on_every_parameter_of_its_noise(
     tmp_path: Path, rng: np.random.Generator
 ) -> None:
@@ -124,6 +125,7 @@ def test_a_run_depends_on_every_parameter_of_its_noise(
     assert np.all(found.u[1] < found.u[0])
 
 
+@pytest.mark.slow
 def test_any_number_of_processes_gives_the_same_report(tmp_path: Path) -> None:
     """Every byte, so that nothing depends on who did what, or when: a run by itself, and all runs
     of its body.
@@ -206,6 +208,7 @@ def test_propagated_band_is_that_of_brute_force(
     assert np.any(band.mc_low[~known] == 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("numbers", "said"),
@@ -429,6 +432,7 @@ FALLING = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rows", [FLAT, FALLING])
 def test_points_that_hold_no_rising_line_give_no_gamma(
     replica: Path, tmp_path: Path, rows: str

@@ -38,6 +38,7 @@ def assert_not_identified(done: Result, out: Path) -> None:
     assert "n/a" not in report
 
 
+@pytest.mark.slow
 def test_a_parameter_for_which_others_make_up_is_not_sampled(tmp_path: Path) -> None:
     done, out = fitted(tmp_path, "y0 - v*t + b*exp(-t/tau)")
     assert "y0 is unbounded" in done.output
@@ -47,6 +48,7 @@ def test_a_parameter_for_which_others_make_up_is_not_sampled(tmp_path: Path) -> 
     assert result["sampling"]["n_step"] <= 60
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_draws")
 def test_factors_between_limits_are_named_together(tmp_path: Path) -> None:
     """However small the step of one is that makes up for the other; what has no limits but is

@@ -51,6 +51,7 @@ def campaigns() -> list[Path]:
     ]
 
 
+@pytest.mark.slow
 def test_the_reference_is_not_stale_and_explains_every_key(project: Path) -> None:
     """A failure here is mended by `make docs`, and by a line in docs/generate/key_words.toml for a
     new key.
@@ -165,6 +166,7 @@ def things() -> dict[str, Any]:
     return {name: thing for name, thing in named.items() if callable(thing)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "thing"), things().items(), ids=things())
 def test_examples_of_docstrings_print_what_they_show(
     name: str, thing: Any, project: Path, monkeypatch: pytest.MonkeyPatch

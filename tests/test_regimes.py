@@ -298,6 +298,7 @@ def test_choices_that_are_wrong_are_refused(
     assert said in found
 
 
+@pytest.mark.slow
 def test_a_fit_narrows_the_map_and_must_be_one_of_this_campaign(
     tmp_path: Path, few_draws: None
 ) -> None:
@@ -327,6 +328,7 @@ def test_a_fit_narrows_the_map_and_must_be_one_of_this_campaign(
     assert (code, "as it stands" in said) == (2, True)
 
 
+@pytest.mark.slow
 def test_the_wheel_rolls_down_and_a_body_without_a_heavy_side_has_no_angle(project: Path) -> None:
     """Downhill: on for ever or rocking.  Balanced: it sets off beyond the tilt at which the weight
     beats the rolling resistance, from any angle.

@@ -169,6 +169,7 @@ def test_ascents_begin_where_the_model_says() -> None:
     assert steep[0, 0] > 0.5 * np.pi
 
 
+@pytest.mark.slow
 def test_only_a_zero_error_of_the_angle_parts_the_ends(rng: np.random.Generator) -> None:
     """Both thresholds moved the same way, as by a plumb line that is off, against towards each
     other, as by the release.
@@ -232,6 +233,7 @@ EXACT = "u_phi_deg = 0\nu_theta_deg = 1.5\n"
 ROWS = "".join(f"{f},{t},{c}\n" for f, t, c in SEPARATED)
 
 
+@pytest.mark.slow
 @pages
 def test_the_example_stands_in_the_report_of_the_line(project: Path, tmp_path: Path) -> None:
     done, report, result = line(project / "data" / "trials" / "campaign.toml", tmp_path)
@@ -258,6 +260,7 @@ def test_the_example_stands_in_the_report_of_the_line(project: Path, tmp_path: P
     assert result["schema"] == "estim-trials/1"
 
 
+@pytest.mark.slow
 @pages
 def test_trials_alone_make_a_report(tmp_path: Path) -> None:
     done, report, result = line(campaign(tmp_path, ROWS, trials=EXACT), tmp_path / "out")
@@ -267,6 +270,7 @@ def test_trials_alone_make_a_report(tmp_path: Path) -> None:
     assert result["ends_apart"] is None
 
 
+@pytest.mark.slow
 @pages
 @pytest.mark.parametrize("outcome", ["0", "1"])
 def test_one_outcome_gives_no_gamma(tmp_path: Path, outcome: str) -> None:
@@ -279,6 +283,7 @@ def test_one_outcome_gives_no_gamma(tmp_path: Path, outcome: str) -> None:
     assert "γ = **" not in report
 
 
+@pytest.mark.slow
 @pages
 def test_outcomes_at_random_are_a_poor_fit(tmp_path: Path) -> None:
     rows = "".join(

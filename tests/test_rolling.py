@@ -110,6 +110,7 @@ def test_needed_friction_is_that_of_the_motion_draw_by_draw(tmp_path, rng):
     assert 0.0 < found.where < 0.3
 
 
+@pytest.mark.slow
 def test_probability_is_that_of_two_normal_quantities(tmp_path, rng):
     """P(mu > needed) with mu normal and the need nearly so: Phi(distance / both uncertainties)."""
     campaign = campaign_of(tmp_path, 'friction = "0.150(10)"')
@@ -214,6 +215,7 @@ def test_nothing_is_said_of_what_lies_behind_a_turning_point():
     assert not np.any(np.diff(there.astype(int)) > 0)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unrendered")
 def test_the_report_says_it_and_the_result_is_not_moved(tmp_path):
     campaign = campaign_of(tmp_path, f'{COMPLETE}\nfriction = "0.14(2)"')

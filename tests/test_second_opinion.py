@@ -100,6 +100,7 @@ def share_below(chain: Chain, at: float) -> tuple[float, float]:
     return share, float(np.sqrt(share * (1.0 - share) / effective_size(inside)[0]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.statistics)])
 def test_chain_has_the_long_tail_of_two_exponentials(seed: int) -> None:
     truth, analysis = grid(), analysed(seed)
@@ -116,6 +117,7 @@ def test_chain_has_the_long_tail_of_two_exponentials(seed: int) -> None:
     assert analysis.comparison.verdict == "agree", analysis.comparison.reason
 
 
+@pytest.mark.slow
 def test_adapted_proposal_alone_leaves_it_out_and_its_own_weights_do_not_show_that() -> None:
     """What the second opinion was before: the wrong model beside the test above."""
     fit, rng = two_exponentials(), np.random.default_rng(3).spawn(2)
@@ -141,6 +143,7 @@ def test_adapted_proposal_alone_leaves_it_out_and_its_own_weights_do_not_show_th
     assert abs(other.sd[1] - grid().sd) < 4.0 * other.mcse_sd[1] < 0.04 * grid().sd
 
 
+@pytest.mark.slow
 def test_second_opinion_agrees_with_the_grid() -> None:
     fit, truth = two_exponentials(), grid()
     certificate = certify(
@@ -214,6 +217,7 @@ class Cut:
         return np.where(draws[:, 1] > self.at, self.posterior.log_density(draws), -np.inf)
 
 
+@pytest.mark.slow
 def test_chain_without_a_tail_disagrees(monkeypatch: pytest.MonkeyPatch) -> None:
     """A chain that cannot go below k = 0.85, a proposal that never does: 4 % of the posterior."""
 
@@ -232,6 +236,7 @@ def test_chain_without_a_tail_disagrees(monkeypatch: pytest.MonkeyPatch) -> None
     assert any(finding.status == "methods-disagree" for finding in analysis.diagnosis.findings)
 
 
+@pytest.mark.slow
 def test_difference_that_does_not_come_back_was_chance(monkeypatch: pytest.MonkeyPatch) -> None:
     """The first pair is made to differ; the second, with other random numbers, is the result and
     says that there was a first.

@@ -115,6 +115,7 @@ def test_simulated_readings_scatter_about_the_curve_not_about_the_data(
     assert np.std(read) == pytest.approx(2.0, rel=4.0 / np.sqrt(2.0 * 4000))
 
 
+@pytest.mark.slow
 def test_a_share_goes_with_errors_of_x_common_errors_and_data_sets() -> None:
     beside_x = fit_curve("a + b*x", X, Y, start=LINE, u_y="15%", u_x=0.3)
     # kafe2: 1.0447 with errors of x as errors of y by the slope

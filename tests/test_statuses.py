@@ -147,6 +147,7 @@ def assert_said_before_any_cost(written: Written) -> None:
     assert written.result["certificate"]["method"] is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TROUBLES)
 def test_without_the_trouble_the_status_is_ok(name: str, tmp_path: Path, healthy: Analysis) -> None:
     analysis = healthy

@@ -50,6 +50,7 @@ def edge(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return line.write(tmp_path_factory.mktemp("edge")).parent
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("line", "code", "said"),
     [

@@ -511,6 +511,7 @@ def test_where_formula_and_header_disagree_one_line_asks_and_the_answer_is_taken
             assert (posed.x_column, posed.y_column) == (x, y)
 
 
+@pytest.mark.slow
 def test_the_first_line_says_which_column_is_which_and_what_is_not_read(tmp_path: Path) -> None:
     file = tmp_path / "iv.csv"
     file.write_text(

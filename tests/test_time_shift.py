@@ -53,6 +53,7 @@ def test_a_shift_is_given_closest_to_where_it_was_stated_to_start() -> None:
     assert fit.values["t0"] == pytest.approx(SHIFT + 3.0 * PERIOD, abs=0.05)
 
 
+@pytest.mark.slow
 def test_a_shift_that_the_points_hardly_show_is_not_identified() -> None:
     x, y = swing(3, amplitude=0.1)
     fit = fit_curve("A*sin(w*(x - t0)) + c", x, y, u_y=SIGMA)

@@ -120,6 +120,7 @@ def test_intervals_of_lmfit_are_those_of_estim_s_least_squares_where_errors_are_
         assert wide[0] < narrow[0] < narrow[1] < wide[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cut_off", [False, pytest.param(True, marks=pytest.mark.statistics)])
 def test_fit_settles_where_the_resistance_is_held_at_zero(
     cut_off: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -181,6 +182,7 @@ def test_values_of_several_runs_are_averaged_by_quantity():
     assert by_quantity([1.0, 2.0, 3.0, 4.0, 5.0]) == [1.0, 2.0, 3.0, 4.0, 5.0]
 
 
+@pytest.mark.slow
 def test_neighbours_that_are_alike_are_borne_beside_a_force_and_no_larger_than_stated(
     tmp_path: Path,
 ) -> None:

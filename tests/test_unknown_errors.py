@@ -98,6 +98,7 @@ def test_no_limit_or_prior_makes_a_standard_deviation_beside_a_jitter_other_than
     assert cut.sds["a"] > 0.9 * free.sds["a"] * np.sqrt(0.25)  # the slope beside a known b
 
 
+@pytest.mark.slow
 def test_a_few_readings_on_a_line_are_not_the_good_ones_of_a_mixture() -> None:
     """Of eight readings four may happen to lie on a line, and the others are no outliers; where
     they are, they are too many for a result.
@@ -120,6 +121,7 @@ def test_a_few_readings_on_a_line_are_not_the_good_ones_of_a_mixture() -> None:
         fit_curve("a*x + b", x[1:], y[1:], robust="mixture")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [8, 20])
 def test_one_reading_with_its_decimal_point_in_the_wrong_place(n: int, tmp_path: Path) -> None:
     """What a report advises there (robust: mixture) leads to the right slope by either door."""
@@ -162,6 +164,7 @@ def test_a_prior_of_the_jitter_counts() -> None:
     assert 0.10 < fit.values["jitter"] < 0.14
 
 
+@pytest.mark.slow
 def test_outliers_hardly_move_a_robust_fit() -> None:
     y = disturbed(0.0)
     spoiled = y.copy()
@@ -184,6 +187,7 @@ def decay(x: np.ndarray, a: float, tau: float, c: float) -> np.ndarray:
     return a * np.exp(-x / tau) + c
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("far_off", [{4: 10.0}, {0: 1.36}, {3: 0.6, 9: 1.8}], ids=str)
 @pytest.mark.parametrize("curve", ["a*exp(-x/tau) + c", decay], ids=["formula", "function"])
 def test_a_bent_curve_is_found_in_spite_of_gross_blunders(
@@ -209,6 +213,7 @@ def test_a_bent_curve_is_found_in_spite_of_gross_blunders(
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "errors", [{"u_y": 0.5, "u_x": 0.1}, {"u_y": 0.2, "jitter": True}], ids=["u_x", "jitter"]
 )
@@ -221,6 +226,7 @@ def test_blunders_beside_errors_of_x_and_beside_a_jitter(errors: dict[str, float
     assert abs(fit.values["tau"] - 7.5) < 3.0 * fit.sds["tau"] < 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("curve", ["a*x + b", "a*exp(-x/tau) + c"])
 def test_a_blunder_of_any_size_is_borne_beside_stated_errors_that_are_too_large(curve: str) -> None:
     """The other residuals are then smaller than one, and the blunder larger beside them."""
@@ -249,6 +255,7 @@ def test_a_refused_fit_names_the_reading_that_lies_far_from_all_others(tmp_path:
         assert said == named == ("(robust: mixture)" in error)
 
 
+@pytest.mark.slow
 def test_a_blunder_does_not_lead_to_an_alias() -> None:
     """Evenly spaced points cannot tell a frequency from that plus the rate of sampling."""
     x = np.linspace(0.0, 12.0, 12)
@@ -261,6 +268,7 @@ def test_a_blunder_does_not_lead_to_an_alias() -> None:
         assert abs(fit.values["w"] - 1.3) < 4.0 * fit.sds["w"] < 0.1
 
 
+@pytest.mark.slow
 def test_a_peak_is_no_single_blunder() -> None:
     """A Gaussian can meet any one reading: the one that is mistyped, or those of a narrow peak."""
     x = np.linspace(0.0, 8.0, 33)

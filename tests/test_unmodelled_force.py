@@ -69,6 +69,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[Campaign, Analysis]
     return campaign, analyse(campaign, ["class-balanced_2"], seed=1, target=Target(ess=1000.0))
 
 
+@pytest.mark.slow
 def test_it_is_there_unless_the_campaign_says_0_and_a_stated_size_replaces_the_default(
     tmp_path: Path,
 ) -> None:
@@ -118,6 +119,7 @@ def test_positions_as_read_know_the_same_force(tmp_path: Path) -> None:
     assert np.all(np.sqrt(np.diag(fit.cov))[curve] < 2.5 * sds[curve])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "noise",
     [DIFFERENTIATED, INDEPENDENT.replace('independent"', 'independent", derivative = "central"')],
@@ -299,6 +301,7 @@ def test_a_joint_fit_has_forces_by_itself_and_other_commands_take_the_curve_as_c
     assert fit_problem(energy, rng=np.random.default_rng(1)).forces == ()
 
 
+@pytest.mark.slow
 def test_a_run_that_cannot_be_linearised_is_fit_without_and_says_so_unless_a_force_was_asked_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -66,6 +66,7 @@ def recorded(folder: Path, lines: str = "") -> tuple[Campaign, FloatArray, Float
     return load_campaign(folder / "campaign.toml"), x, v
 
 
+@pytest.mark.slow
 def test_the_posterior_is_that_of_brute_force(tmp_path: Path) -> None:
     """Importance sampling with the exact density, written in NumPy alone, all six unknowns drawn;
     two seeds give one answer.

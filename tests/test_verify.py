@@ -445,6 +445,7 @@ def test_a_result_that_two_programs_could_read_differently_is_not_verified(
     assert re.search("result.json, all of it: .cannot be read", done.output)
 
 
+@pytest.mark.slow
 def test_what_was_not_compared_is_named_and_what_was_added_too(model: Path) -> None:
     (model / "out" / "draws.nc").write_bytes(b"forged")
     (model / "out" / "report.html").write_text("<p>All is well.")
@@ -479,6 +480,7 @@ def test_a_figure_of_something_else_is_found_where_everything_else_is_the_same(m
     assert f"figures/{drawn[0].name}: shows another picture" in done.output
 
 
+@pytest.mark.slow
 def test_inputs_are_those_that_are_read(model: Path) -> None:
     origin = json.loads((model / "out" / "origin.json").read_text())
     named = origin["inputs"]
@@ -517,6 +519,7 @@ def test_hostile_inputs_are_one_line(path: str, model: Path) -> None:
         assert done.exit_code == 3 or isinstance(done.exception, InputError), done.exception
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["link", "pipe", "sparse", "folder"])
 @pytest.mark.parametrize("name", ["origin.json", "report.md", "result.json", "figures/budget.png"])
 def test_a_hostile_file_of_the_report_is_one_line(name: str, kind: str, model: Path) -> None:
@@ -541,6 +544,7 @@ def test_a_name_that_no_file_can_have_is_no_traceback(name: str | bytes, model: 
         assert isinstance(run(*arguments).exception, EstimError)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn", "few_draws")
 def test_reports_of_single_runs_are_verified_with_the_report_of_all(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -242,6 +242,7 @@ def test_two_spoiled_frames_move_a_robust_fit_little(
     assert abs(plain - truth) > 10.0 * u
 
 
+@pytest.mark.slow
 def test_errors_of_the_times_count_as_errors_of_the_distance(tracker: Path, tmp_path: Path) -> None:
     """u_x = 1 ms at 0.0574 m/s is 57 um: the standard deviation of v grows by sqrt(1 + (v
     u_x/u_y)^2).
@@ -278,6 +279,7 @@ def sd(fit: Fit, name: str) -> float:
     return float(np.sqrt(fit.deviations[0].cov[i, i]))
 
 
+@pytest.mark.slow
 def test_whole_falls_give_an_acceleration_where_what_the_formula_lacks_is_irregular(
     tracker: Path, stand_ins: Path, tmp_path: Path
 ) -> None:

@@ -162,6 +162,7 @@ def test_scales_that_are_unknowns_are_no_errors() -> None:
     assert [one.name for one in influences(fit)] == ["scale_x"]
 
 
+@pytest.mark.slow
 def test_longer_bins_hold_as_many_events() -> None:
     """Bins that are read 1 % too long: the same numbers in shorter bins are as many decays, of a
     shorter life.
@@ -214,6 +215,7 @@ STATED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("runs", "ramp"),
     [
@@ -249,6 +251,7 @@ def test_every_entry_is_what_a_fit_with_the_error_stated_says(
     assert largest["clock"] > 0.15
 
 
+@pytest.mark.slow
 def test_a_sag_is_one_of_the_ramp_that_all_runs_lie_on(tmp_path: Path) -> None:
     """Where nothing is stated, from the release to the farthest position; a shorter one would bend
     it more.

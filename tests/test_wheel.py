@@ -68,6 +68,7 @@ def test_resisting_moment_lies_where_the_groups_found_it(run: str) -> None:
         assert found.deviation[run].probability > 0.99
 
 
+@pytest.mark.slow
 def test_a_run_in_radians_is_spoken_of_as_angles_and_its_priors_by_their_means() -> None:
     campaign, run = wheel("class-balanced_1"), "class-balanced_1"
     hasty = Target(ess=1.0, max_step=100, n_ensemble=2, n_walker=16)

@@ -102,6 +102,7 @@ def test_the_page_names_every_function(project: Path) -> None:
     assert set(FUNCTIONS) <= set(re.findall(r"\w+", text))
 
 
+@pytest.mark.slow
 def test_a_function_of_numbered_points_fits_complex_values_and_a_wrong_circuit_is_poor() -> None:
     rng, w = np.random.default_rng(5), np.linspace(1.0, 20.0, 40)
     noise = rng.normal(0.0, 0.3, 40) + 1j * rng.normal(0.0, 0.3, 40)

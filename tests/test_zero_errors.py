@@ -16,6 +16,7 @@ OFFSET = 0.8  # degrees, true tilt minus reading
 ZERO = 'phi_zero_deg = "0.0(1.0)"'
 
 
+@pytest.mark.slow
 def test_common_offset_of_the_protractor_is_recovered_and_ignoring_it_biases_gamma(
     tmp_path: Path,
 ) -> None:
