@@ -370,7 +370,7 @@ def _drawn(
     most = MAX_TIED if problem.shared else MAX_PARAMETERS
     if meaningless:
         chain = sample_posterior(
-            fit.sampled, fit.values, fit.cov, target=target, rng=rng, progress=progress
+            fit.posterior, fit.values, fit.cov, target=target, rng=rng, progress=progress
         )
         return Certified(chain, None, no_comparison(fit.names, Finding(Kind.NOT_SAMPLED)))
     if marginal if marginal is not None else _through_marginal(fit):

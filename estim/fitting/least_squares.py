@@ -23,6 +23,7 @@ from estim.distributions import chi2_tail
 from estim.fitting.arrowhead import descend_by_runs, many
 from estim.fitting.finish import finished
 from estim.fitting.fisher_information import information
+from estim.fitting.jeffreys import jeffreys_prior
 from estim.fitting.noise_fit import fit_noise
 from estim.fitting.readings import measure_of
 from estim.fitting.rounds import LEAST_SHARE, Held, settle_by_runs
@@ -107,12 +108,14 @@ class Fit:
     @cached_property
     def sampled(self) -> Posterior:
         """`posterior` as it is sampled: in a joint fit with the measure of readings
-        (`estim.fitting.readings`).
+        (`estim.fitting.readings`), and with Jeffreys' prior of unstated parameters.
         """
-        return (
-            self.posterior
-            if self.singular
-            else replace(self.posterior, measure=measure_of(self.posterior, self.values, self.cov))
+        if self.singular:
+            return self.posterior
+        return replace(
+            self.posterior,
+            measure=measure_of(self.posterior, self.values, self.cov),
+            jeffreys=jeffreys_prior(self.posterior, self.values, self.cov),
         )
 
     @property

@@ -1,8 +1,8 @@
 """Parameters without a stated value that the data leave open on a side without a limit.
 
 However far such a parameter goes, the others make up for it (a terminal speed with a time constant
-far beyond the recording).  With a flat prior the posterior is then improper: an interval for it is
-where a search or a chain happened to end.
+far beyond the recording).  The posterior may then be improper: an interval for it is where a search
+or a chain happened to end.
 """
 
 from __future__ import annotations
@@ -24,28 +24,20 @@ _FAR, _LONGER = 10.0, 1.5  # standard deviations; times the other side, in logar
 
 
 def open_sides(fit: Fit, sds: FloatArray, *, dof: float = math.inf) -> list[Finding]:
-    """The parameters without a stated value that are left open, or reach over decades, where one of
-    them is vague.
-
-    A flat prior favours the large values of what reaches over decades, and draws are off by
-    standard deviations: its profile holds, its posterior does not.
+    """The parameters without a stated value that are left open, where one of them is vague.
 
     sds : (n_par,) of the fit.  dof : degrees of freedom of the size of the errors.
     """
     if not np.any(vague(fit, sds)):
         return []
-    free = np.flatnonzero(_unstated(fit.problem))
+    free = np.flatnonzero(fit.problem.unstated)
     names = [fit.problem.names[i] for i in free]
     intervals = profile_intervals(fit, names=names, probabilities=(_PROBABILITY,), dof=dof)
-    findings = []
-    for i, interval in zip(free, intervals, strict=True):
-        parameter, far = fit.problem.parameters[i], _FAR * float(sds[i])
-        found = side_left_open(interval, parameter, float(sds[i]))
-        ends = interval.low[_PROBABILITY], interval.high[_PROBABILITY]
-        over = max(abs(end - interval.value) for end in ends) > far
-        limited = math.isfinite(parameter.prior.low) and math.isfinite(parameter.prior.high)
-        findings += found or ([_open("decades", parameter)] if over and not limited else [])
-    return findings
+    return [
+        finding
+        for i, interval in zip(free, intervals, strict=True)
+        for finding in side_left_open(interval, fit.problem.parameters[i], float(sds[i]))
+    ]
 
 
 def vague(fit: Fit, sds: FloatArray) -> BoolArray:
@@ -57,7 +49,7 @@ def vague(fit: Fit, sds: FloatArray) -> BoolArray:
     profile 95 %.  For the intercept of a line far from the origin they are exact.  sds : (n_par,)
     of the fit.
     """
-    free = np.flatnonzero(_unstated(fit.problem))
+    free = np.flatnonzero(fit.problem.unstated)
     far = np.zeros(sds.size, dtype=bool)
     moved = _moved(fit.problem, fit.values, [fit.problem.names[i] for i in free])
     far[free] = moved * sds[free] >= _VAGUE
@@ -90,22 +82,11 @@ def side_left_open(
     if not (below or above):
         return []
     side = "both" if below and above else "below" if below else "above"
-    return [_open(side, parameter)]
-
-
-def _open(side: str, parameter: Parameter) -> Finding:
-    amount = Amount(parameter.name, label=parameter.label)
-    return Finding(Kind.OPEN_SIDE, test=side, parameters=(amount,))
-
-
-def _unstated(problem: Problem) -> BoolArray:
-    """(n_par,) whether a parameter of the curve has a flat prior."""
-    return np.array(
-        [
-            not math.isfinite(p.prior.sd) and p.name not in problem.noise_names
-            for p in problem.parameters
-        ]
-    )
+    return [
+        Finding(
+            Kind.OPEN_SIDE, test=side, parameters=(Amount(parameter.name, label=parameter.label),)
+        )
+    ]
 
 
 def _moved(problem: Problem, values: FloatArray, names: list[str]) -> FloatArray:

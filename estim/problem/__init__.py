@@ -52,7 +52,8 @@ from estim.problem.observations import (
     uses_of,
     parameters_of,
 )
-from estim.problem.posterior import Group, Measure, Posterior, Problem
+from estim.problem.measure import JeffreysPrior, Measure, Quadratic, terms
+from estim.problem.posterior import Group, Posterior, Problem
 from estim.problem.priors import (
     PRIORS,
     Flat,
@@ -67,7 +68,15 @@ from estim.problem.priors import (
     of_other_package,
 )
 from estim.problem.readings import Correlated, Readings, check_covariance
-from estim.problem.roots import Root, beside, covariance_of, root_of, stacked_root, with_columns
+from estim.problem.roots import (
+    Band,
+    Root,
+    beside,
+    covariance_of,
+    root_of,
+    stacked_root,
+    with_columns,
+)
 from estim.problem.symmetry import Symmetry, folded, no_symmetry, same_curves
 from estim.problem.whitened import Linear
 from estim.problem.robust import MOST_REWEIGHTED, errors_widened, shape_of, typical_size

@@ -69,7 +69,7 @@ class Points:
 
     def square_gradient(self, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n) its derivatives, for single values."""
-        return self.gradients(
+        return self.gradients_of(
             cast(SquaredCurve, self.curve).local_square(self.x, self.bind(named)), names, 1
         )[0]
 
@@ -79,10 +79,14 @@ class Points:
             np.broadcast_to(self.curve.local(self.x, self.bind(named)).slope, (1, self.x.size))[0]
         )
 
-    def gradients(self, local: LocalCurve, names: Sequence[str], n_draw: int) -> FloatArray:
+    def gradients(self, named: Named, names: Sequence[str], n_draw: int) -> FloatArray:
         """(n_draw, n_obs, n) derivatives of the curve in the parameters `names`; 0 in those that it
         does not have.
         """
+        return self.gradients_of(self.curve.local(self.x, self.bind(named)), names, n_draw)
+
+    def gradients_of(self, local: LocalCurve, names: Sequence[str], n_draw: int) -> FloatArray:
+        """The same from the curve with its derivatives."""
         gradients = np.zeros((n_draw, self.x.size, len(names)))
         for argument, source in self.arguments.items():
             if source in names:
@@ -91,7 +95,7 @@ class Points:
 
     def gradient(self, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n) the same for single values."""
-        return self.gradients(self.curve.local(self.x, self.bind(named)), names, 1)[0]
+        return self.gradients(named, names, 1)[0]
 
 
 def n_draws(named: Named) -> int:
@@ -128,6 +132,10 @@ class StackedPoints:
         return np.hstack(
             [np.broadcast_to(run.value(named), (n_draw, run.x.size)) for run in self.runs]
         )
+
+    def gradients(self, named: Named, names: Sequence[str], n_draw: int) -> FloatArray:
+        """(n_draw, n_obs, n) derivatives of the curves in the parameters `names`."""
+        return np.concatenate([run.gradients(named, names, n_draw) for run in self.runs], axis=1)
 
     def gradient(self, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n) derivatives of the curves in the parameters `names`, for single values."""

@@ -1,5 +1,10 @@
-"""What a density is multiplied by so that readings of many runs do not pull what the runs share
-(`estim.fitting.readings` says why, and makes it).
+"""What a density is multiplied by before it is sampled, so that values get no weight by how the
+curve was written.
+
+`Measure` for readings of many runs, which else pull what the runs share (`estim.fitting.readings`
+says why, and makes it).  `JeffreysPrior` for parameters about which nothing was stated: a flat
+prior of the constant of an Arrhenius law, known to a factor 3, favours large ones, and moves the
+activation energy by a standard deviation.
 """
 
 from __future__ import annotations
@@ -8,10 +13,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray, IntArray
+from estim.arrays import BoolArray, FloatArray, IntArray, Named
+from estim.problem.likelihood import Points, StackedPoints, n_draws, some_draws
+from estim.problem.roots import Root
 
 # posterior standard deviations beyond which a measure that is known about the fit grows no further
 _REACH = 4.0
+_BELIEVED = 8.0  # the same for a polynomial in the logarithms of what may be far from its fit
+_BLOCK = 1_000_000  # values of the curve whose derivatives are computed at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,3 +47,85 @@ class Measure:
         return np.clip(
             (shared - self.centre) @ self.slope, -_REACH * self.spread, _REACH * self.spread
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Quadratic:
+    """A function of the parameters as a polynomial of second degree, fitted around `centre`.
+
+    columns : (n,) places of the parameters that it depends on.
+    by_size : (n,) whether the logarithm of a parameter is taken, which keeps its sign.
+    whitener : (n, n) turns differences from the centre into standard deviations.
+    coefficients : of `terms`.
+    """
+
+    columns: IntArray
+    centre: FloatArray
+    by_size: BoolArray
+    whitener: FloatArray
+    coefficients: FloatArray
+
+    def place(self, draws: FloatArray) -> FloatArray:
+        """(n_draw, n) draws (n_draw, n_par) in standard deviations from the centre, those farther
+        than the polynomial is believed moved towards it.
+        """
+        off = draws[:, self.columns] - self.centre
+        ratio = 1.0 + off[:, self.by_size] / self.centre[self.by_size]
+        off[:, self.by_size] = np.log(np.maximum(ratio, 1e-300))
+        z = off @ self.whitener.T
+        return z * np.minimum(1.0, _BELIEVED / np.maximum(np.linalg.norm(z, axis=1), 1.0))[:, None]
+
+    def value(self, draws: FloatArray) -> FloatArray:
+        """(n_draw,) at draws (n_draw, n_par)."""
+        return terms(self.place(draws)) @ self.coefficients
+
+
+def terms(z: FloatArray) -> FloatArray:
+    """(n_draw, n_term) 1, each of z (n_draw, n), and each product of two."""
+    row, column = np.triu_indices(z.shape[1])
+    return np.hstack([np.ones((len(z), 1)), z, z[:, row] * z[:, column]])
+
+
+@dataclass(frozen=True, eq=False)
+class JeffreysPrior:
+    """Jeffreys' prior of parameters of curves, given all others: the root of the determinant of the
+    Fisher information about them, the errors held as they are at the fit.
+
+    To first order, intervals of the posterior then hold what they say however the curve is written;
+    where it is linear in the parameters the prior is flat.
+
+    names : of the parameters, in the order of their scales (n,), which keep the matrix well
+        conditioned.
+    runs : the points and the curve of each run or group, with the root of the covariance of its
+        errors.
+    centre : its logarithm at the fit.
+    smooth : the logarithm as a polynomial, None where it is none.
+
+    Source: Jeffreys, Proc. R. Soc. A 186 (1946) 453; Box and Tiao, Bayesian Inference in
+    Statistical Analysis (1973), 1.3.6.
+    """
+
+    names: tuple[str, ...]
+    scales: FloatArray
+    runs: tuple[tuple[Points | StackedPoints, Root], ...]
+    centre: float = 0.0
+    smooth: Quadratic | None = None
+
+    def exact(self, named: Named) -> FloatArray:
+        """(n_draw,) its logarithm at columns (n_draw, 1) of all parameters, 0 at the fit; -inf
+        where the points say nothing about some combination of the parameters.
+        """
+        n_draw = n_draws(named)
+        size = max(1, _BLOCK // sum(points.y.size for points, _ in self.runs))
+        if n_draw > size:
+            rows = (slice(i, i + size) for i in range(0, n_draw, size))
+            return np.concatenate([self.exact(some_draws(named, block)) for block in rows])
+        information = np.zeros((n_draw, len(self.names), len(self.names)))
+        with np.errstate(all="ignore"):
+            for points, root in self.runs:
+                slopes = points.gradients(named, self.names, n_draw) * self.scales
+                rows = root.whiten(np.moveaxis(slopes, 1, 2))
+                information += rows @ np.moveaxis(rows, 1, 2)
+            usable = np.all(np.isfinite(information), axis=(1, 2))
+            sign, log_det = np.linalg.slogdet(np.where(usable[:, None, None], information, 0.0))
+            return np.where((sign > 0.0) & usable, 0.5 * log_det - self.centre, -np.inf)

@@ -9,18 +9,19 @@ this at its own result until nothing moves.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from estim.arrays import FloatArray, IntArray
+from estim.arrays import BoolArray, FloatArray, IntArray
 from estim.common import InputError
 from estim.problem.group import Group as Group
 from estim.problem.group import SharedNoise, grouped
 from estim.problem.likelihood import Ends, Likelihood
-from estim.problem.measure import Measure as Measure
+from estim.problem.measure import JeffreysPrior, Measure
 from estim.problem.observations import Observations, Parameter, parameters_of, uses_of
 from estim.problem.priors import Prior
 
@@ -136,6 +137,16 @@ class Problem:
             name for group in centres.values() if len(set(group.values())) > 1 for name in group
         )
 
+    @cached_property
+    def unstated(self) -> BoolArray:
+        """(n_par,) whether nothing is stated of a parameter of a curve, but at most one limit."""
+        return np.array(
+            [
+                not math.isfinite(p.prior.sd) and p.name not in self.noise_names
+                for p in self.parameters
+            ]
+        )
+
     def start(self) -> FloatArray:
         """(n_par,) the centres of the priors."""
         return np.array([p.prior.centre for p in self.parameters])
@@ -207,11 +218,13 @@ class Posterior:
 
     measure : of readings in a joint fit, where it is to be sampled with one; least squares, optima
         and profiles have none.
+    jeffreys : the prior of unstated parameters, likewise.
     """
 
     problem: Problem
     likelihoods: tuple[Likelihood, ...]
     measure: Measure | None = None
+    jeffreys: JeffreysPrior | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -228,11 +241,16 @@ class Posterior:
             # nan: a motion that cannot be followed to the last frame (it all but stops on the way)
             # explains no data
             log_p[inside] = np.where(np.isnan(likelihood), -np.inf, log_p[inside] + likelihood)
-        return (
-            log_p
-            if self.measure is None
-            else log_p + self.measure.log(draws[:, self.measure.columns])
-        )
+        if self.measure is not None:
+            log_p += self.measure.log(draws[:, self.measure.columns])
+        if self.jeffreys is not None:
+            inside = np.flatnonzero(np.isfinite(log_p))
+            log_p[inside] += (
+                self.jeffreys.exact(self.problem.named(draws[inside]))
+                if self.jeffreys.smooth is None
+                else self.jeffreys.smooth.value(draws[inside])
+            )
+        return log_p
 
     def log_likelihood(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) log likelihood, normalised, of draws (n_draw, n_par) inside the priors'

@@ -4,6 +4,7 @@ together.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import dataclass_transform
@@ -13,10 +14,11 @@ import numpy as np
 
 from estim.arrays import FloatArray, IntArray
 from estim.checks import Check, bad_frames_found, is_measured, upper_limit
-from estim.common import Label, split_level
+from estim.common import Label, phrase, split_level
 from estim.deviation import FoundForce
+from estim.fitting import Fit
 from estim.pipeline import Analysis
-from estim.problem import Observations, Problem
+from estim.problem import Observations, Parameter, Problem
 from estim.sampling import Summary, number
 from estim.words import tell
 
@@ -269,7 +271,7 @@ def parameter_summary(truth: Mapping[str, float], analysis: Analysis, i: int) ->
     upper = upper_limit(summary, parameter.prior, draws)
     return ParameterSummary(
         **msgspec.structs.asdict(summary),
-        prior=parameter.prior.describe(),
+        prior=_prior_words(analysis.fit, parameter),
         prior_mean=number(parameter.prior.expectation),
         prior_sd=number(parameter.prior.sd),
         ess_bulk=number(diagnosis.ess_bulk[i]),
@@ -281,6 +283,18 @@ def parameter_summary(truth: Mapping[str, float], analysis: Analysis, i: int) ->
         upper_95=upper,
         true=truth.get(parameter.name),
     )
+
+
+def _prior_words(fit: Fit, parameter: Parameter) -> str:
+    """How the prior of a parameter is written that was sampled."""
+    prior, jeffreys = parameter.prior, fit.sampled.jeffreys
+    if jeffreys is None or parameter.name not in jeffreys.names:
+        return prior.describe()
+    if math.isfinite(prior.low):
+        return phrase("Jeffreys' prior above {low:.4g}", low=prior.low)
+    if math.isfinite(prior.high):
+        return phrase("Jeffreys' prior below {high:.4g}", high=prior.high)
+    return phrase("Jeffreys' prior")
 
 
 def correlation_of(analysis: Analysis) -> Correlation:

@@ -38,9 +38,10 @@ def determine(analysis: Analysis, *, profiles: bool = True) -> Determination:
     intervals = (
         profile_intervals(analysis.fit, names=[problem.names[i] for i in few]) if few else ()
     )
-    symmetry, measure = analysis.fit.symmetry, analysis.fit.sampled.measure
+    symmetry, sampled = analysis.fit.symmetry, analysis.fit.sampled
     # else what was sampled is more than likelihood and priors, or a sum over labels
-    if measure is None and (symmetry is None or symmetry.trivial):
+    plain = sampled.measure is None and sampled.jeffreys is None
+    if plain and (symmetry is None or symmetry.trivial):
         log_likelihood = analysis.chain.thinned_heights(_DRAWS) - problem.log_prior(draws)
     else:
         log_likelihood = analysis.fit.posterior.log_likelihood(draws)

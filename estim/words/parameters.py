@@ -101,11 +101,6 @@ _OPEN = {
         "value: with a flat prior without a "
         "lower limit it has no interval"
     ),
-    "decades": later(
-        "{symbol} may be many times larger or smaller than fitted, and its flat prior favours "
-        "large values, which would shift all results: write exp(b) in its place, or x/x0 for x, "
-        "with x0 among the points"
-    ),
 }
 _OPEN_BOTH = later(
     "{symbol} is unbounded on both sides, because other parameters compensate for any value, "

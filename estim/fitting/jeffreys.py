@@ -1,0 +1,124 @@
+"""The prior of parameters about which nothing was stated.
+
+A flat prior is one of how the curve was written: that of the constant `a` of a*exp(-E/x), known to
+a factor 3, favours large ones, and moves E by a standard deviation; that of log(a) does not.
+Jeffreys' prior is the same for both.  It is computed at some places around the fit, and its
+logarithm as a polynomial of second degree there; where it is none, at every draw.
+
+Counts keep flat priors, those of the usual limits of a rate where hardly any were seen, and so do
+parameters with limits on both sides, which state a uniform prior.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from estim.arrays import BoolArray, FloatArray, IntArray
+from estim.problem import (
+    Band,
+    JeffreysPrior,
+    Points,
+    Posterior,
+    Quadratic,
+    Root,
+    StackedPoints,
+    terms,
+)
+
+_RADIUS = 5.0  # standard deviations, within which the places lie
+_WIDE = 0.2  # sd over value, beyond which its logarithm is taken
+_FARTHEST = 50.0  # of the logarithms of values
+_LEAST = 0.01  # weight of a place that counts
+_ROUGH = 0.05  # of the logarithm, by which the polynomial may miss it
+
+
+def jeffreys_prior(
+    posterior: Posterior, values: FloatArray, cov: FloatArray
+) -> JeffreysPrior | None:
+    """That of the unstated parameters of `posterior` about the fit `values` (n_par,) of covariance
+    `cov`; None where there are none, or counts are fit.
+    """
+    problem = posterior.problem
+    free = np.flatnonzero(problem.unstated)
+    if not free.size or any(run.noise.counted is not None for run in problem.runs):
+        return None
+    names, named = tuple(problem.names[i] for i in free), problem.named(values)
+    runs: list[tuple[Points | StackedPoints, Root]] = []
+    for likelihood in posterior.likelihoods:
+        normal = likelihood.normal
+        root = Band.of(likelihood.sd(named)[None] ** 2) if normal is None else normal.root(named)
+        runs.append((likelihood.points, root))
+    prior = JeffreysPrior(names, np.sqrt(np.diag(cov)[free]), tuple(runs))
+    centre = float(prior.exact(problem.named(values[None]))[0])
+    if not math.isfinite(centre):
+        return None
+    prior = replace(prior, centre=centre)
+    return replace(prior, smooth=_smooth(posterior, prior, values, cov))
+
+
+def _smooth(
+    posterior: Posterior, prior: JeffreysPrior, values: FloatArray, cov: FloatArray
+) -> Quadratic | None:
+    """The logarithm of `prior` as a polynomial in the parameters, or in the logarithms of those
+    that are hardly known, whichever misses it least; None where both do.
+
+    Places count by the fourth root of the density.
+    """
+    columns = np.array(posterior.problem.of_curve)
+    centre, sds = values[columns], np.sqrt(np.diag(cov)[columns])
+    wide = (sds > _WIDE * np.abs(centre)) & (centre != 0.0)
+    surfaces = [
+        _around(values, cov, columns, by_size)
+        for by_size in (np.zeros_like(wide), wide)[: 1 + bool(np.any(wide))]
+    ]
+    n_term = (columns.size + 1) * (columns.size + 2) // 2
+    rng, low, high = np.random.default_rng(1), *posterior.problem.support()
+    draws = np.concatenate([_places(each, values, 3 * n_term + 20, rng) for each in surfaces])
+    draws = draws[np.all((draws > low) & (draws < high), axis=1)]
+    heights = posterior.log_density(np.vstack([values, draws]))
+    weights = np.exp(np.minimum(0.25 * (heights[1:] - heights[0]), 0.0))
+    draws, weights = draws[weights > _LEAST], weights[weights > _LEAST]
+    if len(draws) < 2 * n_term:
+        return None
+    logs = prior.exact(posterior.problem.named(draws))
+    if not np.all(np.isfinite(logs)):
+        return None
+    fitted = [_fitted(surface, draws, logs, weights) for surface in surfaces]
+    missed, surface = min(fitted, key=lambda pair: pair[0])
+    return surface if missed < _ROUGH else None
+
+
+def _around(
+    values: FloatArray, cov: FloatArray, columns: IntArray, by_size: BoolArray
+) -> Quadratic:
+    """A polynomial of the parameters `columns` without coefficients."""
+    unit = np.where(by_size, values[columns], 1.0)
+    root = np.linalg.cholesky(cov[np.ix_(columns, columns)] / np.outer(unit, unit))
+    return Quadratic(columns, values[columns], by_size, np.linalg.inv(root), np.zeros(0))
+
+
+def _places(surface: Quadratic, values: FloatArray, n: int, rng: np.random.Generator) -> FloatArray:
+    """(n, n_par) values around the fit, evenly spread over the distance from it."""
+    z = rng.standard_normal((n, surface.columns.size))
+    z *= _RADIUS * rng.random((n, 1)) / np.linalg.norm(z, axis=1, keepdims=True)
+    off = np.linalg.solve(surface.whitener, z.T).T
+    off[:, surface.by_size] = np.clip(off[:, surface.by_size], -_FARTHEST, _FARTHEST)
+    draws = np.tile(values, (n, 1))
+    draws[:, surface.columns] = np.where(
+        surface.by_size, surface.centre * np.exp(off * surface.by_size), surface.centre + off
+    )
+    return draws
+
+
+def _fitted(
+    surface: Quadratic, draws: FloatArray, logs: FloatArray, weights: FloatArray
+) -> tuple[float, Quadratic]:
+    """By how much the polynomial through `logs` (n_draw,) misses them, and it."""
+    rows = terms(surface.place(draws))
+    root = np.sqrt(weights)
+    coefficients = np.linalg.lstsq(rows * root[:, None], logs * root, rcond=None)[0]
+    missed = np.average(np.square(rows @ coefficients - logs), weights=weights)
+    return math.sqrt(missed), replace(surface, coefficients=coefficients)
