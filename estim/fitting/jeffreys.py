@@ -121,4 +121,4 @@ def _fitted(
     root = np.sqrt(weights)
     coefficients = np.linalg.lstsq(rows * root[:, None], logs * root, rcond=None)[0]
     missed = np.average(np.square(rows @ coefficients - logs), weights=weights)
-    return math.sqrt(missed), replace(surface, coefficients=coefficients)
+    return math.sqrt(missed), replace(surface, coefficients=np.asarray(coefficients, dtype=float))

@@ -27,7 +27,7 @@ from estim.fitting.jeffreys import jeffreys_prior
 from estim.fitting.noise_fit import fit_noise
 from estim.fitting.readings import measure_of
 from estim.fitting.rounds import LEAST_SHARE, Held, settle_by_runs
-from estim.problem import Posterior, Problem, Symmetry
+from estim.problem import Measure, Posterior, Problem, Symmetry
 
 _MAX_ROUNDS = 60
 _FEW_ROUNDS = 6
@@ -117,6 +117,12 @@ class Fit:
             measure=measure_of(self.posterior, self.values, self.cov),
             jeffreys=jeffreys_prior(self.posterior, self.values, self.cov),
         )
+
+    @property
+    def measure_of_shared(self) -> Measure | None:
+        """That of `sampled` where what the runs share is sampled by itself."""
+        jeffreys = self.sampled.jeffreys
+        return measure_of(self.posterior, self.values, self.cov, jeffreys=jeffreys)
 
     @property
     def scale(self) -> FloatArray:

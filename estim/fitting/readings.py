@@ -18,6 +18,9 @@ about the fit; its curvature, some (u/reading)^2, does not grow with the number 
 One prior for all runs says how true values are distributed, and is integrated as it is.  Where
 nothing is shared, m = 1.
 
+Where what the runs share is sampled by itself, Jeffreys' prior of unstated parameters
+(`estim.fitting.jeffreys`), which asks the same of them, is taken as linear too.
+
 Source: Neyman and Scott, Econometrica 16 (1948) 1 (many incidental parameters); Cox and Reid, J. R.
 Stat. Soc. B 49 (1987) 1 and Berger, Liseo and Wolpert, Stat. Sci. 14 (1999) 1 (which of their
 measures leaves the others alone).
@@ -28,12 +31,18 @@ from __future__ import annotations
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.problem import Measure, Posterior, uses_of
+from estim.problem import JeffreysPrior, Measure, Posterior, uses_of
 
 
-def measure_of(posterior: Posterior, values: FloatArray, cov: FloatArray) -> Measure | None:
-    """The measure about the fit `values` (n_par,) of covariance `cov`; None where there are no
-    readings, or nothing is shared.
+def measure_of(
+    posterior: Posterior,
+    values: FloatArray,
+    cov: FloatArray,
+    *,
+    jeffreys: JeffreysPrior | None = None,
+) -> Measure | None:
+    """The measure about the fit `values` (n_par,) of covariance `cov`, together with `jeffreys`;
+    None where there are no readings nor that, or nothing is shared.
     """
     problem = posterior.problem
     uses, readings = uses_of(problem.runs), problem.readings
@@ -41,7 +50,7 @@ def measure_of(posterior: Posterior, values: FloatArray, cov: FloatArray) -> Mea
         [i for i, p in enumerate(problem.parameters) if uses[p.name] > 1 and not p.between],
         dtype=np.int64,
     )
-    if not readings or not shared.size:
+    if not (readings or jeffreys) or not shared.size:
         return None
     root = np.linalg.cholesky(cov[np.ix_(shared, shared)])
     held = [
@@ -53,7 +62,10 @@ def measure_of(posterior: Posterior, values: FloatArray, cov: FloatArray) -> Mea
     low, high = problem.support()
     tried = np.clip(values + np.vstack([along.T, -along.T]), low, high)
     off = np.linalg.solve(root, (tried[:, shared] - values[shared]).T).T
-    rooms = np.array([_log_room(posterior, point, readings) for point in (values, *tried)])
+    points = np.vstack([values, tried])
+    rooms = np.array([_log_room(posterior, point, readings) for point in points])
+    if jeffreys is not None:
+        rooms = rooms - jeffreys.exact(problem.named(points))
     seen = np.isfinite(rooms[1:])
     slope = np.linalg.lstsq(off[seen], rooms[0] - rooms[1:][seen], rcond=None)[0]
     influence = np.max(np.abs(root @ slope) / np.linalg.norm(root, axis=1))

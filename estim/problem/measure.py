@@ -118,8 +118,8 @@ class JeffreysPrior:
         n_draw = n_draws(named)
         size = max(1, _BLOCK // sum(points.y.size for points, _ in self.runs))
         if n_draw > size:
-            rows = (slice(i, i + size) for i in range(0, n_draw, size))
-            return np.concatenate([self.exact(some_draws(named, block)) for block in rows])
+            blocks = (slice(i, i + size) for i in range(0, n_draw, size))
+            return np.concatenate([self.exact(some_draws(named, block)) for block in blocks])
         information = np.zeros((n_draw, len(self.names), len(self.names)))
         with np.errstate(all="ignore"):
             for points, root in self.runs:

@@ -148,7 +148,7 @@ def sample_marginal(
         )
     columns = sampled_columns(fit)
     terms = run_terms(fit, columns)
-    target = Marginal(fit.problem, columns, terms, fit.sampled.measure)
+    target = Marginal(fit.problem, columns, terms, fit.measure_of_shared)
     proposal, target = _adapt(fit, target, rng, progress)
     shared = proposal.draw(rng, options.n_draw)
     log_beside, by_run = target.terms_at(shared, n_node=options.n_node, progress=progress)
