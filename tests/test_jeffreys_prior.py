@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estim import Target, fit_curve, sample_curve
+from estim import DataSet, Target, fit_curve, fit_curves, sample_curve
 from estim.arrays import FloatArray
 from estim.pipeline import Analysis
 
@@ -73,6 +73,40 @@ def test_draws_are_those_of_a_grid() -> None:
     ours = np.quantile(analysis.chain.column("tau"), [0.16, 0.5, 0.84])
     assert np.all(np.abs(ours - exact) < 0.15 * sd)
     assert flat[1] - exact[1] > 0.15 * sd  # so that a flat prior fails here
+
+
+def test_what_many_sets_share_is_that_of_a_grid() -> None:
+    """A time constant of 24 decays, each with its own amplitude, which is integrated out."""
+    rng, x, amplitudes = np.random.default_rng(4), np.array([0.5, 1.0, 2.0, 3.0]), np.zeros(24)
+    sets = {}
+    for i in range(24):
+        amplitudes[i] = rng.uniform(3.0, 6.0)
+        y = amplitudes[i] * np.exp(-x / 4.0) + 0.4 * rng.standard_normal(4)
+        sets[f"set {i}"] = DataSet(x, y, u_y=0.4)
+    fit = fit_curves("a*exp(-x/tau)", sets, shared=("tau",), start={"a": 4.0, "tau": 4.0})
+    analysis = sample_curve(fit, seed=1, target=Target(ess=4000.0))
+    tau = np.linspace(2.5, 8.0, 1200)
+    decay = np.exp(-x / tau[:, None])
+    square = np.sum(decay**2, axis=1)
+    readings = np.array([data.y for data in sets.values()])
+    best = decay @ readings.T / square[:, None]  # (n_tau, n_set) amplitudes
+    misfit = np.sum((readings - best[..., None] * decay[:, None]) ** 2, axis=(1, 2)) / 0.4**2
+    # root of det F: each amplitude, then the time constant with all of them integrated out
+    slope = decay * x / tau[:, None] ** 2
+    left = np.sum(slope**2, axis=1) - np.sum(slope * decay, axis=1) ** 2 / square
+    profile = -0.5 * misfit
+    quantiles = []
+    for log_density in (
+        profile + 0.5 * np.log(left * np.sum(best**2, axis=1)),
+        profile - 12.0 * np.log(square),  # flat in everything
+    ):
+        below = np.cumsum(np.exp(log_density - np.max(log_density)))
+        quantiles.append(np.interp([0.16, 0.5, 0.84], below / below[-1], tau))
+    exact, flat = quantiles
+    sd = 0.5 * (exact[2] - exact[0])
+    ours = np.quantile(analysis.chain.column("tau"), [0.16, 0.5, 0.84])
+    assert np.all(np.abs(ours - exact) < 0.1 * sd)
+    assert abs(flat[1] - exact[1]) > 0.2 * sd  # so that flat priors fail here
 
 
 def test_stated_parameters_keep_their_priors() -> None:
