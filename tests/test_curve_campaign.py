@@ -543,7 +543,7 @@ def test_report_of_parameters_without_limits_is_written(folder: Path) -> None:
         figures="all",
     )
     assert files["figures/directions.png"].startswith(b"\x89PNG")
-    assert "flat, no limits" in files["report.md"].decode()
+    assert "Jeffreys' prior" in files["report.md"].decode()
 
 
 def test_warnings_that_concern_a_rolling_disk_are_not_repeated_for_another_curve(

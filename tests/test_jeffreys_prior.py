@@ -9,7 +9,9 @@ import pytest
 
 from estim import DataSet, Target, fit_curve, fit_curves, sample_curve
 from estim.arrays import FloatArray
+from estim.common import Kind
 from estim.pipeline import Analysis
+from estim.words import tell
 
 TEMPERATURES = np.linspace(290.0, 350.0, 9)
 COARSE = Target(ess=2000.0)
@@ -116,6 +118,15 @@ def test_stated_parameters_keep_their_priors() -> None:
     limits = {"a": (0.0, 1e8), "E": (0.0, 1e5)}
     limited = fit_curve("a*exp(-E/x)", TEMPERATURES, y, u_y=u, start=start, bounds=limits)
     assert limited.fit.sampled.jeffreys is None
+    remarks = sample_curve(limited, seed=1, target=COARSE).diagnosis.remarks
+    (told,) = (one for one in remarks if one.kind is Kind.UNIFORM_PRIOR_MOVES)
+    assert -1.0 < told.size < -0.6
+    assert tell(told).startswith(
+        "limits on both sides state a uniform prior (a, E); with one limit or none, E would be -0."
+    )
+    near = fit_curve("a*exp(-E/x)", TEMPERATURES, y, u_y=u, start=start, bounds={"E": (0.0, 1e5)})
+    remarks = sample_curve(near, seed=1, target=COARSE).diagnosis.remarks
+    assert not any(one.kind is Kind.UNIFORM_PRIOR_MOVES for one in remarks)
     line = fit_curve("a*x + b", TEMPERATURES, y, u_y=u).fit
     draws = line.values + line.scale * np.random.default_rng(1).standard_normal((50, 2))
     with_it, without = line.sampled.log_density(draws), line.posterior.log_density(draws)

@@ -23,7 +23,7 @@ from estim.checks.outliers import bad_frames_found, too_many_bad_frames
 from estim.checks.rolling import Rolling, rolling_remarks
 from estim.checks.what_if import Influence, large_influences
 from estim.common import Amount, Finding, Kind, Status, decide, wrong
-from estim.fitting import Fit, chi2_p, limit_found, open_sides, pressed_edges
+from estim.fitting import Fit, chi2_p, jeffreys_prior, limit_found, open_sides, pressed_edges
 from estim.problem import Observations, same_curves
 from estim.sampling import Agreement, Chain, mcse_mean, mixing_of
 from estim.words import tell
@@ -38,6 +38,7 @@ _HELD_FELT = 0.2
 # the same, by which flat weights of readings would move it, from which on it is told that they
 # count alike
 _ALIKE = 0.3
+_DRAWS = 4000
 
 # tests; residuals that fail one of them are no noise, wherever they are large
 _OF_ORDER = frozenset({"runs", "autocorrelation", "trend"})
@@ -138,7 +139,10 @@ def diagnose(
     remarks += (
         []
         if findings
-        else rolling_remarks(rolling) + unasked(fit) + large_influences(fit, influences)
+        else _uniform_priors(fit, chain)
+        + rolling_remarks(rolling)
+        + unasked(fit)
+        + large_influences(fit, influences)
     )
     mixing = chain.mixing or mixing_of(chain.draws)
     return Diagnosis(
@@ -184,6 +188,30 @@ def _counting_alike(fit: Fit) -> list[Finding]:
     if measure is None or not measure.felt > _ALIKE:
         return []
     return [Finding(Kind.RUNS_COUNT_ALIKE, size=measure.felt, numbers={"runs": measure.n_run})]
+
+
+def _uniform_priors(fit: Fit, chain: Chain) -> list[Finding]:
+    """That the uniform priors of parameters with limits on both sides move one of the curve from
+    where Jeffreys' prior has it.
+    """
+    problem, old = fit.problem, fit.sampled.jeffreys
+    if fit.singular or not np.any(problem.limited):
+        return []
+    new = jeffreys_prior(fit.posterior, fit.values, fit.cov, limited=True)
+    if new is None:
+        return []
+    draws = chain.thinned(_DRAWS)
+    log_weights = new.log(draws, problem.named)
+    if old is not None:
+        log_weights -= old.log(draws, problem.named)
+    weights = np.exp(log_weights - np.max(log_weights))
+    shifts = (np.average(draws, axis=0, weights=weights) - draws.mean(axis=0)) / draws.std(axis=0)
+    most = max(problem.of_curve, key=lambda i: abs(shifts[i]))
+    if not abs(shifts[most]) > _ALIKE:
+        return []
+    places = (most, *np.flatnonzero(problem.limited))
+    told = tuple(Amount(fit.names[i], label=problem.parameters[i].label) for i in places)
+    return [Finding(Kind.UNIFORM_PRIOR_MOVES, size=float(shifts[most]), parameters=told)]
 
 
 def sampling_findings(chain: Chain) -> list[Finding]:

@@ -25,6 +25,7 @@ from estim.fitting.forces import (
 )
 from estim.fitting.discrepancy import fit_discrepancy, sds_near_limits
 from estim.fitting.mode import fit_problem, fit_white
+from estim.fitting.jeffreys import jeffreys_prior
 from estim.fitting.least_squares import (
     Fit,
     at_mode,

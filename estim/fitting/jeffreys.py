@@ -36,13 +36,14 @@ _ROUGH = 0.05  # of the logarithm, by which the polynomial may miss it
 
 
 def jeffreys_prior(
-    posterior: Posterior, values: FloatArray, cov: FloatArray
+    posterior: Posterior, values: FloatArray, cov: FloatArray, *, limited: bool = False
 ) -> JeffreysPrior | None:
     """That of the unstated parameters of `posterior` about the fit `values` (n_par,) of covariance
-    `cov`; None where there are none, or counts are fit.
+    `cov`; None where there are none, or counts are fit.  limited : of those with limits on both
+    sides too.
     """
     problem = posterior.problem
-    free = np.flatnonzero(problem.unstated)
+    free = np.flatnonzero(problem.unstated | (problem.limited & limited))
     if not free.size or any(run.noise.counted is not None for run in problem.runs):
         return None
     names, named = tuple(problem.names[i] for i in free), problem.named(values)

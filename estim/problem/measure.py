@@ -9,6 +9,7 @@ activation energy by a standard deviation.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -110,6 +111,10 @@ class JeffreysPrior:
     runs: tuple[tuple[Points | StackedPoints, Root], ...]
     centre: float = 0.0
     smooth: Quadratic | None = None
+
+    def log(self, draws: FloatArray, named: Callable[[FloatArray], Named]) -> FloatArray:
+        """(n_draw,) its logarithm at draws (n_draw, n_par), which `named` turns into columns."""
+        return self.exact(named(draws)) if self.smooth is None else self.smooth.value(draws)
 
     def exact(self, named: Named) -> FloatArray:
         """(n_draw,) its logarithm at columns (n_draw, 1) of all parameters, 0 at the fit; -inf

@@ -23,7 +23,7 @@ from estim.problem.group import SharedNoise, grouped
 from estim.problem.likelihood import Ends, Likelihood
 from estim.problem.measure import JeffreysPrior, Measure
 from estim.problem.observations import Observations, Parameter, parameters_of, uses_of
-from estim.problem.priors import Prior
+from estim.problem.priors import Flat, Prior
 
 _BLOCK = 4_000_000  # values of the curve computed at once where there are more points than that
 
@@ -147,6 +147,16 @@ class Problem:
             ]
         )
 
+    @cached_property
+    def limited(self) -> BoolArray:
+        """(n_par,) whether nothing is stated of it but limits on both sides."""
+        return np.array(
+            [
+                isinstance(p.prior, Flat) and p.prior.proper and p.name not in self.noise_names
+                for p in self.parameters
+            ]
+        )
+
     def start(self) -> FloatArray:
         """(n_par,) the centres of the priors."""
         return np.array([p.prior.centre for p in self.parameters])
@@ -245,11 +255,7 @@ class Posterior:
             log_p += self.measure.log(draws[:, self.measure.columns])
         if self.jeffreys is not None:
             inside = np.flatnonzero(np.isfinite(log_p))
-            log_p[inside] += (
-                self.jeffreys.exact(self.problem.named(draws[inside]))
-                if self.jeffreys.smooth is None
-                else self.jeffreys.smooth.value(draws[inside])
-            )
+            log_p[inside] += self.jeffreys.log(draws[inside], self.problem.named)
         return log_p
 
     def log_likelihood(self, draws: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 
 from estim.common import Finding, Kind, phrase
-from estim.words.table import Table, filled, said
+from estim.words.table import Table, filled, said, symbol
 
 
 def _differs(f: Finding) -> str:
@@ -89,6 +89,13 @@ WORDS: Table = {
         "around their true values; if instead the true values scatter around the "
         "stated ones (values that were set, not read), a shared parameter is "
         "biased by about {size:.2g} standard deviations"
+    ),
+    Kind.UNIFORM_PRIOR_MOVES: lambda f: said(
+        f,
+        "limits on both sides state a uniform prior ({limited}); with one limit or none, {moved} "
+        "would be {size:+.1f} standard deviations from where it is",
+        limited=", ".join(map(symbol, f.parameters[1:])),
+        moved=symbol(f.parameters[0]),
     ),
     Kind.MARGINAL_MISSED: (
         "the proposal misses part of the marginal of the shared parameters: "
