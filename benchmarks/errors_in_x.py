@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from estim.curve_fitting.single import fit_curve
-from estim.curves.posing import AxisNames, pose_curve
+from estim.curves.curve_problem import AxisNames, pose_curve
 from estim.fitting.fisher_information import information
 from estim.fitting.least_squares import chi2_p
 from estim.pipeline import sample_curve

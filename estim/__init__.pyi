@@ -17,10 +17,10 @@ from estim.curve_fitting.tables import read_table as read_table
 from estim.curves.counting import Binomial as Binomial
 from estim.curves.counting import EventTimes as EventTimes
 from estim.curves.counting import Poisson as Poisson
+from estim.curves.curve_problem import AxisNames as AxisNames
 from estim.curves.differential import ode as ode
 from estim.curves.joining import DataSet as DataSet
 from estim.curves.models import Model as Model
-from estim.curves.posing import AxisNames as AxisNames
 from estim.curves.shared_errors import Component as Component
 from estim.fitting.least_squares import fit_least_squares as fit_least_squares
 from estim.line.analysis import analyse_line as analyse_line

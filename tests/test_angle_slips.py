@@ -14,7 +14,7 @@ import pytest
 
 from estim.campaign import load_campaign
 from estim.campaign.unit_slips import unit_slips
-from estim.curves.posing import AxisNames, pose_curve
+from estim.curves.curve_problem import AxisNames, pose_curve
 from estim.explanation import Explanation, Suspects, explain
 from estim.explanation.candidates import Cause
 from estim.explanation.explaining import TIED

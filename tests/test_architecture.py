@@ -392,7 +392,7 @@ OF_OTHERS = {  # words that are not estim's, or that stand in a file
     "estim.reading.tracker.plausibility",
 }
 # names of choices put into advice, and of fields of the page for those of options
-FILLING = {"estim.words.telling", "estim.web.labels"}
+FILLING = {"estim.words.sentences", "estim.web.labels"}
 
 
 def is_prose(node):

@@ -21,7 +21,7 @@ from estim.checks.conflict import Conflict, check_stated_values
 from estim.cli.commands import cli
 from estim.common import Stream, stream
 from estim.curve_fitting.single import fit_curve
-from estim.curves.posing import AxisNames, pose_curve
+from estim.curves.curve_problem import AxisNames, pose_curve
 from estim.fitting import fit_problem
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.priors import LogNormal, Normal, Uniform

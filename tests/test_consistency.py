@@ -14,7 +14,7 @@ from scipy import stats
 
 from estim.campaign import load_campaign
 from estim.checks.consistency import PRIORS, Consistency, check_consistency
-from estim.checks.sources import each_without_one
+from estim.checks.run_information import each_without_one
 from estim.common.errors import InputError
 from estim.deviation.joint import sharing_runs
 from estim.drawing import VERMILION, png

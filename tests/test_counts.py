@@ -27,8 +27,8 @@ from estim import (
 from estim.common import spoken
 from estim.common.kinds import Kind
 from estim.curves.counting import counted_points
+from estim.curves.curve_problem import AxisNames, pose_curve
 from estim.curves.formula import read_formula
-from estim.curves.posing import AxisNames, pose_curve
 from estim.fitting import fit_problem
 from estim.fitting.least_squares import fit_least_squares
 from estim.fitting.profile import profile_intervals

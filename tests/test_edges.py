@@ -20,7 +20,7 @@ from estim.campaign import load_campaign
 from estim.checks.cells import interval_cell, value_cell
 from estim.cli.commands import cli
 from estim.common.labels import Notation
-from estim.curves.posing import AxisNames, pose_curve
+from estim.curves.curve_problem import AxisNames, pose_curve
 from estim.fitting.edges import PRESSED_BELOW, Limit, limit_cell, limit_of, pressed
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.priors import HalfNormal, Normal, Prior, Uniform

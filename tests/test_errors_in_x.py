@@ -18,7 +18,7 @@ from estim.calibration.experiment import PointDesign
 from estim.checks.goodness import check_goodness
 from estim.common.errors import InputError
 from estim.curve_fitting.single import fit_curve
-from estim.curves.posing import AxisNames, pose_curve
+from estim.curves.curve_problem import AxisNames, pose_curve
 from estim.fitting.fisher_information import information
 from estim.fitting.least_squares import fit_least_squares
 from estim.problem.abscissas import predictive, true_abscissas

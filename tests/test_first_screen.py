@@ -45,7 +45,7 @@ from estim.reports.result import Result, first_reasons, first_screen, opened_by,
 from estim.sampling.chain import Convergence, Target, _percent
 from estim.sampling.summary import Summary, summarise
 from estim.words import first_step
-from estim.words.telling import ADVICE
+from estim.words.sentences import ADVICE
 
 PROJECT = Path(__file__).parents[1]
 REPLICA = PROJECT / "data" / "replica" / "campaign.toml"

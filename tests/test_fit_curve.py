@@ -12,7 +12,7 @@ import pytest
 from scipy import optimize
 
 from estim import Component, InputError, fit_curve
-from estim.curves.posing import AxisNames
+from estim.curves.curve_problem import AxisNames
 from estim.pipeline import sample_curve
 from estim.problem.priors import Flat, Normal, Uniform
 from estim.reports.curve import curve_report

@@ -15,10 +15,10 @@ from joint_runs import readings
 from estim import DataSet, fit_curves
 from estim.checks.conflict import _pulls_at_once
 from estim.checks.goodness import check_goodness
-from estim.fitting import arrowhead, rounds
+from estim.fitting import arrowhead, relaxation
 from estim.fitting.edges import around
 from estim.fitting.least_squares import fit_least_squares
-from estim.fitting.rounds import settle_by_runs
+from estim.fitting.relaxation import settle_by_runs
 from estim.pipeline import Analysis
 from estim.problem.posterior import Problem
 from estim.reports.pages import MOST_ROWS, shortened
@@ -121,7 +121,7 @@ class Map:
         )
 
 
-def settled(*maps: Callable[[float], float], start: float = 0.3) -> rounds.FixedPoint:
+def settled(*maps: Callable[[float], float], start: float = 0.3) -> relaxation.FixedPoint:
     values = np.full(len(maps), start)
     best = lambda posterior, _: np.array([place.leads for place in posterior.likelihoods])  # noqa: E731
     ones = np.ones(len(maps))

@@ -16,8 +16,8 @@ from estim.common.labels import Notation
 from estim.common.phrases import spoken
 from estim.common.statuses import Amount, Finding, decide, gravest, wrong
 from estim.words import residuals
+from estim.words.sentences import ADVICE, WORDS, advice, advice_for, tell
 from estim.words.statuses import STATUS_WORDS
-from estim.words.telling import ADVICE, WORDS, advice, advice_for, tell
 
 ANGLE = Notation("θ₀", "°", 180.0 / math.pi)
 PARTS = {

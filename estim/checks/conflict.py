@@ -43,7 +43,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks.goodness import check_goodness
-from estim.checks.sources import fitted
+from estim.checks.run_information import fitted
 from estim.common import Amount, Finding, Kind, NumericalError, Stream, stream
 from estim.fitting import ALONE, Fit, Quadratic, around, chi2_p, fit_least_squares, refit
 from estim.problem import Prior, Problem

@@ -15,10 +15,11 @@ of the separate ones, with the priors counted once.  Values of their own are ask
 directions of s that the runs together tell; where only the stated values do (a tilt, masses), they
 stay common, with the uncertainty that was stated.
 
-A run with an unmodelled force enters with what it says by itself (`estim.checks.sources`), the
-errors of the runs taken as independent: where a force repeats, runs are closer to each other than
-that, and the test is cautious.  Which run disagrees: the one whose D_r^2 is least probable, after
-Holm's correction for asking every source; if without it the rest agrees, it is named.
+A run with an unmodelled force enters with what it says by itself
+(`estim.checks.run_information`), the errors of the runs taken as independent: where a force
+repeats, runs are closer to each other than that, and the test is cautious.  Which run disagrees:
+the one whose D_r^2 is least probable, after Holm's correction for asking every source; if without
+it the rest agrees, it is named.
 
 Separate fits of other runs are not needed: alone, a run leaves directions to its priors and leans
 on their edges, where a fit is no normal variable.  Directions in which a source has next to no
@@ -38,7 +39,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray, diagonal_scale
-from estim.checks.sources import (
+from estim.checks.run_information import (
     PRIORS,
     Quadratic,
     Rows,

@@ -95,4 +95,4 @@ from estim.common.storage import (
     write_whole,
 )
 from estim.common.streams import Stream, stream
-from estim.common.tabled import Shown, Tabled
+from estim.common.record_table import Shown, Tabled

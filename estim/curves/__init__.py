@@ -23,7 +23,7 @@ from estim.curves.named import (
     unstarted,
     within,
 )
-from estim.curves.posing import (
+from estim.curves.curve_problem import (
     MAX_DENSE,
     SIGMA,
     SIGMA_NOTATION,

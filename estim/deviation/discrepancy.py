@@ -33,7 +33,9 @@ from estim.deviation.grid import SPIKE, Grid
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import WithMixture, normal_covariance
-from estim.deviation.posing import (
+from estim.deviation.residual_part import ResidualPart, see_deviation
+from estim.deviation.residuals import Residuals
+from estim.deviation.with_force import (
     TrialInformation,
     as_prior,
     growth_over,
@@ -42,8 +44,6 @@ from estim.deviation.posing import (
     likely_root,
     linear_groups,
 )
-from estim.deviation.residual_part import ResidualPart, see_deviation
-from estim.deviation.residuals import Residuals
 from estim.problem import Discrepancy, Observations, Problem, Wording
 
 _TIMES_NOISE = 2.0  # scale of correlated errors

@@ -20,10 +20,10 @@ from scipy.linalg import block_diag
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase
 from estim.deviation.bad_frame_search import BadFrames, find_bad_frames
-from estim.deviation.completed import Completed
 from estim.deviation.components import Deviation, Shape, diagonalise
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.force import OWN, Response, Track, force_shapes, shared_force_shapes
+from estim.deviation.force_bands import Completed
 from estim.deviation.generic import stated_is_conservative
 from estim.deviation.grid import SCALES, Grid, prior_grid
 from estim.deviation.inferred_force import OwnForce, find_force, find_own_force
@@ -32,7 +32,9 @@ from estim.deviation.mixture import Mixture, keep_probable
 from estim.deviation.noise import Stated, StatedErrors, WithForce, formed_about
 from estim.deviation.normal_parts import NormalParts as NormalParts
 from estim.deviation.normal_parts import normal_parts
-from estim.deviation.posing import (
+from estim.deviation.residuals import Residuals, points_about, stacked
+from estim.deviation.trajectory import Along, Trajectory
+from estim.deviation.with_force import (
     FoundForce,
     TrialInformation,
     as_prior,
@@ -44,8 +46,6 @@ from estim.deviation.posing import (
     priors_at,
     summed,
 )
-from estim.deviation.residuals import Residuals, points_about, stacked
-from estim.deviation.trajectory import Along, Trajectory
 from estim.problem import (
     Likelihood,
     Named,

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, all_finite
-from estim.fitting.finish import step_between
+from estim.fitting.fisher_scoring import step_between
 from estim.fitting.separable import RESOLVED, SeparableSearch
 
 _NO_STEP = 1e-6  # standard deviations

@@ -21,12 +21,12 @@ from estim.common import Finding, InputError, NumericalError, phrase
 from estim.deviation import FoundDeviation, FoundForce, NormalParts
 from estim.distributions import chi2_tail
 from estim.fitting.arrowhead import descend_by_runs, many
-from estim.fitting.finish import finished
 from estim.fitting.fisher_information import information
+from estim.fitting.fisher_scoring import finished
 from estim.fitting.jeffreys import jeffreys_prior
 from estim.fitting.noise_fit import fit_noise
 from estim.fitting.readings import measure_of
-from estim.fitting.rounds import LEAST_SHARE, Held, settle_by_runs
+from estim.fitting.relaxation import LEAST_SHARE, Held, settle_by_runs
 from estim.problem import Measure, Posterior, Problem, Symmetry
 
 _MAX_ROUNDS = 60
@@ -73,7 +73,8 @@ class Fit:
     mover : the parameter that a search which did not settle still moved most, where that is known.
     unheld : a parameter that the data hardly keep from infinity, where that was asked and there is
         one.
-    held : of many runs, those whose covariance was not taken at the mode (`estim.fitting.rounds`).
+    held : of many runs, those whose covariance was not taken at the mode
+        (`estim.fitting.relaxation`).
     """
 
     names: tuple[str, ...]

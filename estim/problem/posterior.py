@@ -21,8 +21,8 @@ from estim.common import InputError
 from estim.problem.group import Group as Group
 from estim.problem.group import SharedNoise, grouped
 from estim.problem.likelihood import Ends, Likelihood
-from estim.problem.measure import JeffreysPrior, Measure
 from estim.problem.observations import Observations, Parameter, parameters_of, uses_of
+from estim.problem.prior_measures import JeffreysPrior, Measure
 from estim.problem.priors import Flat, Prior
 
 _BLOCK = 4_000_000  # values of the curve computed at once where there are more points than that

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from estim.common import InputError, in_its_file, is_unit, phrase
+from estim.reading.cell_formats import in_plain_numbers, says_a_value
 from estim.reading.cells import (
     Row,
     is_comment,
@@ -28,7 +29,6 @@ from estim.reading.dialect import (
 )
 from estim.reading.source import read_source
 from estim.reading.table import NOTE, Layout, facts_of, line_numbers, numbered_lines, split_cells
-from estim.reading.written import in_plain_numbers, says_a_value
 
 Lines = list[tuple[int, str]]
 

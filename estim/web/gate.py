@@ -19,7 +19,7 @@ from starlette.responses import RedirectResponse, Response
 
 from estim.common import spoken
 from estim.web.listening import ALL, At
-from estim.web.looks import closed, language_of
+from estim.web.page_template import closed, language_of
 from estim.web.store import MOST_BYTES
 
 if TYPE_CHECKING:

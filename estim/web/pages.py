@@ -31,7 +31,7 @@ from starlette.staticfiles import StaticFiles
 from estim.common import LANGUAGES, EstimError, InputError, language, phrase
 from estim.reading import read_suffixes
 from estim.web.labels import AGAIN
-from estim.web.looks import LANGUAGE, closed, page
+from estim.web.page_template import LANGUAGE, closed, page
 from estim.web.preview import picture_name, preview_name, start_name
 from estim.web.question import (
     MODELS,

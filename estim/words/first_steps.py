@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from estim.common import Finding, Kind, PhraseTable, later
-from estim.words.telling import advice, one_is_far_off
+from estim.words.sentences import advice, one_is_far_off
 
 _LOOK = later(
     "look at the residuals for a bad reading, a wrong window, or an effect that the curve "

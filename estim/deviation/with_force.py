@@ -14,7 +14,7 @@ import numpy as np
 
 from estim.arrays import FloatArray, diagonal_scale
 from estim.deviation.bad_frame_search import BadFrames
-from estim.deviation.completed import Completed
+from estim.deviation.force_bands import Completed
 from estim.deviation.inferred_force import Force, OwnForce
 from estim.deviation.linearised import Linearised
 from estim.problem import Observations, Prior, Problem, Root
