@@ -14,11 +14,11 @@ report: $(VENV)/.installed
 
 # PYTHONDONTWRITEBYTECODE, where it is set, has every worker rewrite all tests and every process that they start compile all modules
 test: $(VENV)/.installed
-	PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto -m "not statistics"
+	PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal -m "not statistics"
 
 # studies by repeated sampling: coverage of intervals, p-values of the tests, simulation-based calibration
 statistics: $(VENV)/.installed
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto -m statistics
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal -m statistics
 
 # the rendered report that the repository shows; a test compares it with a new one
 reports: $(VENV)/.installed

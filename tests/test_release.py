@@ -346,7 +346,7 @@ def test_intervals_of_gamma_hold_the_truth_and_those_without_the_release_do_not(
     The study of docs/statistics.md, with other ways to choose the first angle, is
     benchmarks/release_coverage.py.
     """
-    n_series, resistance, release, gammas = 120, HalfNormal(0.005), 3.0 * DEGREE, Uniform(0.15, 0.4)
+    n_series, resistance, release, gammas = 60, HalfNormal(0.005), 3.0 * DEGREE, Uniform(0.15, 0.4)
     below: dict[str, list[float]] = {"posterior": [], "without release": []}
     for _ in range(n_series):
         gamma, another = gammas.draw(rng, 2)

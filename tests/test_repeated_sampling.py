@@ -134,7 +134,7 @@ def test_what_the_quoted_mean_holds(n: int) -> None:
 @pytest.mark.parametrize("n", [3, 5, 10])
 def test_the_mean_of_groups_holds_for_few_groups(n: int) -> None:
     for between in (0.0, 1.0, 3.0):
-        found = study().tally(study().of_groups((4,) * n, between), 1000)
+        found = study().tally(study().of_groups((4,) * n, between), 300)
         for k, p in enumerate(LEVELS):
             assert abs(found.held["groups"][k] - p) < allowed(p, found.n)
             if between:

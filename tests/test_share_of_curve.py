@@ -235,7 +235,7 @@ def coverage(law: str, n_set: int) -> Array:
 
 @pytest.mark.statistics
 def test_intervals_cover_what_they_say_where_errors_are_a_share_of_the_curve() -> None:
-    probability, n_set = np.array([0.68, 0.95]), 1000
+    probability, n_set = np.array([0.68, 0.95]), 400
     error = np.sqrt(probability * (1.0 - probability) / n_set)
     assert np.all(np.abs(coverage("15%", n_set) - probability) < 4.0 * error)
 

@@ -321,7 +321,7 @@ def test_a_campaign_infers_a_jitter_as_python_does(tmp_path: Path) -> None:
 
 @pytest.mark.statistics
 def test_intervals_beside_a_jitter_hold_what_they_say_and_those_without_do_not() -> None:
-    rng, n = np.random.default_rng(5), 1000
+    rng, n = np.random.default_rng(5), 400
     x, u = np.linspace(0.0, 1.0, 25), np.full(25, 0.1)
     held = np.zeros((2, 2))
     for _ in range(n):

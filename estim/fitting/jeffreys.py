@@ -2,8 +2,9 @@
 
 A flat prior is one of how the curve was written: that of the constant `a` of a*exp(-E/x), known to
 a factor 3, favours large ones, and moves E by a standard deviation; that of log(a) does not.
-Jeffreys' prior is the same for both.  It is computed at some places around the fit, and its
-logarithm as a polynomial of second degree there; where it is none, at every draw.
+Jeffreys' prior is the same for both.  It is computed at some places around the fit, and a
+polynomial of second degree through its logarithm stands for it; where none is good enough, far from
+the fit, and with many parameters, it is computed at every draw.
 
 Counts keep flat priors, those of the usual limits of a rate where hardly any were seen, and so do
 parameters with limits on both sides, which state a uniform prior.
@@ -17,18 +18,11 @@ from dataclasses import replace
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, IntArray
-from estim.problem import (
-    Band,
-    JeffreysPrior,
-    Points,
-    Posterior,
-    Quadratic,
-    Root,
-    StackedPoints,
-    terms,
-)
+from estim.problem import Band, Informed, JeffreysPrior, Posterior, Problem, Quadratic, terms
 
 _RADIUS = 5.0  # standard deviations, within which the places lie
+_MANY = 20  # parameters, beyond which a polynomial has too many terms
+_TIED = 0.95  # correlation
 _WIDE = 0.2  # sd over value, beyond which its logarithm is taken
 _FARTHEST = 50.0  # of the logarithms of values
 _LEAST = 0.01  # weight of a place that counts
@@ -36,49 +30,60 @@ _ROUGH = 0.05  # of the logarithm, by which the polynomial may miss it
 
 
 def jeffreys_prior(
-    posterior: Posterior, values: FloatArray, cov: FloatArray, *, limited: bool = False
+    posterior: Posterior,
+    values: FloatArray,
+    cov: FloatArray,
+    *,
+    limited: bool = False,
+    smooth: bool = True,
 ) -> JeffreysPrior | None:
     """That of the unstated parameters of `posterior` about the fit `values` (n_par,) of covariance
-    `cov`; None where there are none, or counts are fit.  limited : of those with limits on both
-    sides too.
+    `cov`; None where there are none, or counts are fit.
+
+    limited : of those with limits on both sides too.  smooth : whether a polynomial is made.
     """
     problem = posterior.problem
     free = np.flatnonzero(problem.unstated | (problem.limited & limited))
     if not free.size or any(run.noise.counted is not None for run in problem.runs):
         return None
-    names, named = tuple(problem.names[i] for i in free), problem.named(values)
-    runs: list[tuple[Points | StackedPoints, Root]] = []
-    for likelihood in posterior.likelihoods:
+    uses = sum(np.isin(free, columns).astype(int) for columns in problem.columns)
+    named, runs = problem.named(values), []
+    for likelihood, columns in zip(posterior.likelihoods, problem.columns, strict=True):
         normal = likelihood.normal
         root = Band.of(likelihood.sd(named)[None] ** 2) if normal is None else normal.root(named)
-        runs.append((likelihood.points, root))
+        used = np.isin(free, columns)
+        alone = used & (uses == 1) & (len(problem.groups) > 1)
+        own, shared = np.flatnonzero(alone), np.flatnonzero(used & ~alone)
+        runs.append(Informed(likelihood.points, root, own, shared))
+    names = tuple(problem.names[i] for i in free)
     prior = JeffreysPrior(names, np.sqrt(np.diag(cov)[free]), tuple(runs))
     centre = float(prior.exact(problem.named(values[None]))[0])
     if not math.isfinite(centre):
         return None
     prior = replace(prior, centre=centre)
-    return replace(prior, smooth=_smooth(posterior, prior, values, cov))
+    few = len(problem.of_curve) <= _MANY
+    return (
+        replace(prior, smooth=_smooth(posterior, prior, values, cov)) if smooth and few else prior
+    )
 
 
 def _smooth(
     posterior: Posterior, prior: JeffreysPrior, values: FloatArray, cov: FloatArray
 ) -> Quadratic | None:
     """The logarithm of `prior` as a polynomial in the parameters, or in the logarithms of those
-    that are hardly known, whichever misses it least; None where both do.
+    that are hardly known; None where it misses too much.
 
     Places count by the fourth root of the density.
     """
     columns = np.array(posterior.problem.of_curve)
-    centre, sds = values[columns], np.sqrt(np.diag(cov)[columns])
-    wide = (sds > _WIDE * np.abs(centre)) & (centre != 0.0)
-    surfaces = [
-        _around(values, cov, columns, by_size)
-        for by_size in (np.zeros_like(wide), wide)[: 1 + bool(np.any(wide))]
-    ]
     n_term = (columns.size + 1) * (columns.size + 2) // 2
-    rng, low, high = np.random.default_rng(1), *posterior.problem.support()
-    draws = np.concatenate([_places(each, values, 3 * n_term + 20, rng) for each in surfaces])
-    draws = draws[np.all((draws > low) & (draws < high), axis=1)]
+    surfaces = [
+        _around(values, cov, columns, by_size) for by_size in _in_logarithms(values, cov, columns)
+    ]
+    rng = np.random.default_rng(1)
+    draws = np.concatenate(
+        [_places(each, posterior.problem, values, 3 * n_term + 20, rng) for each in surfaces]
+    )
     heights = posterior.log_density(np.vstack([values, draws]))
     weights = np.exp(np.minimum(0.25 * (heights[1:] - heights[0]), 0.0))
     draws, weights = draws[weights > _LEAST], weights[weights > _LEAST]
@@ -87,9 +92,20 @@ def _smooth(
     logs = prior.exact(posterior.problem.named(draws))
     if not np.all(np.isfinite(logs)):
         return None
-    fitted = [_fitted(surface, draws, logs, weights) for surface in surfaces]
-    missed, surface = min(fitted, key=lambda pair: pair[0])
-    return surface if missed < _ROUGH else None
+    fitted = (_fitted(surface, draws, logs, weights) for surface in surfaces)
+    return next((surface for missed, surface in fitted if missed < _ROUGH), None)
+
+
+def _in_logarithms(values: FloatArray, cov: FloatArray, columns: IntArray) -> list[BoolArray]:
+    """Which parameters may have logarithms taken, in order of preference: all that are hardly
+    known, those of them that others go with (whose sign the data know), none.
+    """
+    centre, sds = values[columns], np.sqrt(np.diag(cov)[columns])
+    wide = (sds > _WIDE * np.abs(centre)) & (centre != 0.0)
+    together = np.abs(cov[np.ix_(columns, columns)]) / np.outer(sds, sds) - np.eye(columns.size)
+    tied = wide & (np.max(together, axis=1, initial=0.0) > _TIED)
+    choices = [wide, tied, np.zeros_like(wide)]
+    return [one for i, one in enumerate(choices) if not any(np.all(one == o) for o in choices[:i])]
 
 
 def _around(
@@ -101,17 +117,22 @@ def _around(
     return Quadratic(columns, values[columns], by_size, np.linalg.inv(root), np.zeros(0))
 
 
-def _places(surface: Quadratic, values: FloatArray, n: int, rng: np.random.Generator) -> FloatArray:
-    """(n, n_par) values around the fit, evenly spread over the distance from it."""
-    z = rng.standard_normal((n, surface.columns.size))
-    z *= _RADIUS * rng.random((n, 1)) / np.linalg.norm(z, axis=1, keepdims=True)
+def _places(
+    surface: Quadratic, problem: Problem, values: FloatArray, n: int, rng: np.random.Generator
+) -> FloatArray:
+    """(at most n, n_par) values around the fit within the limits, evenly spread over the distance
+    from it.
+    """
+    z = rng.standard_normal((8 * n, surface.columns.size))
+    z *= _RADIUS * rng.random((8 * n, 1)) / np.linalg.norm(z, axis=1, keepdims=True)
     off = np.linalg.solve(surface.whitener, z.T).T
     off[:, surface.by_size] = np.clip(off[:, surface.by_size], -_FARTHEST, _FARTHEST)
-    draws = np.tile(values, (n, 1))
+    draws = np.tile(values, (8 * n, 1))
     draws[:, surface.columns] = np.where(
         surface.by_size, surface.centre * np.exp(off * surface.by_size), surface.centre + off
     )
-    return draws
+    low, high = problem.support()
+    return draws[np.all((draws > low) & (draws < high), axis=1)][:n]
 
 
 def _fitted(

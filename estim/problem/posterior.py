@@ -255,7 +255,8 @@ class Posterior:
             log_p += self.measure.log(draws[:, self.measure.columns])
         if self.jeffreys is not None:
             inside = np.flatnonzero(np.isfinite(log_p))
-            log_p[inside] += self.jeffreys.log(draws[inside], self.problem.named)
+            if inside.size:
+                log_p[inside] += self.jeffreys.log(draws[inside], self.problem.named)
         return log_p
 
     def log_likelihood(self, draws: FloatArray) -> FloatArray:

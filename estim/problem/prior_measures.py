@@ -20,8 +20,8 @@ from estim.problem.roots import Root
 
 # posterior standard deviations beyond which a measure that is known about the fit grows no further
 _REACH = 4.0
-_BELIEVED = 8.0  # the same for a polynomial in the logarithms of what may be far from its fit
-_BLOCK = 1_000_000  # values of the curve whose derivatives are computed at once
+_FITTED = 6.0  # standard deviations from the fit, within which a polynomial is believed
+_BLOCK = 4_000_000  # values of the curve whose derivatives are computed at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,24 +67,36 @@ class Quadratic:
     coefficients: FloatArray
 
     def place(self, draws: FloatArray) -> FloatArray:
-        """(n_draw, n) draws (n_draw, n_par) in standard deviations from the centre, those farther
-        than the polynomial is believed moved towards it.
-        """
+        """(n_draw, n) draws (n_draw, n_par) in standard deviations from the centre."""
         off = draws[:, self.columns] - self.centre
         ratio = 1.0 + off[:, self.by_size] / self.centre[self.by_size]
         off[:, self.by_size] = np.log(np.maximum(ratio, 1e-300))
-        z = off @ self.whitener.T
-        return z * np.minimum(1.0, _BELIEVED / np.maximum(np.linalg.norm(z, axis=1), 1.0))[:, None]
+        return off @ self.whitener.T
 
-    def value(self, draws: FloatArray) -> FloatArray:
-        """(n_draw,) at draws (n_draw, n_par)."""
-        return terms(self.place(draws)) @ self.coefficients
+    def value(self, place: FloatArray) -> FloatArray:
+        """(n_draw,) at places (n_draw, n)."""
+        return terms(place) @ self.coefficients
 
 
 def terms(z: FloatArray) -> FloatArray:
     """(n_draw, n_term) 1, each of z (n_draw, n), and each product of two."""
     row, column = np.triu_indices(z.shape[1])
     return np.hstack([np.ones((len(z), 1)), z, z[:, row] * z[:, column]])
+
+
+@dataclass(frozen=True, eq=False)
+class Informed:
+    """Points of a run, or of a group, and what they say.
+
+    root : of the covariance of their errors.
+    own, shared : (n,) places among `JeffreysPrior.names` of the parameters that these points alone
+        depend on, and of the others that they depend on.
+    """
+
+    points: Points | StackedPoints
+    root: Root
+    own: IntArray
+    shared: IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,10 +109,8 @@ class JeffreysPrior:
 
     names : of the parameters, in the order of their scales (n,), which keep the matrix well
         conditioned.
-    runs : the points and the curve of each run or group, with the root of the covariance of its
-        errors.
     centre : its logarithm at the fit.
-    smooth : the logarithm as a polynomial, None where it is none.
+    smooth : the logarithm as a polynomial; None where no polynomial is good enough.
 
     Source: Jeffreys, Proc. R. Soc. A 186 (1946) 453; Box and Tiao, Bayesian Inference in
     Statistical Analysis (1973), 1.3.6.
@@ -108,29 +118,65 @@ class JeffreysPrior:
 
     names: tuple[str, ...]
     scales: FloatArray
-    runs: tuple[tuple[Points | StackedPoints, Root], ...]
+    runs: tuple[Informed, ...]
     centre: float = 0.0
     smooth: Quadratic | None = None
 
     def log(self, draws: FloatArray, named: Callable[[FloatArray], Named]) -> FloatArray:
-        """(n_draw,) its logarithm at draws (n_draw, n_par), which `named` turns into columns."""
-        return self.exact(named(draws)) if self.smooth is None else self.smooth.value(draws)
+        """(n_draw,) its logarithm at draws (n_draw, n_par), which `named` turns into columns: by
+        the polynomial, and exactly farther from the fit than that was fitted.
+        """
+        if self.smooth is None:
+            return self.exact(named(draws))
+        place = self.smooth.place(draws)
+        logs = self.smooth.value(place)
+        far = np.linalg.norm(place, axis=1) > _FITTED
+        if np.any(far):
+            logs[far] = self.exact(named(draws[far]))
+        return logs
 
     def exact(self, named: Named) -> FloatArray:
         """(n_draw,) its logarithm at columns (n_draw, 1) of all parameters, 0 at the fit; -inf
         where the points say nothing about some combination of the parameters.
         """
         n_draw = n_draws(named)
-        size = max(1, _BLOCK // sum(points.y.size for points, _ in self.runs))
+        size = max(run.points.y.size * (run.own.size + run.shared.size + 1) for run in self.runs)
+        size = max(1, _BLOCK // size)
         if n_draw > size:
             blocks = (slice(i, i + size) for i in range(0, n_draw, size))
             return np.concatenate([self.exact(some_draws(named, block)) for block in blocks])
-        information = np.zeros((n_draw, len(self.names), len(self.names)))
+        # of the own parameters of each run, then of what is left of the others
+        others = np.unique(np.concatenate([run.shared for run in self.runs]))
+        left = np.zeros((n_draw, others.size, others.size))
+        log_det, usable = np.zeros(n_draw), np.ones(n_draw, dtype=bool)
         with np.errstate(all="ignore"):
-            for points, root in self.runs:
-                slopes = points.gradients(named, self.names, n_draw) * self.scales
-                rows = root.whiten(np.moveaxis(slopes, 1, 2))
-                information += rows @ np.moveaxis(rows, 1, 2)
-            usable = np.all(np.isfinite(information), axis=(1, 2))
-            sign, log_det = np.linalg.slogdet(np.where(usable[:, None, None], information, 0.0))
-            return np.where((sign > 0.0) & usable, 0.5 * log_det - self.centre, -np.inf)
+            for run in self.runs:
+                information = self._information(run, named, n_draw)
+                n = run.own.size
+                own, beside = information[:, :n, :n], information[:, :n, n:]
+                log_det += _log_det(own, usable)
+                own = np.where(usable[:, None, None], own, np.eye(n))
+                place = np.searchsorted(others, run.shared)
+                left[:, place[:, None], place] += information[:, n:, n:] - np.moveaxis(
+                    beside, 1, 2
+                ) @ np.linalg.solve(own, beside)
+            log_det += _log_det(left, usable)
+            return np.where(usable, 0.5 * log_det - self.centre, -np.inf)
+
+    def _information(self, run: Informed, named: Named, n_draw: int) -> FloatArray:
+        """(n_draw, n, n) of one run about its own parameters and then those it shares."""
+        used = np.concatenate([run.own, run.shared])
+        names = [self.names[i] for i in used]
+        slopes = run.points.gradients(named, names, n_draw) * self.scales[used]
+        rows = run.root.whiten(np.moveaxis(slopes, 1, 2))
+        return rows @ np.moveaxis(rows, 1, 2)
+
+
+def _log_det(matrices: FloatArray, usable: BoolArray) -> FloatArray:
+    """(n_draw,) logarithms of determinants; where there is none, `usable` becomes false."""
+    usable &= np.all(np.isfinite(matrices), axis=(1, 2))
+    sign, log_det = np.linalg.slogdet(
+        np.where(usable[:, None, None], matrices, np.eye(matrices.shape[1]))
+    )
+    usable &= sign > 0.0
+    return np.where(usable, log_det, 0.0)
