@@ -88,6 +88,9 @@ from estim.sampling import (
 from estim.words import advice_for
 
 _LOG = logging.getLogger("estim")
+# of the logarithm of Jeffreys' prior, by which it may bend over a standard deviation of what runs
+# share
+_BENT = 0.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -366,7 +369,6 @@ def _drawn(
     meaningless : whether there is no posterior worth one: the draws are for figures alone.
     """
     problem, rng = fit.problem, stream(seed, Stream.CHAIN)
-    density = folded(fit.sampled, fit.symmetry, fit.values)
     most = MAX_TIED if problem.shared else MAX_PARAMETERS
     if meaningless:
         chain = sample_posterior(
@@ -376,6 +378,7 @@ def _drawn(
     if marginal if marginal is not None else _through_marginal(fit):
         chain, comparison = marginal_chain(fit, target=target, rng=rng, progress=progress)
         return Certified(chain, None, comparison)
+    density = folded(fit.sampled, fit.symmetry, fit.values)
     if problem.n_par <= most:
         return certified_chain(
             density,
@@ -470,7 +473,11 @@ def _through_marginal(fit: Fit) -> bool:
     problem = fit.problem
     # a spread and the shifts of the runs are hard for a chain, easy given each other
     varying = any(p.between for p in problem.parameters)
-    return len(problem.runs) > 1 and (varying or problem.n_par > MAX_PARAMETERS)
+    if varying or len(problem.runs) < 2 or problem.n_par <= MAX_PARAMETERS:
+        return varying and len(problem.runs) > 1
+    if fit.jeffreys is None or fit.measure_of_shared is None:
+        return True
+    return fit.measure_of_shared.bent < _BENT
 
 
 def sample_curve(

@@ -122,7 +122,8 @@ def test_stated_parameters_keep_their_priors() -> None:
     (told,) = (one for one in remarks if one.kind is Kind.UNIFORM_PRIOR_MOVES)
     assert -1.0 < told.size < -0.6
     assert tell(told).startswith(
-        "limits on both sides state a uniform prior (a, E); with one limit or none, E would be -0."
+        "limits on both sides state a uniform prior (a, E); Jeffreys' prior within them would "
+        "move E by -0."
     )
     near = fit_curve("a*exp(-E/x)", TEMPERATURES, y, u_y=u, start=start, bounds={"E": (0.0, 1e5)})
     remarks = sample_curve(near, seed=1, target=COARSE).diagnosis.remarks
@@ -132,6 +133,21 @@ def test_stated_parameters_keep_their_priors() -> None:
     with_it, without = line.sampled.log_density(draws), line.posterior.log_density(draws)
     assert line.sampled.jeffreys is not None
     np.testing.assert_allclose(with_it, without, rtol=0.0, atol=1e-9 * np.abs(without).max())
+
+
+def test_counts_whose_flat_prior_would_shift_a_result_are_refused_with_what_helps() -> None:
+    x = np.linspace(290.0, 350.0, 9)
+    y = np.random.default_rng(1).poisson(3e6 * np.exp(-4000.0 / x))
+    fit = fit_curve("a*exp(-E/x)", x, y, noise="poisson", start={"a": 3e6, "E": 4000.0})
+    assert fit.status == "ok"
+    refused = sample_curve(fit, seed=1, target=COARSE).diagnosis
+    assert refused.status == "not-identified"
+    assert "write exp(b) in its place" in tell(refused.findings[0])
+    other = fit_curve("exp(b - E/x)", x, y, noise="poisson", start={"b": 14.9, "E": 4000.0})
+    analysis = sample_curve(other, seed=1, target=COARSE)
+    assert analysis.diagnosis.status == "ok"
+    mean = float(analysis.chain.column("E").mean())
+    assert abs(mean - fit.values["E"]) < 0.3 * fit.sds["E"]
 
 
 @pytest.mark.statistics

@@ -184,7 +184,7 @@ def _counting_alike(fit: Fit) -> list[Finding]:
     """That readings of runs count alike whatever the shared parameters, where flat weights of their
     true values would show.
     """
-    measure = fit.sampled.measure
+    measure = fit.measure
     if measure is None or not measure.felt > _ALIKE:
         return []
     return [Finding(Kind.RUNS_COUNT_ALIKE, size=measure.felt, numbers={"runs": measure.n_run})]

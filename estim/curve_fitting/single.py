@@ -143,7 +143,7 @@ def fit_curve(
         nor prior nor uncertainty.
     bounds : name -> (low, high), None for no limit.
     priors : name -> prior (`estim.problem.priors`), text like "9.81(2)", a ufloat, or a frozen
-        distribution of scipy.stats (norm, uniform, halfnorm, lognorm, truncnorm, beta); else flat.
+        distribution of scipy.stats (norm, uniform, halfnorm, lognorm, truncnorm, beta).
     errors : errors common to all points (`Component`), fit as further parameters.
     units : name -> unit, for tables.
     axes : names and units of x and y (`AxisNames`), for figures, tables and the units of `errors`.

@@ -61,10 +61,9 @@ def jeffreys_prior(
     if not math.isfinite(centre):
         return None
     prior = replace(prior, centre=centre)
-    few = len(problem.of_curve) <= _MANY
-    return (
-        replace(prior, smooth=_smooth(posterior, prior, values, cov)) if smooth and few else prior
-    )
+    if not smooth or len(problem.of_curve) > _MANY:
+        return prior
+    return replace(prior, smooth=_smooth(posterior, prior, values, cov))
 
 
 def _smooth(

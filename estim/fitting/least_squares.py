@@ -27,7 +27,7 @@ from estim.fitting.jeffreys import jeffreys_prior
 from estim.fitting.noise_fit import fit_noise
 from estim.fitting.readings import measure_of
 from estim.fitting.relaxation import LEAST_SHARE, Held, settle_by_runs
-from estim.problem import Measure, Posterior, Problem, Symmetry
+from estim.problem import JeffreysPrior, Measure, Posterior, Problem, Symmetry
 
 _MAX_ROUNDS = 60
 _FEW_ROUNDS = 6
@@ -113,17 +113,27 @@ class Fit:
         """
         if self.singular:
             return self.posterior
-        return replace(
-            self.posterior,
-            measure=measure_of(self.posterior, self.values, self.cov),
-            jeffreys=jeffreys_prior(self.posterior, self.values, self.cov),
-        )
+        jeffreys = jeffreys_prior(self.posterior, self.values, self.cov)
+        return replace(self.posterior, measure=self.measure, jeffreys=jeffreys)
 
-    @property
+    @cached_property
+    def measure(self) -> Measure | None:
+        """That of readings in a joint fit."""
+        if self.singular:
+            return None
+        return measure_of(self.posterior, self.values, self.cov)
+
+    @cached_property
     def measure_of_shared(self) -> Measure | None:
-        """That of `sampled` where what the runs share is sampled by itself."""
-        jeffreys = self.sampled.jeffreys
-        return measure_of(self.posterior, self.values, self.cov, jeffreys=jeffreys)
+        """Both `measure` and `jeffreys`, to first order in what the runs share."""
+        return measure_of(self.posterior, self.values, self.cov, jeffreys=self.jeffreys)
+
+    @cached_property
+    def jeffreys(self) -> JeffreysPrior | None:
+        """That of unstated parameters, computed at every draw."""
+        if self.singular:
+            return None
+        return jeffreys_prior(self.posterior, self.values, self.cov, smooth=False)
 
     @property
     def scale(self) -> FloatArray:

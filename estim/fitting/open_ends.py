@@ -24,7 +24,8 @@ _FAR, _LONGER = 10.0, 1.5  # standard deviations; times the other side, in logar
 
 
 def open_sides(fit: Fit, sds: FloatArray, *, dof: float = math.inf) -> list[Finding]:
-    """The parameters without a stated value that are left open, where one of them is vague.
+    """The parameters without a stated value that are left open, where one of them is vague; of
+    counts, whose prior is flat, also those that reach over decades: it would favour large values.
 
     sds : (n_par,) of the fit.  dof : degrees of freedom of the size of the errors.
     """
@@ -33,11 +34,14 @@ def open_sides(fit: Fit, sds: FloatArray, *, dof: float = math.inf) -> list[Find
     free = np.flatnonzero(fit.problem.unstated)
     names = [fit.problem.names[i] for i in free]
     intervals = profile_intervals(fit, names=names, probabilities=(_PROBABILITY,), dof=dof)
-    return [
-        finding
-        for i, interval in zip(free, intervals, strict=True)
-        for finding in side_left_open(interval, fit.problem.parameters[i], float(sds[i]))
-    ]
+    findings = []
+    for i, interval in zip(free, intervals, strict=True):
+        parameter, far = fit.problem.parameters[i], _FAR * float(sds[i])
+        found = side_left_open(interval, parameter, float(sds[i]))
+        ends = interval.low[_PROBABILITY], interval.high[_PROBABILITY]
+        over = fit.jeffreys is None and max(abs(end - interval.value) for end in ends) > far
+        findings += found or ([_open("decades", parameter)] if over else [])
+    return findings
 
 
 def vague(fit: Fit, sds: FloatArray) -> BoolArray:
@@ -82,11 +86,12 @@ def side_left_open(
     if not (below or above):
         return []
     side = "both" if below and above else "below" if below else "above"
-    return [
-        Finding(
-            Kind.OPEN_SIDE, test=side, parameters=(Amount(parameter.name, label=parameter.label),)
-        )
-    ]
+    return [_open(side, parameter)]
+
+
+def _open(side: str, parameter: Parameter) -> Finding:
+    amount = Amount(parameter.name, label=parameter.label)
+    return Finding(Kind.OPEN_SIDE, test=side, parameters=(amount,))
 
 
 def _moved(problem: Problem, values: FloatArray, names: list[str]) -> FloatArray:

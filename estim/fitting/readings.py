@@ -19,7 +19,8 @@ One prior for all runs says how true values are distributed, and is integrated a
 nothing is shared, m = 1.
 
 Where what the runs share is sampled by itself, Jeffreys' prior of unstated parameters
-(`estim.fitting.jeffreys`), which asks the same of them, is taken as linear too.
+(`estim.fitting.jeffreys`), which asks the same of them, is taken as linear too; the weights of the
+draws make up for the difference.
 
 Source: Neyman and Scott, Econometrica 16 (1948) 1 (many incidental parameters); Cox and Reid, J. R.
 Stat. Soc. B 49 (1987) 1 and Berger, Liseo and Wolpert, Stat. Sci. 14 (1999) 1 (which of their
@@ -63,11 +64,14 @@ def measure_of(
     tried = np.clip(values + np.vstack([along.T, -along.T]), low, high)
     off = np.linalg.solve(root, (tried[:, shared] - values[shared]).T).T
     points = np.vstack([values, tried])
-    rooms = np.array([_log_room(posterior, point, readings) for point in points])
+    rooms = np.zeros(len(points))
+    if readings:
+        rooms += [_log_room(posterior, point, readings) for point in points]
     if jeffreys is not None:
-        rooms = rooms - jeffreys.exact(problem.named(points))
+        rooms -= jeffreys.exact(problem.named(points))
     seen = np.isfinite(rooms[1:])
-    slope = np.linalg.lstsq(off[seen], rooms[0] - rooms[1:][seen], rcond=None)[0]
+    rise = rooms[0] - rooms[1:][seen]
+    slope = np.linalg.lstsq(off[seen], rise, rcond=None)[0]
     influence = np.max(np.abs(root @ slope) / np.linalg.norm(root, axis=1))
     n_run = sum(not run.curve_parameters.isdisjoint(readings) for run in problem.runs)
     return Measure(
@@ -77,6 +81,7 @@ def measure_of(
         float(np.linalg.norm(slope)),
         float(influence),
         n_run,
+        float(np.std(rise - off[seen] @ slope)) if np.all(seen) else np.inf,
     )
 
 

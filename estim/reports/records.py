@@ -287,7 +287,7 @@ def parameter_summary(truth: Mapping[str, float], analysis: Analysis, i: int) ->
 
 def _prior_words(fit: Fit, parameter: Parameter) -> str:
     """How the prior of a parameter is written that was sampled."""
-    prior, jeffreys = parameter.prior, fit.sampled.jeffreys
+    prior, jeffreys = parameter.prior, fit.jeffreys
     if jeffreys is None or parameter.name not in jeffreys.names:
         return prior.describe()
     if math.isfinite(prior.low):

@@ -28,6 +28,7 @@ import numpy as np
 from estim.arrays import FloatArray, IntArray
 from estim.common import Finding, InputError, Kind, NumericalError, phrase
 from estim.fitting import Fit
+from estim.problem import Measure
 from estim.sampling.chain import Progress
 from estim.sampling.conditional import expand, run_terms
 from estim.sampling.importance import (
@@ -148,13 +149,14 @@ def sample_marginal(
         )
     columns = sampled_columns(fit)
     terms = run_terms(fit, columns)
-    target = Marginal(fit.problem, columns, terms, fit.measure_of_shared)
+    weight = fit.measure_of_shared
+    target = Marginal(fit.problem, columns, terms, weight)
     proposal, target = _adapt(fit, target, rng, progress)
     shared = proposal.draw(rng, options.n_draw)
     log_beside, by_run = target.terms_at(shared, n_node=options.n_node, progress=progress)
     log_proposal = proposal.log_density(shared)
     raw = log_beside + np.sum(by_run, axis=0) - log_proposal
-    log_weights, k_hat, log_evidence = pareto_smoothed(raw)
+    log_weights = raw - np.max(raw)
     draws = np.empty((options.n_draw, fit.problem.n_par))
     draws[:, columns] = shared
     inside = np.flatnonzero(np.isfinite(log_weights))
@@ -177,6 +179,12 @@ def sample_marginal(
             own_draws[inside] = term.refine_own(given[inside], own_draws[inside], expansion, rng)
             refined.append(term.run.name)
         draws[:, own_columns] = own_draws
+    if fit.jeffreys is not None:
+        owed = fit.jeffreys.exact(fit.problem.named(draws[inside])) - _log(weight, draws[inside])
+        owed += _log(fit.measure, draws[inside])
+        raw[inside] += owed
+        raw_all[first] += owed[: first.size]
+    log_weights, k_hat, log_evidence = pareto_smoothed(raw)
     check, k_hat_all, log_evidence_all = pareto_smoothed(raw_all)
     shift, u_shift = difference(shared[: check.size], log_weights[: check.size], check)
     ess, ess_all = kish_size(log_weights), kish_size(check)
@@ -207,6 +215,11 @@ def sample_marginal(
         trusted=trusted,
         told=findings,
     )
+
+
+def _log(measure: Measure | None, draws: FloatArray) -> FloatArray | float:
+    """(n_draw,) logarithm of a measure at draws (n_draw, n_par); 0 where there is none."""
+    return 0.0 if measure is None else measure.log(draws[:, measure.columns])
 
 
 def sampled_columns(fit: Fit) -> IntArray:

@@ -38,9 +38,9 @@ def determine(analysis: Analysis, *, profiles: bool = True) -> Determination:
     intervals = (
         profile_intervals(analysis.fit, names=[problem.names[i] for i in few]) if few else ()
     )
-    symmetry, sampled = analysis.fit.symmetry, analysis.fit.sampled
+    fit, symmetry = analysis.fit, analysis.fit.symmetry
     # else what was sampled is more than likelihood and priors, or a sum over labels
-    plain = sampled.measure is None and sampled.jeffreys is None
+    plain = fit.measure is None and fit.jeffreys is None
     if plain and (symmetry is None or symmetry.trivial):
         log_likelihood = analysis.chain.thinned_heights(_DRAWS) - problem.log_prior(draws)
     else:

@@ -92,9 +92,10 @@ WORDS: Table = {
     ),
     Kind.UNIFORM_PRIOR_MOVES: lambda f: said(
         f,
-        "limits on both sides state a uniform prior ({limited}); with one limit or none, {moved} "
-        "would be {size:+.1f} standard deviations from where it is",
-        limited=", ".join(map(symbol, f.parameters[1:])),
+        "limits on both sides state a uniform prior ({limited}); Jeffreys' prior within them would "
+        "move {moved} by {size:+.1f} standard deviations: leave out a limit that nothing but "
+        "caution asks for",
+        limited=", ".join([*map(symbol, f.parameters[1:5]), *["…"] * (len(f.parameters) > 5)]),
         moved=symbol(f.parameters[0]),
     ),
     Kind.MARGINAL_MISSED: (

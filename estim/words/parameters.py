@@ -93,19 +93,21 @@ def _change(amount: Amount) -> str:
 _OPEN = {
     "above": later(
         "{symbol} is unbounded above, because other parameters compensate for any large "
-        "value: with a flat prior without an "
-        "upper limit it has no interval"
+        "value: without a stated prior or an upper limit it has no interval"
     ),
     "below": later(
         "{symbol} is unbounded below, because other parameters compensate for any small "
-        "value: with a flat prior without a "
-        "lower limit it has no interval"
+        "value: without a stated prior or a lower limit it has no interval"
+    ),
+    "decades": later(
+        "{symbol} may be many times larger or smaller than fitted, and the flat prior of counts "
+        "favours large values, which would shift all results: write exp(b) in its place, or x/x0 "
+        "for x, with x0 among the points"
     ),
 }
 _OPEN_BOTH = later(
     "{symbol} is unbounded on both sides, because other parameters compensate for any value, "
-    "large or small: with a flat "
-    "prior without limits it has no interval"
+    "large or small: without a stated prior or limits it has no interval"
 )
 
 
