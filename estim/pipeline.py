@@ -62,7 +62,7 @@ from estim.common import (
 from estim.curve_fitting import CurveFit
 from estim.explanation import Candidate, Explanation, Outcome, explain
 from estim.fitting import Fit, fit_problem, refit_with_noise
-from estim.problem import Problem, folded
+from estim.problem import JeffreysPrior, Problem, folded
 from estim.sampling import (
     MAX_PARAMETERS,
     MAX_TIED,
@@ -88,9 +88,7 @@ from estim.sampling import (
 from estim.words import advice_for
 
 _LOG = logging.getLogger("estim")
-# of the logarithm of Jeffreys' prior, by which it may bend over a standard deviation of what runs
-# share
-_BENT = 0.15
+_BENT = 0.15  # of the logarithm of Jeffreys' prior, over a standard deviation of a parameter
 
 
 @dataclass(frozen=True, eq=False)
@@ -475,9 +473,20 @@ def _through_marginal(fit: Fit) -> bool:
     varying = any(p.between for p in problem.parameters)
     if varying or len(problem.runs) < 2 or problem.n_par <= MAX_PARAMETERS:
         return varying and len(problem.runs) > 1
-    if fit.jeffreys is None or fit.measure_of_shared is None:
-        return True
-    return fit.measure_of_shared.bent < _BENT
+    return fit.jeffreys is None or not _bends(fit, fit.jeffreys)
+
+
+def _bends(fit: Fit, prior: JeffreysPrior) -> bool:
+    """Whether the logarithm of a prior is far from a straight line within a standard deviation of
+    some parameter, which is then no normal variable.
+    """
+    low, high = fit.problem.support()
+    steps = fit.cov / fit.scale[:, None]
+    up, down = (
+        prior.exact(fit.problem.named(np.clip(fit.values + way * steps, low, high)))
+        for way in (1.0, -1.0)
+    )
+    return not np.all(np.abs(up + down) < 2.0 * _BENT)
 
 
 def sample_curve(

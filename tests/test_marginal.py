@@ -392,10 +392,11 @@ def test_joint_fits_of_positions_go_through_the_marginal(project: Path) -> None:
         for runs in (["heavy-04", "heavy-08"], ["heavy-02", "heavy-04", "heavy-08"])
     )
     assert (two.n_par, three.n_par) == (12, 16)
-    fits = [
-        cast(Fit, SimpleNamespace(problem=posed, posterior=posed.linearised(posed.start())))
-        for posed in (two, three)
-    ]
+    fits = []
+    for posed in (two, three):
+        posterior = posed.linearised(posed.start())
+        stand_in = SimpleNamespace(problem=posed, posterior=posterior, jeffreys=None)
+        fits.append(cast(Fit, stand_in))
     assert [_through_marginal(fit) for fit in fits] == [False, True]
     few = {
         n: replace(t, columns={c: v[::6] for c, v in t.columns.items()}, lines=t.lines[::6])

@@ -70,8 +70,7 @@ def measure_of(
     if jeffreys is not None:
         rooms -= jeffreys.exact(problem.named(points))
     seen = np.isfinite(rooms[1:])
-    rise = rooms[0] - rooms[1:][seen]
-    slope = np.linalg.lstsq(off[seen], rise, rcond=None)[0]
+    slope = np.linalg.lstsq(off[seen], rooms[0] - rooms[1:][seen], rcond=None)[0]
     influence = np.max(np.abs(root @ slope) / np.linalg.norm(root, axis=1))
     n_run = sum(not run.curve_parameters.isdisjoint(readings) for run in problem.runs)
     return Measure(
@@ -81,7 +80,6 @@ def measure_of(
         float(np.linalg.norm(slope)),
         float(influence),
         n_run,
-        float(np.std(rise - off[seen] @ slope)) if np.all(seen) else np.inf,
     )
 
 

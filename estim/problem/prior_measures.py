@@ -34,8 +34,6 @@ class Measure:
     felt : by how many standard deviations it moves the mean of the shared parameter that it moves
         most.
     n_run : runs whose readings it is of.
-    bent : by how much a straight line misses the logarithm, one posterior standard deviation from
-        the fit.
     """
 
     columns: IntArray
@@ -44,7 +42,6 @@ class Measure:
     spread: float
     felt: float
     n_run: int
-    bent: float
 
     def log(self, shared: FloatArray) -> FloatArray:
         """(n_draw,) its logarithm at shared (n_draw, n_shared), 0 at the fit."""
