@@ -112,6 +112,19 @@ def test_what_many_sets_share_is_that_of_a_grid() -> None:
     assert abs(flat[1] - exact[1]) > 0.2 * sd  # so that flat priors fail here
 
 
+def test_faster_oscillations_through_the_same_points_count_for_nothing() -> None:
+    """Of evenly spaced points: one of period 0.03 had half of the posterior."""
+    x = np.linspace(0.0, 10.0, 25)
+    y = np.sin(2.0 * np.pi * x / 3.0 + 1.0) + 0.2 * np.random.default_rng(101).standard_normal(25)
+    fit = fit_curve("a*sin(2*pi*x/T + p) + c", x, y, u_y=0.2)
+    analysis = sample_curve(fit, seed=1, target=COARSE)
+    assert analysis.diagnosis.status == "ok"
+    for name, value in fit.values.items():
+        column = analysis.chain.column(name)
+        assert abs(float(np.median(column)) - value) < 0.2 * fit.sds[name]
+        assert float(column.std()) == pytest.approx(fit.sds[name], rel=0.2)
+
+
 def test_sets_far_from_normal_are_not_sampled_through_what_they_share() -> None:
     """An own constant known to a factor: the marginal had a third of the width of E, and `ok`."""
     start = {"a": 2e6, "E": 4000.0, "c": 1.0}

@@ -40,7 +40,7 @@ def jeffreys_prior(
     """That of the unstated parameters of `posterior` about the fit `values` (n_par,) of covariance
     `cov`; None where there are none, or counts are fit.
 
-    limited : of those with limits on both sides too.  smooth : whether a polynomial is made.
+    limited : of those with limits on both sides too.  smooth : whether its ceiling and a polynomial are found.
     """
     problem = posterior.problem
     free = np.flatnonzero(problem.unstated | (problem.limited & limited))
@@ -61,38 +61,40 @@ def jeffreys_prior(
     if not math.isfinite(centre):
         return None
     prior = replace(prior, centre=centre)
-    if not smooth or len(problem.of_curve) > _MANY:
-        return prior
-    return replace(prior, smooth=_smooth(posterior, prior, values, cov))
+    return _around_the_fit(posterior, prior, values, cov) if smooth else prior
 
 
-def _smooth(
+def _around_the_fit(
     posterior: Posterior, prior: JeffreysPrior, values: FloatArray, cov: FloatArray
-) -> Quadratic | None:
-    """The logarithm of `prior` as a polynomial in the parameters, or in the logarithms of those
-    that are hardly known; None where it misses too much.
+) -> JeffreysPrior:
+    """`prior` with its ceiling and, where one is good enough, a polynomial: in the parameters, or
+    in the logarithms of those that are hardly known.
 
     Places count by the fourth root of the density.
     """
     columns = np.array(posterior.problem.of_curve)
+    few = columns.size <= _MANY
     n_term = (columns.size + 1) * (columns.size + 2) // 2
     surfaces = [
         _around(values, cov, columns, by_size) for by_size in _in_logarithms(values, cov, columns)
     ]
-    rng = np.random.default_rng(1)
+    rng, n_place = np.random.default_rng(1), 3 * n_term + 20 if few else 5 * columns.size
     draws = np.concatenate(
-        [_places(each, posterior.problem, values, 3 * n_term + 20, rng) for each in surfaces]
+        [_places(each, posterior.problem, values, n_place, rng) for each in surfaces]
     )
     heights = posterior.log_density(np.vstack([values, draws]))
     weights = np.exp(np.minimum(0.25 * (heights[1:] - heights[0]), 0.0))
     draws, weights = draws[weights > _LEAST], weights[weights > _LEAST]
-    if len(draws) < 2 * n_term:
-        return None
+    if not len(draws):
+        return replace(prior, ceiling=0.0)
     logs = prior.exact(posterior.problem.named(draws))
-    if not np.all(np.isfinite(logs)):
-        return None
+    prior = replace(prior, ceiling=max(0.0, float(np.max(logs))))
+    if not few or len(draws) < 2 * n_term or not np.all(np.isfinite(logs)):
+        return prior
     fitted = (_fitted(surface, draws, logs, weights) for surface in surfaces)
-    return next((surface for missed, surface in fitted if missed < _ROUGH), None)
+    return replace(
+        prior, smooth=next((surface for missed, surface in fitted if missed < _ROUGH), None)
+    )
 
 
 def _in_logarithms(values: FloatArray, cov: FloatArray, columns: IntArray) -> list[BoolArray]:

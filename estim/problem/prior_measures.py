@@ -111,6 +111,9 @@ class JeffreysPrior:
         conditioned.
     centre : its logarithm at the fit.
     smooth : the logarithm as a polynomial; None where no polynomial is good enough.
+    ceiling : highest logarithm around the fit, which none elsewhere exceeds: else each of the
+        endlessly many faster oscillations through the same points would count as much as the one
+        that was found.
 
     Source: Jeffreys, Proc. R. Soc. A 186 (1946) 453; Box and Tiao, Bayesian Inference in
     Statistical Analysis (1973), 1.3.6.
@@ -121,18 +124,19 @@ class JeffreysPrior:
     runs: tuple[Informed, ...]
     centre: float = 0.0
     smooth: Quadratic | None = None
+    ceiling: float = np.inf
 
     def log(self, draws: FloatArray, named: Callable[[FloatArray], Named]) -> FloatArray:
         """(n_draw,) its logarithm at draws (n_draw, n_par), which `named` turns into columns: by
         the polynomial, and exactly farther from the fit than that was fitted.
         """
         if self.smooth is None:
-            return self.exact(named(draws))
+            return np.minimum(self.exact(named(draws)), self.ceiling)
         place = self.smooth.place(draws)
         logs = self.smooth.value(place)
         far = np.linalg.norm(place, axis=1) > _FITTED
         if np.any(far):
-            logs[far] = self.exact(named(draws[far]))
+            logs[far] = np.minimum(self.exact(named(draws[far])), self.ceiling)
         return logs
 
     def exact(self, named: Named) -> FloatArray:
