@@ -120,9 +120,9 @@ def test_faster_oscillations_through_the_same_points_count_for_nothing() -> None
     analysis = sample_curve(fit, seed=1, target=COARSE)
     assert analysis.diagnosis.status == "ok"
     for name, value in fit.values.items():
-        column = analysis.chain.column(name)
-        assert abs(float(np.median(column)) - value) < 0.2 * fit.sds[name]
-        assert float(column.std()) == pytest.approx(fit.sds[name], rel=0.2)
+        low, middle, high = np.quantile(analysis.chain.column(name), [0.16, 0.5, 0.84])
+        assert abs(middle - value) < 0.2 * fit.sds[name]
+        assert 0.5 * (high - low) == pytest.approx(fit.sds[name], rel=0.2)
 
 
 def test_sets_far_from_normal_are_not_sampled_through_what_they_share() -> None:

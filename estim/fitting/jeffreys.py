@@ -40,7 +40,8 @@ def jeffreys_prior(
     """That of the unstated parameters of `posterior` about the fit `values` (n_par,) of covariance
     `cov`; None where there are none, or counts are fit.
 
-    limited : of those with limits on both sides too.  smooth : whether its ceiling and a polynomial are found.
+    limited : of those with limits on both sides too.  smooth : whether its ceiling and a polynomial
+        are found.
     """
     problem = posterior.problem
     free = np.flatnonzero(problem.unstated | (problem.limited & limited))
