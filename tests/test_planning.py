@@ -456,12 +456,12 @@ def test_of_the_runs_that_are_tried_the_best_of_each_kind_are_shown(pair: Rollin
 @pytest.mark.statistics
 @pytest.mark.parametrize("what", ["phi", "run"])
 def test_what_is_foreseen_is_achieved(pair: RollingBasis, what: str) -> None:
-    """Scatter of 16 posterior means and their standard deviations over the predicted one (200:
+    """Scatter of ten posterior means and their standard deviations over the predicted one (200:
     docs/planning.md).
     """
     from plan_predictions import achieved, changes_of
 
-    targets, trials = targets_of(pair.campaign, pair.fit.problem, ["kappa"]), 16
+    targets, trials = targets_of(pair.campaign, pair.fit.problem, ["kappa"]), 10
     change = changes_of(pair)[what]
     found = achieved(pair, change, targets, trials=trials, seed=3)
     assert found.failed == 0
