@@ -466,13 +466,13 @@ def outcome_of(candidate: Candidate, *, seed: int) -> Outcome:
 
 
 def _through_marginal(fit: Fit) -> bool:
-    if any(run.normal is None for run in fit.posterior.likelihoods):
-        return False
     problem = fit.problem
+    if len(problem.runs) < 2 or any(run.normal is None for run in fit.posterior.likelihoods):
+        return False
     # a spread and the shifts of the runs are hard for a chain, easy given each other
     varying = any(p.between for p in problem.parameters)
-    if varying or len(problem.runs) < 2 or problem.n_par <= MAX_PARAMETERS:
-        return varying and len(problem.runs) > 1
+    if not varying and problem.n_par <= MAX_PARAMETERS:
+        return False
     return fit.jeffreys is None or not _bends(fit, fit.jeffreys)
 
 

@@ -38,7 +38,7 @@ _HELD_FELT = 0.2
 # the same, by which flat weights of readings would move it, from which on it is told that they
 # count alike
 _ALIKE = 0.3
-_DRAWS = 4000
+_DRAWS = 4000  # that are weighed for it
 
 # tests; residuals that fail one of them are no noise, wherever they are large
 _OF_ORDER = frozenset({"runs", "autocorrelation", "trend"})
@@ -194,10 +194,13 @@ def _uniform_priors(fit: Fit, chain: Chain) -> list[Finding]:
     """That the uniform priors of parameters with limits on both sides move one of the curve from
     where Jeffreys' prior has it.
     """
-    problem, old = fit.problem, fit.sampled.jeffreys
+    problem = fit.problem
     if fit.singular or not np.any(problem.limited):
         return []
-    new = jeffreys_prior(fit.posterior, fit.values, fit.cov, limited=True)
+    old, new = (
+        fit.sampled.jeffreys,
+        jeffreys_prior(fit.posterior, fit.values, fit.cov, limited=True),
+    )
     if new is None:
         return []
     draws = chain.thinned(_DRAWS)

@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, IntArray
-from estim.problem import Band, Informed, JeffreysPrior, Posterior, Problem, Quadratic, terms
+from estim.problem import Band, InformationBlock, JeffreysPrior, Posterior, Problem, ResponseSurface
 
 _RADIUS = 5.0  # standard deviations, within which the places lie
 _MANY = 20  # parameters, beyond which a polynomial has too many terms
@@ -55,7 +55,7 @@ def jeffreys_prior(
         used = np.isin(free, columns)
         alone = used & (uses == 1) & (len(problem.groups) > 1)
         own, shared = np.flatnonzero(alone), np.flatnonzero(used & ~alone)
-        runs.append(Informed(likelihood.points, root, own, shared))
+        runs.append(InformationBlock(likelihood.points, root, own, shared))
     names = tuple(problem.names[i] for i in free)
     prior = JeffreysPrior(names, np.sqrt(np.diag(cov)[free]), tuple(runs))
     centre = float(prior.exact(problem.named(values[None]))[0])
@@ -112,15 +112,15 @@ def _in_logarithms(values: FloatArray, cov: FloatArray, columns: IntArray) -> li
 
 def _around(
     values: FloatArray, cov: FloatArray, columns: IntArray, by_size: BoolArray
-) -> Quadratic:
+) -> ResponseSurface:
     """A polynomial of the parameters `columns` without coefficients."""
     unit = np.where(by_size, values[columns], 1.0)
     root = np.linalg.cholesky(cov[np.ix_(columns, columns)] / np.outer(unit, unit))
-    return Quadratic(columns, values[columns], by_size, np.linalg.inv(root), np.zeros(0))
+    return ResponseSurface(columns, values[columns], by_size, np.linalg.inv(root), np.zeros(0))
 
 
 def _places(
-    surface: Quadratic, problem: Problem, values: FloatArray, n: int, rng: np.random.Generator
+    surface: ResponseSurface, problem: Problem, values: FloatArray, n: int, rng: np.random.Generator
 ) -> FloatArray:
     """(at most n, n_par) values around the fit within the limits, evenly spread over the distance
     from it.
@@ -138,10 +138,10 @@ def _places(
 
 
 def _fitted(
-    surface: Quadratic, draws: FloatArray, logs: FloatArray, weights: FloatArray
-) -> tuple[float, Quadratic]:
+    surface: ResponseSurface, draws: FloatArray, logs: FloatArray, weights: FloatArray
+) -> tuple[float, ResponseSurface]:
     """By how much the polynomial through `logs` (n_draw,) misses them, and it."""
-    rows = terms(surface.place(draws))
+    rows = surface.terms(surface.place(draws))
     root = np.sqrt(weights)
     coefficients = np.linalg.lstsq(rows * root[:, None], logs * root, rcond=None)[0]
     missed = np.average(np.square(rows @ coefficients - logs), weights=weights)

@@ -52,7 +52,7 @@ from estim.problem.observations import (
     uses_of,
     parameters_of,
 )
-from estim.problem.prior_measures import Informed, JeffreysPrior, Measure, Quadratic, terms
+from estim.problem.prior_measures import InformationBlock, JeffreysPrior, Measure, ResponseSurface
 from estim.problem.posterior import Group, Posterior, Problem
 from estim.problem.priors import (
     PRIORS,

@@ -51,13 +51,13 @@ class Measure:
 
 
 @dataclass(frozen=True, eq=False)
-class Quadratic:
+class ResponseSurface:
     """A function of the parameters as a polynomial of second degree, fitted around `centre`.
 
     columns : (n,) places of the parameters that it depends on.
     by_size : (n,) whether the logarithm of a parameter is taken, which keeps its sign.
     whitener : (n, n) turns differences from the centre into standard deviations.
-    coefficients : of `terms`.
+    coefficients : of 1, of each parameter, and of each product of two.
     """
 
     columns: IntArray
@@ -75,18 +75,17 @@ class Quadratic:
 
     def value(self, place: FloatArray) -> FloatArray:
         """(n_draw,) at places (n_draw, n)."""
-        return terms(place) @ self.coefficients
+        return self.terms(place) @ self.coefficients
 
-
-def terms(z: FloatArray) -> FloatArray:
-    """(n_draw, n_term) 1, each of z (n_draw, n), and each product of two."""
-    row, column = np.triu_indices(z.shape[1])
-    return np.hstack([np.ones((len(z), 1)), z, z[:, row] * z[:, column]])
+    def terms(self, place: FloatArray) -> FloatArray:
+        """(n_draw, n_term) what the coefficients multiply."""
+        row, column = np.triu_indices(place.shape[1])
+        return np.hstack([np.ones((len(place), 1)), place, place[:, row] * place[:, column]])
 
 
 @dataclass(frozen=True, eq=False)
-class Informed:
-    """Points of a run, or of a group, and what they say.
+class InformationBlock:
+    """Points of a run, or of a group, and the parameters that they give information about.
 
     root : of the covariance of their errors.
     own, shared : (n,) places among `JeffreysPrior.names` of the parameters that these points alone
@@ -121,9 +120,9 @@ class JeffreysPrior:
 
     names: tuple[str, ...]
     scales: FloatArray
-    runs: tuple[Informed, ...]
+    runs: tuple[InformationBlock, ...]
     centre: float = 0.0
-    smooth: Quadratic | None = None
+    smooth: ResponseSurface | None = None
     ceiling: float = np.inf
 
     def log(self, draws: FloatArray, named: Callable[[FloatArray], Named]) -> FloatArray:
@@ -167,7 +166,7 @@ class JeffreysPrior:
             log_det += _log_det(left, usable)
             return np.where(usable, 0.5 * log_det - self.centre, -np.inf)
 
-    def _information(self, run: Informed, named: Named, n_draw: int) -> FloatArray:
+    def _information(self, run: InformationBlock, named: Named, n_draw: int) -> FloatArray:
         """(n_draw, n, n) of one run about its own parameters and then those it shares."""
         used = np.concatenate([run.own, run.shared])
         names = [self.names[i] for i in used]

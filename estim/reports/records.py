@@ -16,7 +16,6 @@ from estim.arrays import FloatArray, IntArray
 from estim.checks import Check, bad_frames_found, is_measured, upper_limit
 from estim.common import Label, phrase, split_level
 from estim.deviation import FoundForce
-from estim.fitting import Fit
 from estim.pipeline import Analysis
 from estim.problem import Observations, Parameter, Problem
 from estim.sampling import Summary, number
@@ -271,7 +270,7 @@ def parameter_summary(truth: Mapping[str, float], analysis: Analysis, i: int) ->
     upper = upper_limit(summary, parameter.prior, draws)
     return ParameterSummary(
         **msgspec.structs.asdict(summary),
-        prior=_prior_words(analysis.fit, parameter),
+        prior=_prior_words(analysis, parameter),
         prior_mean=number(parameter.prior.expectation),
         prior_sd=number(parameter.prior.sd),
         ess_bulk=number(diagnosis.ess_bulk[i]),
@@ -285,16 +284,17 @@ def parameter_summary(truth: Mapping[str, float], analysis: Analysis, i: int) ->
     )
 
 
-def _prior_words(fit: Fit, parameter: Parameter) -> str:
+def _prior_words(analysis: Analysis, parameter: Parameter) -> str:
     """How the prior of a parameter is written that was sampled."""
-    prior, jeffreys = parameter.prior, fit.jeffreys
+    prior = parameter.prior
+    jeffreys = analysis.fit.jeffreys if analysis.diagnosis.sampled else None
     if jeffreys is None or parameter.name not in jeffreys.names:
         return prior.describe()
     if math.isfinite(prior.low):
-        return phrase("Jeffreys' prior above {low:.4g}", low=prior.low)
+        return phrase("only > {low:.4g} (Jeffreys' prior)", low=prior.low)
     if math.isfinite(prior.high):
-        return phrase("Jeffreys' prior below {high:.4g}", high=prior.high)
-    return phrase("Jeffreys' prior")
+        return phrase("only < {high:.4g} (Jeffreys' prior)", high=prior.high)
+    return phrase("nothing (Jeffreys' prior)")
 
 
 def correlation_of(analysis: Analysis) -> Correlation:

@@ -19,8 +19,8 @@ class Marginal:
     """Log density of the sampled parameters, the runs' own ones integrated out; `columns`
     (n_sampled,) of the problem.
 
-    weight : the measure of readings and, where it is nearly linear, Jeffreys' prior; None where
-        there is none.
+    weight : the measure of readings and, to first order, Jeffreys' prior; None where there is
+        neither.
     expansions : of the runs.
     """
 
