@@ -536,6 +536,7 @@ def test_a_signal_to_stop_ends_the_command_with_130_and_leaves_what_can_be_resum
     finally:
         if running.poll() is None:
             os.killpg(running.pid, signal.SIGKILL)
+            running.communicate()
     assert running.returncode == 130, complaints
     assert complaints.splitlines()[-1] == "interrupted: continue with --resume"
     assert "Traceback" not in complaints

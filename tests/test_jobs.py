@@ -147,6 +147,42 @@ def test_an_impatient_caller_that_is_interrupted_waits_for_no_call(tmp_path: Pat
     assert not (tmp_path / "finished").exists()
 
 
+INTERRUPTED = """
+import signal, sys, time
+from concurrent.futures import ThreadPoolExecutor
+from estim.common.errors import Interrupted
+from estim.common.jobs import run_parallel
+
+class Alarmed(ThreadPoolExecutor):
+    def submit(self, task, n):
+        if n == LAST:
+            signal.setitimer(signal.ITIMER_REAL, delay)
+        return super().submit(task, n)
+
+def interrupt(number, frame):
+    raise Interrupted
+
+LAST = 20_000
+signal.signal(signal.SIGALRM, interrupt)
+for delay in (0.001, 0.002, 0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.1):
+    try:
+        with Alarmed(1) as executor:
+            run_parallel(lambda n: time.sleep(0.02), range(LAST + 1), jobs=2, executor=executor)
+    except Interrupted:
+        print(delay)
+"""
+
+
+def test_an_interrupt_right_after_many_were_handed_over_ends_the_work() -> None:
+    """`as_completed` of the standard library, interrupted while it starts, leaves the futures
+    locked for ever.
+    """
+    ended = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=PATIENCE
+    )
+    assert (ended.stderr, len(ended.stdout.split())) == ("", 10)
+
+
 class Held:
     """What a read-only mapping is part of, which pickle does not know by itself."""
 

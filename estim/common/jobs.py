@@ -19,6 +19,7 @@ import warnings
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
+from queue import SimpleQueue
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -27,7 +28,7 @@ from estim.common.interruption import STOPPING
 from estim.common.phrases import at_commands, language, spoken
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor, ProcessPoolExecutor
+    from concurrent.futures import Executor, Future, ProcessPoolExecutor
 
 K = TypeVar("K", bound=Hashable)
 T = TypeVar("T")
@@ -92,16 +93,23 @@ def _through(
 ) -> Iterator[tuple[K, T]]:
     """By an executor, which may have any number of workers: all are submitted, and those that wait
     are given up on an error.
-    """
-    from concurrent.futures import as_completed
 
+    Not by `as_completed`, which holds the locks of all futures while it starts: an interrupt there
+    leaves them locked, and the executor waits for them for ever.
+    """
+    numbered: dict[Future[T], K] = {}
+    done: SimpleQueue[Future[T]] = SimpleQueue()
     with _interrupts_held():  # an executor may start its processes now
-        futures = {executor.submit(task, n): n for n in numbers}
+        for n in numbers:
+            future = executor.submit(task, n)
+            numbered[future] = n
+            future.add_done_callback(done.put)
     try:
-        for future in as_completed(futures):
-            yield futures.pop(future), future.result()
+        while numbered:
+            future = done.get()
+            yield numbered.pop(future), future.result()
     finally:
-        for future in futures:
+        for future in numbered:
             future.cancel()
 
 
