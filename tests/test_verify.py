@@ -398,6 +398,15 @@ def test_where_the_draws_are_the_same_everything_is() -> None:
     assert verdicts(one, now)["parameters.a.mean"] is Verdict.WRONG
 
 
+def test_what_other_draws_hardly_move_by_chance_is_not_taken_for_forged() -> None:
+    """Four of its five numbers agree; those of what stands beside it do not."""
+    now = {"parameters": {name: estimate(1.0, 0.5) for name in "abc"}}
+    others = {name: estimate(1.03, 0.49) for name in "bc"}
+    for mean, verdict in ((1.03, Verdict.WITHIN), (1.1, Verdict.WRONG)):
+        before = {"parameters": {"a": {**estimate(1.0, 0.5), "mean": mean}, **others}}
+        assert verdicts(before, now)["parameters.a.mean"] is verdict
+
+
 def test_lines_are_compared_by_their_words_and_by_what_is_estimated() -> None:
     now = b"gamma = 0.181 \xc2\xb1 0.013, R-hat 1.0012\nthe fit is ok\n"
 

@@ -201,10 +201,18 @@ def _key(path: str) -> str:
 
 
 def _of_values(
-    path: str, before: Any, now: Any, same: bool, *, exact: bool = False, scale: float = 0.0
+    path: str,
+    before: Any,
+    now: Any,
+    same: bool,
+    *,
+    exact: bool = False,
+    scale: float = 0.0,
+    beside: bool = True,
 ) -> Iterator[Difference]:
     """exact : every number that differs by more than the last bits is wrong.  scale : of the
-    numbers beside it.
+    numbers beside it.  beside : whether most numbers of the estimates beside it are of the same
+    draws.
     """
     key = _key(path)
     if not exact and key in _DIAGNOSTICS:
@@ -214,18 +222,20 @@ def _of_values(
         estimate = None if exact else estimate_in(now)
         moved = [move > SAME_DRAWS for move in _moves(before, now)]
         if estimate is not None:  # beside it stand numbers of draws
-            # other draws move most numbers of an estimate: where a few differ, somebody changed
-            # them
-            same, scale = (2 * sum(moved) <= len(moved) if len(moved) > 2 else not any(moved)), 0.0
+            # other draws move most numbers of an estimate, and of those beside it: where a few
+            # differ, somebody changed them
+            few = 2 * sum(moved) <= len(moved) if len(moved) > 2 else not any(moved)
+            same, scale = few and beside, 0.0
         else:
             same, scale = not any(moved) if moved else same, _scale([*now.values()])
+            beside = 2 * sum(moved) <= len(moved)
         for name in dict.fromkeys([*before, *now]):
             place = f"{path}.{name}" if path else name
             if name not in now or name not in before:
                 yield _difference(place, before.get(name, ""), now.get(name, ""))
             elif estimate is None or name not in _ERRORS:
                 yield from _of_values(
-                    place, before[name], now[name], same, exact=exact, scale=scale
+                    place, before[name], now[name], same, exact=exact, scale=scale, beside=beside
                 )
             else:
                 tolerance = SAME_DRAWS * estimate[1] if same else _tolerance(name, now, estimate[1])
@@ -233,7 +243,13 @@ def _of_values(
     elif isinstance(before, list) and isinstance(now, list) and len(before) == len(now):
         for i, (one, other) in enumerate(zip(before, now, strict=True)):
             yield from _of_values(
-                f"{path}[{i}]", one, other, same, exact=exact, scale=max(scale, _scale(now))
+                f"{path}[{i}]",
+                one,
+                other,
+                same,
+                exact=exact,
+                scale=max(scale, _scale(now)),
+                beside=beside,
             )
     elif is_number(before) and is_number(now):
         stated = key in _FIXED
