@@ -2,11 +2,12 @@
 campaign; each a problem of the same points.
 
     paper                 weight and inertia alone: no resistance, exactly at rest when released
-    (arXiv 1403.7220) rolling-resistance    and so on: the paper's model and one thing more, with
-    the prior that the campaign states, else that of `estim fit --explain`
+                          (arXiv 1403.7220)
+    rolling-resistance    and so on: the paper's model and one thing more, with the prior that the
+                          campaign states, else that of `estim fit --explain`
     as-stated             all that the campaign states, where that is more than one of these
-    unmodelled-force      what the campaign states, with room for a force along the track and a free
-    start: what `estim fit` does
+    unmodelled-force      what the campaign states, with room for a force along the track and a
+                          free start: what `estim fit` does
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """`[derived]` of a campaign: quantities that follow from its parameters by formulas, the same for a
 rolling body and a user's own curve.
 
-    [derived] g = "4*pi**2/slope" heavier = {formula = "gamma[heavy] - gamma[light]", symbol = "Δγ",
-    meaning = "difference of the two disks"}
+    [derived]
+    g = "4*pi**2/slope"
+    heavier = {formula = "gamma[heavy] - gamma[light]", meaning = "difference of the two disks"}
 
 `docs/campaign.md` explains it to users.
 """

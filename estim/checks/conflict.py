@@ -5,8 +5,7 @@ Around the mode the data are a measurement of the parameters, and so are the sta
 eigenvectors e of the stated ones, in units of the priors', and z the distance of the mode from the
 stated values in their standard uncertainties, the two differ by
 
-    T = sum (e . z)^2 (1 + 1/lambda)                     chi^2 with as many degrees of freedom as
-    terms
+    T = sum (e . z)^2 (1 + 1/lambda)          chi^2 with as many degrees of freedom as terms
 
 which is chi^2 at the joint minimum minus that of the data alone: exact for a linear curve and
 normal priors, when the true values come from the priors.  Directions of which the data know less

@@ -8,7 +8,7 @@ least squares of all of them where the sources F have values of their own,
 
     Q() - Q(all)              chi^2, with as many degrees of freedom as unknowns are added
     D_r^2 = Q() - Q(r)        the same for one source, the squared Mahalanobis distance of run r
-    from all others together
+                              from all others together
 
 Both are exact for a linear problem, and the first is then the joint minimum of chi^2 minus the sum
 of the separate ones, with the priors counted once.  Values of their own are asked about in those

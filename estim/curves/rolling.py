@@ -214,8 +214,8 @@ class PhaseCurve:
     """The phase curve of a rolling body as a curve to fit: v(x) in m/s, or omega(theta - theta0) in
     rad/s, as instruments read them.
 
-        v_read^2 = 2 g R (E0 + W)/D (dx_read/dx)^2/(1 + scale_t)^2        at x = true position of
-        x_read - offset
+        v_read^2 = 2 g R (E0 + W)/D (dx_read/dx)^2/(1 + scale_t)^2
+            at x = true position of x_read - offset
 
     angular : positions are angles turned since release.
 

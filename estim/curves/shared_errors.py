@@ -95,8 +95,8 @@ class DistortedCurve:
     `curve` must take x that differs from draw to draw, (n_draw, n_obs), as formulas and functions
     do.
 
-        y = (1 + sum of scale_y) f(x_true) + sum of zero_y,    x_true = (x - sum of zero_x) / (1 +
-        sum of scale_x)
+        y = (1 + sum of scale_y) f(x_true) + sum of zero_y
+        x_true = (x - sum of zero_x) / (1 + sum of scale_x)
     """
 
     curve: Curve

@@ -3,11 +3,11 @@ held as further unknowns.
 
 Patterns of the readings of a run, one for each frame k, their size unknown:
 
-    "step"    every reading from frame k on is shifted (counts of an encoder lost or gained, a mark
-    that was lost and found beside)
+    "step"    every reading from frame k on is shifted (counts of an encoder lost or gained, a
+              mark that was lost and found beside)
     "frame"   one reading is shifted (a slip of the hand, a wrong time stamp)
     "clock"   every time from frame k on is wrong, by a whole number of frames that were lost
-    unnoticed or counted twice
+              unnoticed or counted twice
 
 With r, J and the components C_c of the force (`linearised`), w_c their probabilities, P_c the
 precision left when the parameters are fit too:

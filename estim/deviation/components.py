@@ -1,8 +1,10 @@
 """A deviation of unknown size and length beside the noise: a mixture of normal distributions that
 share a few diagonalisations.
 
-    C_k = s^2 C0 + a^2 K_l,    k = (l, s, a)        C0: stated covariance of the readings, K_l: what
-    a deviation of unit amplitude does to them
+    C_k = s^2 C0 + a^2 K_l,    k = (l, s, a)
+
+    C0     stated covariance of the readings
+    K_l    what a deviation of unit amplitude does to them
 
 `diagonalise` makes the grid: with C0 = W W^T and W^-1 K_l W^-T = V Lambda V^T each length needs one
 decomposition, and every amplitude and noise scale after that is a vector, s^2 + a^2 Lambda.

@@ -1,8 +1,8 @@
 """From a fit of a user's own curve with independent errors to noise with what the curve lacks, made
 once and held.
 
-    fit with independent errors -> linearise -> which deviations are how probable ->
-    `WithDeviation`, and the deviation for a reader
+    fit with independent errors -> linearise -> which deviations are how probable
+        -> `WithDeviation`, and the deviation for a reader
 
 The scale of a smooth deviation is the user's, who knows what y may be off by.  That of correlated
 errors is twice the residuals' standard deviation, or the stated one where that is larger: the prior

@@ -1,8 +1,10 @@
 """A force along the track that the curve does not know, and what it does to speeds and positions.
 
-    D v^2/2 = acceleration (E0 + W + F),    F(x) = int_0^x f dx'        f in units of the weight
+    D v^2/2 = acceleration (E0 + W + F)
+    F(x) = int_0^x f dx'        f in units of the weight
+
     energies of speeds at given positions    delta (v^2)/(2 v) = acceleration (E0 + F)/(D v)
-    exact: `estim.deviation.residuals`
+                                             exact: `estim.deviation.residuals`
     positions at given times                 to first order: `estim.deviation.in_time`
 
 Positions are metres with `acceleration` g, or rad with g/R for a turning wheel (v then rad/s,

@@ -1,10 +1,10 @@
 """The prior of a deviation: how large, over which lengths, and how well the size of the noise is
 known; a grid that is summed over.
 
-    amplitude a : 0 with probability `spike`, else half-normal
-    length l : log-normal about a sixth of the track, by a factor of two
-    scale s of the stated noise : log s Cauchy about 0, by a factor of 1.35; below 1 it counts as
-        evidence only (see `linearised`)
+    amplitude a                 0 with probability `spike`, else half-normal
+    length l                    log-normal about a sixth of the track, by a factor of two
+    scale s of the noise        log s Cauchy about 0, by a factor of 1.35; below 1 it counts as
+                                evidence only (see `linearised`)
 
 The numbers come from a study of coverage by simulation.  With them the 68 % intervals of slope,
 gamma and theta0 of a wheel cover 62-83 % for smooth profiles from half to eight standard deviations

@@ -1,8 +1,8 @@
 """Runs of a joint fit with unmodelled forces: what runs on one track share, and what each adds,
 made once at a white fit with free starts.
 
-    white fit -> the forces of each group of runs, linear about it -> how probable, beside what all
-    other runs say -> noise that a chain samples under
+    white fit -> the forces of each group of runs, linear about it
+        -> how probable, beside what all other runs say -> noise that a chain samples under
 
 Runs that share a force have one likelihood of all their points (`Together`): the force couples
 them.  The track is that of the run that went farthest; places count from the release of each run.

@@ -5,8 +5,9 @@ Linearise once, at the fit with white errors and a free start, which follows the
 f(p0), J = df/dp there.  Linearising again at the parameters found without carrying the deviation
 along leads astray (1.8 standard deviations where the profile is 8 of a reading).
 
-    A_k = J^T C_k^-1 J + P,    b_k = J^T C_k^-1 r + P (m - p0),    p | k ~ N(p0 + A_k^-1 b_k,
-    A_k^-1)
+    A_k = J^T C_k^-1 J + P
+    b_k = J^T C_k^-1 r + P (m - p0)
+    p | k ~ N(p0 + A_k^-1 b_k, A_k^-1)
 
 and the probability of k from the integral over p.  Exact for a linear curve; elsewhere the fast
 answer, and the proposal for the slow one.

@@ -5,8 +5,8 @@ A deviation shares its level, its slope and whatever else the parameters can imi
 how much of that is deviation nothing can tell.  Shown is the rest, the deviation about the curve
 that fits it best (least squares over the points, M = 1 - J (J^T C0^-1 J)^-1 J^T C0^-1):
 
-    d_k ~ N(0, a^2 K),    M d | data, k  normal, the parameters integrated out;    a mixture over
-    the components k
+    d_k ~ N(0, a^2 K)
+    M d | data, k        normal, the parameters integrated out; a mixture over the components k
 """
 
 from __future__ import annotations

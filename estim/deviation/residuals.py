@@ -1,8 +1,10 @@
 """How residuals of a curve that lacks something are formed: as y - f, or for speeds as energies, in
 which a force along the track is linear.
 
-    rho = y - u + (u^2 - f^2)/(2 v),    u: what the speeds are, as far as the data tell;    v = u,
-    where u is larger than errors of the readings
+    rho = y - u + (u^2 - f^2)/(2 v)
+
+    u    what the speeds are, as far as the data tell
+    v    u, where u is larger than errors of the readings
 
 A force and an energy at release add to the square of the speed whatever the parameters are, so
 their response in rho is the same at all draws: also beside a turning point, where that of the speed

@@ -1,8 +1,8 @@
 """From a fit with white errors and a free start to noise with an unmodelled force, made once and
 held: what a chain samples under.
 
-    white fit with a free start -> linearise -> which forces are how probable -> `WithForce`, and
-    the force for a reader
+    white fit with a free start -> linearise -> which forces are how probable
+        -> `WithForce`, and the force for a reader
 """
 
 from __future__ import annotations

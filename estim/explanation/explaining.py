@@ -1,8 +1,8 @@
 """What may be missing where a curve does not explain the data: each candidate refit by least
 squares, the one that gains most first.
 
-    gain = AIC of the fit as stated - AIC with the candidate,    AIC = -2 log L + sum of squared
-    pulls of the priors + 2 (numbers that it adds)
+    gain = AIC of the fit as stated - AIC with the candidate
+    AIC = -2 log L + sum of squared pulls of the priors + 2 (numbers that it adds)
 
 L at its largest over a size of the noise that is at least the stated one, so that no candidate is
 paid for taking up noise that was stated too small.  A candidate has a prior as wide as such a thing

@@ -5,19 +5,20 @@ For each draw of the parameters the readings are made again, with what the curve
 leave it and with new noise (`estim.deviation.repetition`); each statistic T of them is compared
 with T of the data:
 
-    p = 2 min{P(T_again >= T), P(T_again <= T)},    ties shared evenly                    Gelman,
-    Meng, Stern, Stat. Sinica 6 (1996) 733
+    p = 2 min{P(T_again >= T), P(T_again <= T)}        ties shared evenly
 
 What was measured is used twice, for the fit and for the test, so that p is conservative: where the
 model is right it is nearer to 1/2 than a uniform number would be, and small values are rarer than
 they say (Bayarri, Berger, J. Am. Stat. Assoc. 95 (2000) 1127).  A small one counts.
 
+Source: Gelman, Meng, Stern, Stat. Sinica 6 (1996) 733.
+
     largest_speed, its_place    of the speeds as measured
     turning_point               where the straight line through v^2 of the last speeds ends, of a
-    body that slows down
+                                body that slows down
     farthest                    of positions in time: the largest
     energy                      kinetic and potential, last readings less first ones, in units of
-    the largest kinetic energy of the curve
+                                the largest kinetic energy of the curve
 """
 
 from __future__ import annotations

@@ -8,8 +8,8 @@ share is multiplied by that room n times.  It is pulled by sqrt(n) times what on
 Readings therefore have the measure of Jeffreys, given what is shared: the density is divided by the
 volume V of their distribution given the shared parameters s,
 
-    m(s) = V(s_fit)/V(s),    V^2 = product over runs of det (inverse of J^T J + priors)   of the
-    rows and columns of the readings,
+    m(s) = V(s_fit)/V(s)
+    V^2 = product over runs of det (inverse of J^T J + priors)    rows and columns of the readings
 
 the other parameters of the run integrated out.  The noise and spreads between runs are held: they
 set the size of errors, and there it is flat weights that are right.  To first order log m is linear

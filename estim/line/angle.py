@@ -3,8 +3,9 @@
 ``regression.py``, ``interval.py`` and ``posterior.py`` are built on this file; call those.
 With theta the line's angle and (across, along) the coordinates normal to the line and in it,
 
-    across_i = y_i cos theta - x_i sin theta,    v_i = u_x^2 sin^2 - 2 r u_x u_y sin cos + u_y^2
-    cos^2, S(theta) = min over c of sum (across_i - c)^2 / v_i,
+    across_i = y_i cos theta - x_i sin theta
+    v_i      = u_x^2 sin^2 theta - 2 r u_x u_y sin theta cos theta + u_y^2 cos^2 theta
+    S(theta) = min over c of sum (across_i - c)^2 / v_i
 
 so that a steep line is no worse than a flat one and x and y may be exchanged.  S is scanned over
 all directions and the root of dS/dtheta polished in every bracket that holds a minimum; the lowest

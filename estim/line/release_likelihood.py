@@ -6,8 +6,8 @@ it is set `release` >= 0 inside that range (paper, section IV: measured angles a
 What differs from trial to trial is logistic, of standard deviation `scatter` (width w = sqrt(3)
 scatter/pi):
 
-    P(climb | theta, phi) = logistic((m - theta_min - release)/w),    m = theta below 90 degrees, pi
-    - theta above.
+    P(climb | theta, phi) = logistic((m - theta_min - release)/w)
+    m = theta below 90 degrees, pi - theta above
 
 The far end is left out: it matters only where theta_min comes within a few w of 90 degrees.  Where
 s > gamma nothing climbs; theta_min goes on beyond 90 degrees as pi/2 + acos(2 - s/gamma), the

@@ -1,16 +1,23 @@
 """The rolling body and the symbols of its theory.
 
-| symbol | name in code | unit | meaning | |---|---|---|---| | R | radius | m | radius of the disk |
-| M_D, M_P, M_T | mass_disk, mass_particle, mass_trailing | kg | disk; particle; part that
-translates with the axle and does not rotate | | M | mass | kg | M_D + M_P + M_T | | rho | rho | 1 |
-distance of the particle from the axle / R (1 in the paper) | | gamma | gamma | 1 | distance of the
-centre of mass from the axle / R = (M_P/M) rho | | kappa | kappa | 1 | I_C/(M_D R^2): inertia of the
-disk alone, about the axle | | tau | trailing_fraction | 1 | M_T/M | | k_P | particle_gyration | 1 |
-radius of gyration of the particle about its own centre / R | | j | inertia_ratio | 1 | inertia of
-all that rotates, about the axle, / (M R^2) | | phi | phi | rad | tilt of the ramp, positive when x
-points uphill | | theta, theta0 | theta, theta0 | rad | angle of the particle from the vertical, its
-value at release; theta = theta0 + x/R | | c_rr | rolling_resistance | 1 | coefficient of rolling
-resistance | | s | slope | 1 | effective slope sin(phi) + c_rr cos(phi) |
+| symbol | name in code | unit | meaning |
+|---|---|---|---|
+| R | radius | m | radius of the disk |
+| M_D, M_P | mass_disk, mass_particle | kg | disk; particle |
+| M_T | mass_trailing | kg | part that translates with the axle and does not rotate |
+| M | mass | kg | M_D + M_P + M_T |
+| rho | rho | 1 | distance of the particle from the axle / R (1 in the paper) |
+| gamma | gamma | 1 | distance of the centre of mass from the axle / R = (M_P/M) rho |
+| kappa | kappa | 1 | I_C/(M_D R^2): inertia of the disk alone, about the axle |
+| tau | trailing_fraction | 1 | M_T/M |
+| k_P | particle_gyration | 1 | radius of gyration of the particle about its own centre / R |
+| j | inertia_ratio | 1 | inertia of all that rotates, about the axle, / (M R^2) |
+| phi | phi | rad | tilt of the ramp, positive when x points uphill |
+| theta, theta0 | theta, theta0 | rad | angle of the particle from the vertical, and at release |
+| c_rr | rolling_resistance | 1 | coefficient of rolling resistance |
+| s | slope | 1 | effective slope sin(phi) + c_rr cos(phi) |
+
+theta = theta0 + x/R.
 
 Use `Body(...)` when the ratios are known and `Body.from_masses(...)` when the parts were weighed.
 """

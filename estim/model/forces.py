@@ -4,26 +4,26 @@ all of it.
 Energies in weights x R (units of M g R), u = theta - theta0 the angle turned, x = R u the path of
 the axle, v = R u':
 
-    q(u) = v^2 D/(2 g R),    D = 1 + j + 2 gamma cos(theta + phi_x),    phi_x = phi + phi' x,
+    q(u) = v^2 D/(2 g R)
+    D    = 1 + j + 2 gamma cos(theta + phi_x),    phi_x = phi + phi' x
     q(0) = E0 = v0^2 D(0)/(2 g R)
 
-    dq/du = gamma sin theta - sin phi_x - (c_rr cos phi_x + m + c_N n) - sum_{k=1,2} [a_k cos(k
-    theta) + b_k sin(k theta)]
+    dq/du = gamma sin theta - sin phi_x - (c_rr cos phi_x + m + c_N n)
+            - sum_{k=1,2} [a_k cos(k theta) + b_k sin(k theta)]
             - k_1 v/g - k_2 v |v|/g
 
-    n = N/(M g) = cos phi_x + 2 q phi' R/D - gamma [sin(theta + phi_x) (q/D)' + 2 cos(theta + phi_x)
-    q/D]
+    n = N/(M g) = cos phi_x + 2 q phi' R/D
+                  - gamma [sin(theta + phi_x) (q/D)' + 2 cos(theta + phi_x) q/D]
 
-| symbol | name in code | unit | meaning | on the way back | |---|---|---|---|---| | E0 |
-release_energy | 1 | kinetic energy at release; negative: what a body at rest lacks there | | | m |
-moment | 1 | resisting moment / (M g R): `moment_ratio` of newton metres, so that bodies of
-different mass share it | changes sign | | c_N | load_resistance | 1 | rolling resistance by the
-load that the ramp feels, not by its value at rest | changes sign | | k_1 | viscous_drag | 1/s |
-force k_1 M v against the motion (or a moment k_1 M R v) | changes sign | | k_2 | quadratic_drag |
-1/m | force k_2 M v^2 against the motion: c_w A rho_air/(2 M) | changes sign | | a_k, b_k |
-once_cos, once_sin, twice_cos, twice_sin | 1 | resisting moment k times per turn / (M g R): a wheel
-out of round, a bent axle | stays | | phi' | phi_slope | rad/m | change of the tilt along the ramp;
-`sagging` for a ramp that hangs through | stays |
+| symbol | name in code | unit | meaning | on the way back |
+|---|---|---|---|---|
+| E0 | release_energy | 1 | kinetic energy at release; negative: what a body at rest lacks | |
+| m | moment | 1 | resisting moment / (M g R), which bodies of different mass share | changes sign |
+| c_N | load_resistance | 1 | rolling resistance by the load that the ramp feels | changes sign |
+| k_1 | viscous_drag | 1/s | force k_1 M v against the motion | changes sign |
+| k_2 | quadratic_drag | 1/m | force k_2 M v^2, k_2 = c_w A rho_air/(2 M) | changes sign |
+| a_k, b_k | once_cos ... twice_sin | 1 | moment k times per turn / (M g R): a bent axle | stays |
+| phi' | phi_slope | rad/m | change of the tilt along the ramp: it hangs through | stays |
 
 The curved ramp is exact, not a small correction: the axle moves by R dtheta whatever the curvature,
 if x is its path and theta is counted from the vertical.  Without k_1, k_2 and c_N the equation

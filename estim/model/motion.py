@@ -3,9 +3,10 @@
 The time is t = integral of dx/v, singular at the release and at a turning point.  Two substitutions
 remove it:
 
-    a turning point at theta_t:  theta = m - h cos u,  u in [0, pi]      (m, h: middle and
-    half-width of the range)
-    no turning point in reach:   theta = theta0 + L w^2,  w in [0, 1]    (L: as far as is asked for)
+    a turning point at theta_t      theta = m - h cos u,  u in [0, pi]
+                                    (m, h: middle and half-width of the range)
+    no turning point in reach       theta = theta0 + L w^2,  w in [0, 1]
+                                    (L: as far as is asked for)
 
 dt/du (dt/dw) is smooth, so it is interpolated at Chebyshev points and integrated in closed form;
 the inverse t -> x is read off a table of that polynomial and its derivatives.  Everything is

@@ -5,8 +5,9 @@ Parts are flat pieces that turn about the axle, given by their mass, where their
 their radius of gyration about an axis through it, parallel to the axle.  With r_i the place of a
 centre, k_i that radius of gyration and R the rolling radius,
 
-    M = sum m_i,    gamma R = |sum m_i r_i|/M,    j M R^2 = sum m_i (k_i^2 + |r_i|^2)
-    (parallel axes)
+    M = sum m_i
+    gamma R = |sum m_i r_i|/M
+    j M R^2 = sum m_i (k_i^2 + |r_i|^2)        (parallel axes)
 
 The motion depends on M, gamma and j alone.  How j is shared between "disk" (kappa) and "particle"
 (rho, k_P) is a way of speaking: here the particle is all that is off the axle, unless it is said

@@ -4,9 +4,10 @@ and end.
 Energy conservation for rolling without slipping (paper, eq. phase_curve, here with rolling
 resistance and any body):
 
-    v^2 = 2 g R W/D,    W(theta) = gamma (cos theta0 - cos theta) - (theta - theta0) s,    theta =
-    theta0 + x/R
-                        D(theta) = 1 + j + 2 gamma cos(theta + phi),    s = sin phi + c_rr cos phi
+    v^2      = 2 g R W/D
+    W(theta) = gamma (cos theta0 - cos theta) - (theta - theta0) s
+    D(theta) = 1 + j + 2 gamma cos(theta + phi)
+    theta = theta0 + x/R,    s = sin phi + c_rr cos phi
 
 All functions broadcast: give `x` shaped (n_obs,) and parameters as scalars or shaped (n_draw, 1) to
 get (n_draw, n_obs).  Use `speed` for measured positions in metres and `angular_rate` for measured

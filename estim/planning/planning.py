@@ -4,8 +4,11 @@ linear theory, and which is best.
 The information of the campaign as it stands (data and what is stated) is set beside that of the
 same campaign with each change made:
 
-    u = sqrt(diag (sum J^T C^-1 J + P)^-1)        J: slopes of the curves at the fit, C: covariance
-    of the errors, P: what is stated
+    u = sqrt(diag (sum J^T C^-1 J + P)^-1)
+
+    J    slopes of the curves at the fit
+    C    covariance of the errors
+    P    what is stated
 
 Everything is taken at the fit, without the errors of the data at hand, so that all rows of the
 table are alike.  C has the free start and the unmodelled force of a default analysis

@@ -4,8 +4,9 @@ The true abscissas xi_i come from a normal distribution N(mu, tau^2) and are rea
 error of standard deviation s_i.  Given its reading a true abscissa is N(m_i, v_i), and a point
 contributes
 
-    L_i = int N(y_i; f(xi), u_i^2) N(xi; m_i, v_i) dxi,    v_i = 1/(1/s_i^2 + 1/tau^2),    m_i = x_i
-    - lambda_i (x_i - mu),  lambda_i = v_i/tau^2
+    L_i = int N(y_i; f(xi), u_i^2) N(xi; m_i, v_i) dxi
+    v_i = 1/(1/s_i^2 + 1/tau^2)
+    m_i = x_i - lambda_i (x_i - mu),    lambda_i = v_i/tau^2
 
 (N(x_i; mu, s_i^2 + tau^2) does not depend on the curve).  mu and tau^2 are the mean of the x and
 their variance less that of the errors; how uncertain they remain moves all points in common and is

@@ -8,8 +8,8 @@ The estimated mean and variance of the true abscissas move all points in common.
 derivatives of the mean of y_i in these two displacements, in standard deviations of both, and z_i =
 (y_i - mean)/sd, integrating them out gives (exact for a line)
 
-    log L = sum log L_i + g^T (1 + H)^-1 g / 2 - log det(1 + H) / 2,    g = sum z_i t_i,  H = sum
-    t_i t_i^T.
+    log L = sum log L_i + g^T (1 + H)^-1 g / 2 - log det(1 + H) / 2
+    g = sum z_i t_i,    H = sum t_i t_i^T
 
 (The first term added is never above sum z_i^2/2: no misfit is rewarded.  Robust tails bound z_i in
 g.)

@@ -9,10 +9,13 @@ will do, take both and ask `estim.propagation.validation.compare` (JCGM 101, sec
 How a measurement function looks is said at the top of `estim/propagation/evaluation.py`; how to
 state an input, at the top of `estim/propagation/inputs.py`.
 
-    inputs = [Input("V", 4.999, 0.0032, unit="V"), Input("I", 0.019661, 9.5e-6, unit="A")] linear =
-    propagate_linear(lambda q: q["V"] / q["I"], inputs, correlation={("V", "I"): -0.36}) sampled =
-    propagate_monte_carlo(lambda q: q["V"] / q["I"], inputs, rng=rng, correlation={("V", "I"):
-    -0.36}) validation = compare(linear, sampled)
+    inputs = [Input("V", 4.999, 0.0032, unit="V"), Input("I", 0.019661, 9.5e-6, unit="A")]
+    correlation = {("V", "I"): -0.36}
+    linear = propagate_linear(lambda q: q["V"] / q["I"], inputs, correlation=correlation)
+    sampled = propagate_monte_carlo(
+        lambda q: q["V"] / q["I"], inputs, rng=rng, correlation=correlation
+    )
+    validation = compare(linear, sampled)
 
 Outputs are shaped () for a scalar function and (n_out,) for a curve or a tuple of outputs, in every
 record.

@@ -6,8 +6,8 @@ for a campaign.
 
 or, in two steps:
 
-    analysis = sample_curve(fit, seed=1) files = curve_report(fit, analysis, title="Cooling",
-    kind="measured")     # relative path -> bytes
+    analysis = sample_curve(fit, seed=1)
+    files = curve_report(fit, analysis, title="Cooling", kind="measured")  # relative path -> bytes
 """
 
 from __future__ import annotations

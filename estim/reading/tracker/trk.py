@@ -3,8 +3,10 @@ files without Tracker.
 
 A point that was marked at the pixel (u, w) of frame n has in the calibrated axes the position
 
-    a = (u - xorigin)/xscale,  b = (yorigin - w)/yscale,  x = a cos(angle) + b sin(angle),  y = -a
-    sin(angle) + b cos(angle)
+    a = (u - xorigin)/xscale
+    b = (yorigin - w)/yscale
+    x = a cos(angle) + b sin(angle)
+    y = -a sin(angle) + b cos(angle)
 
 with the origin, scale and angle of the last key frame up to n, and the time (n - startframe)
 delta_t/1000 + starttime/1000.  Source: Tracker's own code (ImageCoordSystem.updateTransforms,
