@@ -18,7 +18,7 @@ import math
 
 import numpy as np
 
-from estim.curves.counting import EventTimes, Poisson
+from estim.curves.count_data import EventTimes, Poisson
 from estim.curves.curve_problem import AxisNames, pose_curve
 from estim.distributions import normal_quantile
 from estim.fitting.least_squares import Fit, fit_least_squares

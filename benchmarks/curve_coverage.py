@@ -20,7 +20,7 @@ import sys
 import numpy as np
 from scipy import stats
 
-from estim.checks.goodness import (
+from estim.checks.goodness_of_fit import (
     P_POOR_FIT,
     _Compared,
     _growing,

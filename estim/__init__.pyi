@@ -5,7 +5,7 @@ name is first used.
 from estim.campaign.campaign import Campaign as Campaign
 from estim.campaign.loading import load_campaign as load_campaign
 from estim.checks.diagnosis import diagnose as diagnose
-from estim.checks.goodness import check_goodness as check_goodness
+from estim.checks.goodness_of_fit import check_goodness as check_goodness
 from estim.common.errors import EstimError as EstimError
 from estim.common.errors import InputError as InputError
 from estim.curve_fitting.many import ManyFits as ManyFits
@@ -14,9 +14,9 @@ from estim.curve_fitting.result import CurveFit as CurveFit
 from estim.curve_fitting.several import fit_curves as fit_curves
 from estim.curve_fitting.single import fit_curve as fit_curve
 from estim.curve_fitting.tables import read_table as read_table
-from estim.curves.counting import Binomial as Binomial
-from estim.curves.counting import EventTimes as EventTimes
-from estim.curves.counting import Poisson as Poisson
+from estim.curves.count_data import Binomial as Binomial
+from estim.curves.count_data import EventTimes as EventTimes
+from estim.curves.count_data import Poisson as Poisson
 from estim.curves.curve_problem import AxisNames as AxisNames
 from estim.curves.differential import ode as ode
 from estim.curves.joining import DataSet as DataSet

@@ -12,8 +12,8 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 
-from estim.web import work, worker
-from estim.web.work import Job
+from estim.web import job_queue, worker
+from estim.web.job_queue import Job
 
 FORKING = get_context("forkserver")
 LOADED = ("estim.cli.tables", "estim.pipeline", "estim.web.preview", "estim.reports.analysis")
@@ -63,9 +63,9 @@ def started(job: Job, output: int) -> Forked:
     from conftest import PIXEL  # which the new process need not load
 
     given, stdin = FORKING.Pipe(duplex=False)
-    environment = os.environ | work._ENVIRONMENT
+    environment = os.environ | job_queue._ENVIRONMENT
     environment |= {"ESTIM_INPUTS_WITHIN": str(job.folder.resolve())}
-    words = [str(job.seconds), str(work._BYTES), *job.task]
+    words = [str(job.seconds), str(job_queue._BYTES), *job.task]
     said = Connection(os.dup(output), readable=False)
     process = FORKING.Process(
         target=_work, args=(words, str(job.folder), environment, PIXEL, given, said)

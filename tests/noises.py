@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from estim.curves.counting import EventTimes, counted_points
+from estim.curves.count_data import EventTimes, counted_points
 from estim.curves.formula import read_formula
 from estim.deviation.bad_frame_search import BadFrames
 from estim.deviation.components import Shape, diagonalise
@@ -21,12 +21,12 @@ from estim.deviation.noise import Stated, WithForce
 from estim.deviation.residuals import Residuals
 from estim.problem.count_distributions import BINOMIAL, POISSON
 from estim.problem.count_noise import Counts
+from estim.problem.curve_noise import Correlated, Readings
 from estim.problem.differences import covariance_in_bands
 from estim.problem.finite_differences import STENCILS, differentiate
 from estim.problem.likelihood import Noise, Points
 from estim.problem.noise import Differentiated, Independent, Scale
 from estim.problem.normal import GaussianErrors
-from estim.problem.readings import Correlated, Readings
 from estim.problem.roots import root_of
 from estim.problem.tails import Mixture, StudentT
 

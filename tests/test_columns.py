@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from estim.common.errors import InputError
-from estim.reading.columns import line_numbers, read_columns
+from estim.reading.csv_table import line_numbers, read_columns
 from estim.reading.dialect import Dialect, name_and_unit
 from estim.reading.layout import read_layout
 

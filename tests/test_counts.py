@@ -26,7 +26,7 @@ from estim import (
 )
 from estim.common import spoken
 from estim.common.kinds import Kind
-from estim.curves.counting import counted_points
+from estim.curves.count_data import counted_points
 from estim.curves.curve_problem import AxisNames, pose_curve
 from estim.curves.formula import read_formula
 from estim.fitting import fit_problem
@@ -323,7 +323,7 @@ def flat_problem(counts: np.ndarray):
 
 def test_the_p_value_of_few_counts_is_that_of_refits(rng: np.random.Generator) -> None:
     """Their mean refits counts of one expectation exactly."""
-    from estim.checks.goodness import check_goodness
+    from estim.checks.goodness_of_fit import check_goodness
 
     def deviance(counts: np.ndarray, mean: np.ndarray | float) -> np.ndarray:
         return 2.0 * np.sum(special.xlogy(counts, counts / mean) - counts + mean, axis=-1)
@@ -344,7 +344,7 @@ def test_the_p_value_of_few_counts_is_that_of_refits(rng: np.random.Generator) -
 @pytest.mark.statistics
 def test_the_deviance_of_few_counts_has_the_p_value_that_it_says(rng: np.random.Generator) -> None:
     """Simulated, where chi-squared would reject far too often or never."""
-    from estim.checks.goodness import check_goodness
+    from estim.checks.goodness_of_fit import check_goodness
 
     simulated, by_chi2 = [], []
     for seed in range(150):

@@ -15,7 +15,7 @@ from scipy.optimize import minimize
 
 from estim import Component
 from estim.calibration.experiment import PointDesign
-from estim.checks.goodness import check_goodness
+from estim.checks.goodness_of_fit import check_goodness
 from estim.common.errors import InputError
 from estim.curve_fitting.single import fit_curve
 from estim.curves.curve_problem import AxisNames, pose_curve
@@ -394,8 +394,8 @@ def test_the_simulated_null_of_the_residuals_holds_for_a_line(
     """For small errors of x the normal scores are plain residuals: both forms of the null
     distribution must agree.
     """
-    monkeypatch.setattr("estim.checks.goodness._ENOUGH", 20_000)
-    monkeypatch.setattr("estim.checks.goodness._FEWER", 20_000)
+    monkeypatch.setattr("estim.checks.goodness_of_fit._ENOUGH", 20_000)
+    monkeypatch.setattr("estim.checks.goodness_of_fit._FEWER", 20_000)
     run = line.runs[0]
     small = posed("a + b*x", run.x, run.y, {"a": 1.0, "b": 2.0}, 0.1, 1e-6)
     fit = fit_least_squares(small, rng=rng, n_start=1)

@@ -11,8 +11,8 @@ from scipy import stats
 
 from estim import fit_curve, fit_line
 from estim.campaign import load_campaign
-from estim.checks import goodness
-from estim.checks.goodness import P_POOR_FIT, check_goodness, check_linear
+from estim.checks import goodness_of_fit
+from estim.checks.goodness_of_fit import P_POOR_FIT, check_goodness, check_linear
 from estim.fitting.least_squares import fit_least_squares
 from estim.line.findings import line_goodness
 from estim.pipeline import analyse
@@ -203,7 +203,7 @@ def test_stated_deviations_cover_where_the_pattern_is_called_covered(
     """Patterns over a tenth and a fifth of the range: what passes the rule is covered, all of them
     together are not.
     """
-    from estim.checks.goodness import _pattern
+    from estim.checks.goodness_of_fit import _pattern
 
     n = 300
     x = np.linspace(0.0, 1.0, n)
@@ -262,32 +262,32 @@ def test_data_sets_are_simulated_until_every_p_value_is_known_well_enough(
     """
     rng, sizes = np.random.default_rng(1), []
     for limit in ("_MOST_NUMBERS", "_MOST_AT_ONCE"):
-        monkeypatch.setattr(goodness, limit, getattr(goodness, limit) * 20 / n_error)
+        monkeypatch.setattr(goodness_of_fit, limit, getattr(goodness_of_fit, limit) * 20 / n_error)
 
     def simulate(n: int) -> tuple[np.ndarray, np.ndarray]:
         sizes.append(n)
         errors = rng.standard_normal((20, n))
         return errors, errors
 
-    compared = goodness._Compared(None, None, None)
-    usual = goodness._Tested(np.random.default_rng(2).standard_normal(20), compared, True)
-    (checks,) = goodness._checks([usual], simulate)
+    compared = goodness_of_fit._Compared(None, None, None)
+    usual = goodness_of_fit._Tested(np.random.default_rng(2).standard_normal(20), compared, True)
+    (checks,) = goodness_of_fit._checks([usual], simulate)
     least = min(check.p_value for check in checks.values())
     assert 10.0 <= round(least * (1 + sum(sizes)) - 1.0, 9) < 11.0 + least * 500
     assert max(sizes) * n_error <= 1e5 or max(sizes) == 1
     sizes.clear()
     errors = np.random.default_rng(2).standard_normal(20)
-    nearly = goodness._Tested(errors + np.linspace(-1.5, 1.5, 20), compared, True)
-    (checks,) = goodness._checks([nearly], simulate)
+    nearly = goodness_of_fit._Tested(errors + np.linspace(-1.5, 1.5, 20), compared, True)
+    (checks,) = goodness_of_fit._checks([nearly], simulate)
     least = min(check.p_value for check in checks.values())
     if n_error == 30:  # enough can be drawn
-        assert goodness.P_POOR_FIT < least < 3.0 * goodness.P_POOR_FIT
+        assert P_POOR_FIT < least < 3.0 * P_POOR_FIT
         assert round(least * (1 + sum(sizes)) - 1.0, 9) >= 25.0
     sizes.clear()
-    trending = goodness._Tested(np.linspace(-2.0, 2.0, 20), compared, True)
-    (checks,) = goodness._checks([trending], simulate)
+    trending = goodness_of_fit._Tested(np.linspace(-2.0, 2.0, 20), compared, True)
+    (checks,) = goodness_of_fit._checks([trending], simulate)
     assert sum(sizes) == max(2600, min(20_000, int(4e7 / n_error)))
-    assert checks["trend"].p_value == 1.0 / (1.0 + sum(sizes)) < goodness.P_POOR_FIT
+    assert checks["trend"].p_value == 1.0 / (1.0 + sum(sizes)) < P_POOR_FIT
 
 
 @pytest.mark.slow

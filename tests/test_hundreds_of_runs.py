@@ -14,7 +14,7 @@ from joint_runs import readings
 
 from estim import DataSet, fit_curves
 from estim.checks.conflict import _pulls_at_once
-from estim.checks.goodness import check_goodness
+from estim.checks.goodness_of_fit import check_goodness
 from estim.fitting import arrowhead, relaxation
 from estim.fitting.edges import around
 from estim.fitting.least_squares import fit_least_squares

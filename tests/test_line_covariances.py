@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 
 from estim import InputError, fit_line, slope_interval
 from estim.cli import commands as cli
-from estim.line.joint_errors import MOST_POINTS, Common, joint_covariance, with_common
+from estim.line.joint_covariance import MOST_POINTS, Common, joint_covariance, with_common
 
 N = 8
 TRUE = np.linspace(1.0, 8.0, N)
@@ -306,7 +306,7 @@ def test_intervals_hold_what_they_say_and_those_without_the_correlations_do_not(
 
 def slopes_hold(fit) -> bool:
     """Whether the exact interval holds the true slope, by its own test at that slope alone."""
-    from estim.line.angle import profile, scaled_points
+    from estim.line.angle_profile import profile, scaled_points
 
     points = scaled_points(fit.data)
     at = profile(np.asarray(np.arctan(0.7 * points.scale[0] / points.scale[1])), points)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from estim import fit_curve, load_campaign
-from estim.checks.goodness import Goodness
+from estim.checks.goodness_of_fit import Goodness
 from estim.deviation import BadFrames, FreeStart, Trajectory, bad_frames, pose_forces, trajectory
 from estim.deviation.autocorrelated import AutoCorrelated
 from estim.deviation.smoothing import settled

@@ -14,8 +14,8 @@ from scipy.optimize import least_squares, lsq_linear
 
 from estim import load_campaign
 from estim.campaign.campaign_file import read_campaign_file
-from estim.checks import goodness
-from estim.checks.goodness import Check, Goodness
+from estim.checks import goodness_of_fit
+from estim.checks.goodness_of_fit import Check, Goodness
 from estim.checks.prior_sensitivity import power_scaling
 from estim.fitting import arrowhead
 from estim.fitting.fisher_information import information
@@ -353,8 +353,8 @@ def test_simulated_residuals_of_each_run_are_those_of_all_runs_together(rng):
     )[0]
     n = 40_000
     none = np.zeros(X.size)
-    readings = goodness._recording([(none, none, none, none + 1.0)])
-    draws = goodness._simulated(Linear(none, root), spread, readings, rng)(n)[0].T
+    readings = goodness_of_fit._recording([(none, none, none, none + 1.0)])
+    draws = goodness_of_fit._simulated(Linear(none, root), spread, readings, rng)(n)[0].T
     within = 5.0 * np.sqrt(2.0 / n)
     assert np.all(np.abs(np.cov(draws.T) - (np.eye(X.size) - taken)) < within)
     assert np.max(np.abs(taken)) > 2.0 * within  # what the fit takes is seen
@@ -363,17 +363,17 @@ def test_simulated_residuals_of_each_run_are_those_of_all_runs_together(rng):
 
 def test_a_second_look_at_a_long_run_holds_one_block_of_residuals_at_a_time(rng, monkeypatch):
     sizes = []
-    simulated = goodness._simulated
+    simulated = goodness_of_fit._simulated
 
     def counted(*given):
         draw = simulated(*given)
         return lambda n: sizes.append(n) or draw(n)
 
-    monkeypatch.setattr(goodness, "_simulated", counted)
-    monkeypatch.setattr(goodness, "_MOST_AT_ONCE", 5e4)
+    monkeypatch.setattr(goodness_of_fit, "_simulated", counted)
+    monkeypatch.setattr(goodness_of_fit, "_MOST_AT_ONCE", 5e4)
     problem, _ = lines(MANY, rng, Normal(1.0, 0.5))
     bent = replace(problem.runs[0], y=problem.runs[0].y + 6.0 * (X - 0.5) ** 2)
-    goodness.check_goodness(
+    goodness_of_fit.check_goodness(
         fit_least_squares(
             Problem(problem.parameters, (bent, *problem.runs[1:])), rng=rng, n_start=1
         ),

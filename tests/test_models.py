@@ -39,7 +39,7 @@ from estim.problem import HalfNormal, Normal, Problem
 from estim.problem.roots import root_of
 from estim.reports.models import ground_words, price_words, verdicts
 from estim.sampling import Target, adapt_proposal, certify
-from estim.studies.models import (
+from estim.studies.model_comparison import (
     APART,
     START,
     Ground,

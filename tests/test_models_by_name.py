@@ -14,8 +14,8 @@ from estim import EventTimes, Poisson, fit_curve, load_campaign
 from estim.cli.commands import cli
 from estim.common import InputError, NumericalError
 from estim.curves.formula import read_formula
-from estim.curves.guesses import guess_starts
 from estim.curves.models import MODELS, read_model
+from estim.curves.starting_values import guess_starts
 
 
 @pytest.mark.parametrize(

@@ -18,11 +18,11 @@ from test_noise import CAMPAIGN, POSITIONS, TIMES
 from estim import fit_curve
 from estim.campaign import Campaign, load_campaign
 from estim.campaign.selection import way_back
-from estim.checks.goodness import P_FLOOR
+from estim.checks.goodness_of_fit import P_FLOOR
 from estim.cli import commands as cli
 from estim.common.errors import EstimError, InputError
 from estim.common.quantity import Quantity
-from estim.reading.columns import read_columns
+from estim.reading.csv_table import read_columns
 from estim.reading.dialect import Dialect
 from estim.reading.run import read_run
 from estim.reading.tracker.importing import stated_tilt
@@ -174,7 +174,7 @@ def test_size_of_errors_is_to_be_inferred_only_where_nothing_but_the_size_is_wro
 ) -> None:
     """Random errors twice as large as stated: infer them.  A drift: do not."""
     from estim.checks.diagnosis import failed_tests
-    from estim.checks.goodness import check_goodness
+    from estim.checks.goodness_of_fit import check_goodness
     from estim.fitting.least_squares import fit_least_squares
     from estim.words import advice_for
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from estim.campaign import load_campaign
-from estim.checks.goodness import P_TOLD, Check, Goodness, check_goodness
+from estim.checks.goodness_of_fit import P_TOLD, Check, Goodness, check_goodness
 from estim.common import Kind
 from estim.distributions import normal_below
 from estim.fitting.least_squares import fit_least_squares

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from estim.common.errors import InputError
-from estim.reading.columns import read_columns
+from estim.reading.csv_table import read_columns
 from estim.reading.dialect import Dialect
 from estim.reading.layout import read_layout
 from estim.reading.table import Table

@@ -15,8 +15,8 @@ from scipy.optimize import minimize
 from estim import Component, DataSet, InputError, fit_curve, fit_curves, fit_many, sample_curve
 from estim.campaign import load_campaign
 from estim.cli.commands import cli
+from estim.problem.curve_noise import Readings
 from estim.problem.noise import Scale
-from estim.problem.readings import Readings
 
 Array = NDArray[np.float64]
 # kafe2 2.11.0, examples/006_advanced_errors/03_relative_uncertainties.py

@@ -397,7 +397,7 @@ def test_new_asks_in_a_terminal(table: Path, monkeypatch: pytest.MonkeyPatch) ->
 def test_of_many_points_a_wrong_curve_is_found_block_by_block(
     rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch, bump: float, fits: bool
 ) -> None:
-    monkeypatch.setattr("estim.checks.goodness._MOST_AT_ONCE", 3500 * 70)
+    monkeypatch.setattr("estim.checks.goodness_of_fit._MOST_AT_ONCE", 3500 * 70)
     x = np.linspace(0.0, 1.0, 3500)
     y = 1.0 + 2.0 * x + bump * np.sin(9.0 * x) + rng.standard_normal(x.size)
     fit = fit_curve("a + b*x", x, y, u_y=1.0, start={"a": 1.0, "b": 1.0})

@@ -34,11 +34,11 @@ from estim.common import EstimError, InputError
 from estim.curves.models import read_model
 from estim.plugins import plugins
 from estim.web import At
+from estim.web.job_queue import Job, Workers
 from estim.web.labels import LABELS, on_page
 from estim.web.listening import listening
 from estim.web.question import MODELS, arguments_of, fields_of
 from estim.web.store import MOST_BYTES, MOST_FILES, Store
-from estim.web.work import Job, Workers
 
 LINE = b"t [s],U [V],u_U\n0,1.02,0.1\n1,2.95,0.1\n2,5.1,0.1\n3,6.97,0.1\n4,9.02,0.1\n"
 SLOW = "a*exp(-x/tau) + c + d*x"
@@ -1320,7 +1320,7 @@ def test_a_worker_is_held_to_its_seconds(tmp_path: Path, project: Path, real_wor
 def test_a_worker_is_held_to_its_memory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, real_workers: None
 ) -> None:
-    monkeypatch.setattr("estim.web.work._BYTES", 100 * 1024**2)
+    monkeypatch.setattr("estim.web.job_queue._BYTES", 100 * 1024**2)
     job = Job(tmp_path, ["run", "line", "none.csv"], seconds=60)
     job.run()
     assert job.code not in (0, 2)

@@ -7,8 +7,8 @@ Two questions, each with its own answer:
   computation belong together, the rank of a truth among posterior draws is uniform and an interval
   of probability p holds it with probability p: exactly, for any priors (Talts, Betancourt, Simpson,
   Vehtari, Gelman 2018, arXiv 1804.06788; Modrak et al., Bayesian Analysis 20 (2025) 461). It finds
-  mistakes. In joint fits readings of single runs (`estim.fitting.readings`) are read anew around
-  the truth, which is what they are taken for: there ranks are uniform to first order.
+  mistakes.  In joint fits readings of single runs (`estim.fitting.incidental_parameters`) are read
+  anew around the truth, which is what they are taken for: there ranks are uniform to first order.
 - "coverage": one truth, the fitted values, so that it speaks of *this* experiment.  The experiment
   is repeated together with the measurements that its normal and log-normal priors stand for: their
   centres are drawn anew around the truth with their own standard uncertainty.  With the centre

@@ -50,7 +50,7 @@ from estim.checks.diagnosis import (
 from estim.checks.deviations import deviation_finding, unasked, wrong_curves
 from estim.checks.fitted_curve import curve_findings, curve_remarks, values_outside
 from estim.checks.forces import SURE, force_finding, noise_finding
-from estim.checks.goodness import (
+from estim.checks.goodness_of_fit import (
     Check,
     P_FLOOR,
     P_POOR_FIT,
@@ -65,4 +65,4 @@ from estim.checks.modes import Modes, find_modes, optima
 from estim.checks.outliers import Outliers, bad_frames_found, find_outliers
 from estim.checks.rolling import Rolling, check_rolling, way_of
 from estim.checks.prior_sensitivity import CONFLICT, THRESHOLD, Sensitivity, power_scaling
-from estim.checks.what_if import Influence, influences
+from estim.checks.systematic_errors import Influence, influences

@@ -41,7 +41,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.checks.goodness import check_goodness
+from estim.checks.goodness_of_fit import check_goodness
 from estim.checks.run_information import fitted
 from estim.common import Amount, Finding, Kind, NumericalError, Stream, stream
 from estim.fitting import ALONE, Fit, Quadratic, around, chi2_p, fit_least_squares, refit

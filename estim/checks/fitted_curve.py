@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from estim.checks.counts import counts_as_readings
 from estim.checks.diagnosis import failed_tests, marginal_tests, tolerated_pattern
-from estim.checks.goodness import P_FLOOR, P_POOR_FIT, Goodness
+from estim.checks.goodness_of_fit import P_FLOOR, P_POOR_FIT, Goodness
 from estim.common import Amount, Finding, Kind
 from estim.fitting import FEW, Ends, Fit, Optimum, coverage_of_sd, pressed_edges, silent_parameters
 

@@ -88,7 +88,7 @@ def compare_models(
     from estim.campaign import load_campaign
     from estim.reports.models import ground_words, models_report, price_words, verdicts
     from estim.sampling import Target
-    from estim.studies.models import compare_models as compare
+    from estim.studies.model_comparison import compare_models as compare
 
     loaded = load_campaign(campaign, asked=runs)
     folder = out or out_folder(campaign, "models")

@@ -14,9 +14,9 @@ from estim.arrays import FloatArray, all_finite
 from estim.checks import P_POOR_FIT
 from estim.common import InputError, Status
 from estim.curve_fitting.single import fit_curve
-from estim.descent import Indices, Squares
 from estim.distributions import chi2_tail
 from estim.given_numbers import real_numbers
+from estim.levenberg_marquardt import Indices, Squares
 
 _SETTLED, _MOST_STEPS = 1e-12, 60
 _CONVERGED = 1e-3  # standard deviations

@@ -153,7 +153,7 @@ def fit_curve(
         given, or their times (n_obs,).  With either, values, sds and intervals are those of a
         mixture over its size and length, linear in the parameters (`estim.deviation`).
     noise : what y counts, in place of u_y: "poisson", or `Poisson(bins=...)`,
-        `Binomial(trials=...)`, `EventTimes(low, high)` with y = None (`estim.curves.counting`).
+        `Binomial(trials=...)`, `EventTimes(low, high)` with y = None (`estim.curves.count_data`).
         Intervals are then profiles of the likelihood, and chi2 is the deviance.
     jitter : whether y has further independent errors beside u_y, whose common standard deviation is
         the parameter "jitter": True where nothing is known of it (a flat prior from 0 to the range

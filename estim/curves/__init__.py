@@ -2,8 +2,8 @@
 `formula` for text.
 """
 
-from estim.curves.counting import Binomial, Counting, EventTimes, Poisson
-from estim.curves.dual import Dual
+from estim.curves.count_data import Binomial, Counting, EventTimes, Poisson
+from estim.curves.dual_numbers import Dual
 from estim.curves.formula import RESERVED, Formula, evaluate, read_formula
 from estim.curves.joining import DataSet, JointProblem, join, of_data_set
 from estim.curves.models import Limits

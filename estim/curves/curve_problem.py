@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray, IntArray
 from estim.common import InputError, Notation, Quantity, phrase, read_quantity
 from estim.curves.columns import column, errors_of, share_of
-from estim.curves.counting import (
+from estim.curves.count_data import (
     MAX_OBS,
     CountedPoints,
     Counting,

@@ -24,7 +24,7 @@ import numpy as np
 
 from estim.arrays import FloatArray, Named
 from estim.common import InputError, read_number, same_looks
-from estim.curves.dual import Dual, plain
+from estim.curves.dual_numbers import Dual, plain
 from estim.problem import LocalCurve
 
 CONSTANTS: Mapping[str, float] = MappingProxyType({"pi": float(np.pi), "e": float(np.e)})

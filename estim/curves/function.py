@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray, Named
 from estim.common import InputError
-from estim.curves.dual import Dual, plain
+from estim.curves.dual_numbers import Dual, plain
 from estim.curves.formula import local_of, time_derivative_of
 from estim.curves.several_abscissas import OfPoints
 from estim.given_numbers import real_numbers

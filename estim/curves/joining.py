@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import InputError, same_unit
-from estim.curves.counting import Counting
+from estim.curves.count_data import Counting
 from estim.curves.curve_problem import AxisNames, CurveProblem, require_points
 from estim.curves.derived import SoughtQuantity, check_derived_names, in_units, seek
 from estim.problem import Parameter, Problem

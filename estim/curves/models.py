@@ -2,7 +2,7 @@
 right_gaussian"`.
 
 A model is data: a formula and limits of its parameters.  Installed packages may add some.
-`estim.curves.guesses` finds starting values from points, as for any formula.  Names and
+`estim.curves.starting_values` finds starting values from points, as for any formula.  Names and
 normalisations are those of lmfit where it has the model (an `amplitude` of a peak is its area).
 """
 

@@ -17,13 +17,13 @@ from estim.arrays import FloatArray
 from estim.common import InputError
 from estim.curves.curve_problem import CurveProblem
 from estim.curves.formula import Formula, read_formula
-from estim.curves.guesses import guess_starts
 from estim.curves.models import Limits, named_model, names_only
 from estim.curves.models import ModelSum as ModelSum
 from estim.curves.models import known_models as known_models
 from estim.curves.models import read_model as read_model
 from estim.curves.projected import linear_in as linear_in
 from estim.curves.several_abscissas import OfPoints
+from estim.curves.starting_values import guess_starts
 from estim.problem import MOST_REWEIGHTED, Flat, errors_widened, typical_size
 
 _SIZE = "size_of_density"

@@ -15,11 +15,11 @@ import numpy as np
 
 from estim.arrays import FloatArray, all_finite
 from estim.curves.dimensions import dimensions_of
-from estim.curves.dual import Dual, plain
+from estim.curves.dual_numbers import Dual, plain
 from estim.curves.formula import CONSTANTS, FUNCTIONS, Formula, evaluate
 from estim.curves.models import Limits
 from estim.curves.scales import Scale, places_of, scale_of
-from estim.descent import Squares
+from estim.levenberg_marquardt import Squares
 
 
 def linear_in(formula: Formula, names: Collection[str]) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import InputError
 from estim.curves.columns import column
-from estim.curves.dual import plain
+from estim.curves.dual_numbers import plain
 from estim.curves.formula import Formula, evaluate, read_formula
 from estim.curves.projected import linear_in
 from estim.given_numbers import real_numbers

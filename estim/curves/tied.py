@@ -13,7 +13,7 @@ import numpy as np
 
 from estim.arrays import FloatArray, Named
 from estim.common import InputError
-from estim.curves.dual import Dual, plain
+from estim.curves.dual_numbers import Dual, plain
 from estim.curves.formula import Formula, check_names, evaluate, read_formula
 from estim.problem import EXACT, Curve, LocalCurve
 

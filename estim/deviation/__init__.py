@@ -10,7 +10,12 @@ from estim.deviation.expected import ForceSize, expected_root, force_sizes
 from estim.deviation.grid import FORCE_SCALE, SCALES, START_SD
 from estim.deviation.joint import NormalParts, bad_frames, by_itself, pose_forces, sharing_runs
 from estim.deviation.bad_frame_search import BadFrames, Jump, Pattern, Shifts
-from estim.deviation.discrepancy import DeviationSize, FoundDeviation, pose_deviation, presence
+from estim.deviation.curve_discrepancy import (
+    DeviationSize,
+    FoundDeviation,
+    pose_deviation,
+    presence,
+)
 from estim.deviation.noise import FreeStart
 from estim.deviation.parts import DEVIATION, FORCE, FRAMES, START, parts_of_errors
 from estim.deviation.with_force import FoundForce

@@ -46,6 +46,6 @@ from estim.fitting.optimum import (
     with_other_modes,
 )
 from estim.fitting.profile import Contour, ProfileInterval, contour, dof_of_size, profile_intervals
-from estim.descent import Start, minima
+from estim.levenberg_marquardt import Start, minima
 from estim.fitting.profile_search import ProfileSearch, search_of
 from estim.fitting.unconstrained import PERFECT, no_scatter, silent_parameters

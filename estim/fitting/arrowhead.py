@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.descent import steps_between
+from estim.levenberg_marquardt import steps_between
 from estim.problem import Posterior, Problem
 
 MANY = 16

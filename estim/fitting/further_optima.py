@@ -16,8 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.descent import solve
 from estim.fitting.separable import SeparableSearch
+from estim.levenberg_marquardt import solve
 
 _N_COARSE = 48  # places at which the speed of change is taken
 _SPACING = 0.35  # of a change of shape by its own size

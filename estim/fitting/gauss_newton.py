@@ -11,8 +11,7 @@ from estim.fitting.fisher_scoring import step_between
 from estim.fitting.separable import RESOLVED, SeparableSearch
 
 _NO_STEP = 1e-6  # standard deviations
-# promised fall, of the squares, at which a descent ends; steps by the information finish after the
-# rough one
+# promised fall of the sum of squares at which a descent ends; Fisher scoring follows the rough one
 _CLOSELY, _ROUGHLY, _MOST_STEPS = 1e-11, 1e-3, 100
 
 End = tuple[FloatArray, float]  # values (n_par,) and their sum of squares
@@ -25,8 +24,8 @@ def descended(search: SeparableSearch, starts: FloatArray) -> list[End]:
     points, chi2, settled = search.squares.descend(
         starts, share=_ROUGHLY if search.creeps else _CLOSELY, most=_MOST_STEPS
     )
-    # differences leave the sixth digit to an exact step
-    # steps by the information that end a search with errors of x
+    # one exact step gives the digits that numerical derivatives leave out; a search with errors of
+    # x ends by up to ten steps of Fisher scoring
     most = 10 if search.creeps else 1
     lowest = np.isfinite(chi2) & (settled | (chi2 <= np.min(chi2)))
     ends = [stepped(search, point, most=most)[0] for point in points[lowest]]

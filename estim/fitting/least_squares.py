@@ -23,9 +23,9 @@ from estim.distributions import chi2_tail
 from estim.fitting.arrowhead import descend_by_runs, many
 from estim.fitting.fisher_information import information
 from estim.fitting.fisher_scoring import finished
+from estim.fitting.incidental_parameters import measure_of
 from estim.fitting.jeffreys import jeffreys_prior
 from estim.fitting.noise_fit import fit_noise
-from estim.fitting.readings import measure_of
 from estim.fitting.relaxation import LEAST_SHARE, Held, settle_by_runs
 from estim.problem import JeffreysPrior, Measure, Posterior, Problem, Symmetry
 
@@ -109,7 +109,7 @@ class Fit:
     @cached_property
     def sampled(self) -> Posterior:
         """`posterior` as it is sampled: in a joint fit with the measure of readings
-        (`estim.fitting.readings`), and with Jeffreys' prior of unstated parameters.
+        (`estim.fitting.incidental_parameters`), and with Jeffreys' prior of unstated parameters.
         """
         if self.singular:
             return self.posterior

@@ -23,11 +23,11 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import PROBABILITIES, InputError, behind, later, percentage, phrase
-from estim.descent import End, Start, minima, together
 from estim.distributions import chi2_quantile, student_quantile
 from estim.fitting.least_squares import Fit
 from estim.fitting.profile_paths import crossing, dips, returns, walk
 from estim.fitting.profile_search import ProfileSearch, search_of
+from estim.levenberg_marquardt import End, Start, minima, together
 from estim.problem import Parameter
 
 _MODE_SETTLED = 1e-9  # fall still promised at the mode

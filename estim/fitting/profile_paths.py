@@ -11,8 +11,8 @@ from itertools import pairwise
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.descent import End, Start, Task
 from estim.fitting.profile_search import ProfileSearch
+from estim.levenberg_marquardt import End, Start, Task
 
 _LOST = 16.0  # times the level
 

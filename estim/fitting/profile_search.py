@@ -3,7 +3,7 @@ call.
 
 Only the log density decides; it is differentiated by differences, so any likelihood will do.  Runs
 that are independent of each other are differentiated each in its own parameters alone.  It is the
-`Hill` of `estim.descent`.
+`Hill` of `estim.levenberg_marquardt`.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray, all_finite, max_abs
 from estim.common import InputError
-from estim.descent import Squares
+from estim.levenberg_marquardt import Squares
 from estim.problem import EXACT, Posterior, Problem
 
 Indices = NDArray[np.int64]

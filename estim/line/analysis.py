@@ -27,8 +27,8 @@ from estim.common import (
     phrase,
     stream,
 )
-from estim.line.evidence import InterceptEvidence, intercept_evidence
 from estim.line.findings import line_findings
+from estim.line.intercept_evidence import InterceptEvidence, intercept_evidence
 from estim.line.interval import SlopeInterval, slope_interval
 from estim.line.posterior import LinePosterior, line_posterior
 from estim.line.regression import (

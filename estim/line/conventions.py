@@ -8,7 +8,7 @@ from estim.arrays import max_abs
 from estim.checks import NOTE_BELOW, P_POOR_FIT
 from estim.common import PhraseTable, format_p, phrase
 from estim.distributions import student_tail
-from estim.line.angle import LineData
+from estim.line.angle_profile import LineData
 
 CONVENTIONS: Mapping[str, str] = PhraseTable(
     {

@@ -10,7 +10,7 @@ import numpy as np
 
 from estim.checks import Goodness, check_linear, failed_tests, sampling_findings
 from estim.common import Finding, Kind, Stream, stream, wrong
-from estim.line.angle import scaled_points
+from estim.line.angle_profile import scaled_points
 from estim.line.interval import SlopeInterval
 from estim.line.regression import LineFit
 from estim.sampling import Chain

@@ -16,7 +16,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import phrase
-from estim.line.angle import profile, scaled_points
+from estim.line.angle_profile import profile, scaled_points
 from estim.line.regression import LineFit, coverage_factor
 
 

@@ -41,7 +41,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import InputError
-from estim.line.angle import LineData, line_data, scaled_points
+from estim.line.angle_profile import LineData, line_data, scaled_points
 from estim.line.regression import fit_line
 from estim.problem import HalfNormal, Normal, Prior
 

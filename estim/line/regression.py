@@ -44,7 +44,7 @@ from estim.checks import P_POOR_FIT
 from estim.common import InputError, Shown, Tabled, format_p, format_quantity, phrase
 from estim.distributions import chi2_quantile, chi2_tail, student_quantile
 from estim.given_numbers import real_number, real_numbers
-from estim.line.angle import (
+from estim.line.angle_profile import (
     LineData,
     Profile,
     ScaledPoints,

@@ -12,7 +12,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase, read_number
-from estim.line.joint_errors import MOST_POINTS, Common, joint_covariance, with_common
+from estim.line.joint_covariance import MOST_POINTS, Common, joint_covariance, with_common
 from estim.line.regression import fit_line
 from estim.reading import Dialect, read_columns
 

@@ -6,4 +6,4 @@ Read `model_file` first, then `propagating`.
 
 from estim.measurement.model_file import model_of_formula, read_model
 from estim.measurement.propagating import Propagation, propagate
-from estim.measurement.region import Region, ellipse
+from estim.measurement.coverage_regions import Region, ellipse

@@ -8,8 +8,8 @@ import numpy as np
 
 from estim.arrays import BoolArray, FloatArray
 from estim.common import InputError, Status
+from estim.measurement.coverage_regions import Region, regions
 from estim.measurement.model_file import MeasurementModel
-from estim.measurement.region import Region, regions
 from estim.measurement.second_order import second_order_u
 from estim.propagation import (
     MOST_VALUES,

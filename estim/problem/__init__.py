@@ -67,7 +67,7 @@ from estim.problem.priors import (
     as_prior,
     of_other_package,
 )
-from estim.problem.readings import Correlated, Readings, check_covariance
+from estim.problem.curve_noise import Correlated, Readings, check_covariance
 from estim.problem.roots import (
     Band,
     Root,

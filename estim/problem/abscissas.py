@@ -10,7 +10,7 @@ contributes
 
 (N(x_i; mu, s_i^2 + tau^2) does not depend on the curve).  mu and tau^2 are the mean of the x and
 their variance less that of the errors; how uncertain they remain moves all points in common and is
-integrated out too (`TrueAbscissas.common`, `estim.problem.latent`).
+integrated out too (`TrueAbscissas.common`, `estim.problem.errors_in_x`).
 
 Quadrature.  N(xi; m, v) is, to 1e-4, a sum of narrower normal densities of standard deviation d
 sqrt(v) at nodes h sqrt(v) apart, h = sqrt(2) d.  Within each the curve is replaced by its mean and

@@ -26,9 +26,9 @@ from estim.arrays import FloatArray, Named
 from estim.common import phrase
 from estim.problem.count_distributions import Counted, Law, deviance_residual
 from estim.problem.curve import POINTS, Wording
+from estim.problem.curve_noise import Readings
 from estim.problem.likelihood import Likelihood, Noise, Points
-from estim.problem.readings import Readings
-from estim.problem.size import Scale, Size
+from estim.problem.noise_variance import Scale, Size
 
 _LEAST = 1e-300  # expectation or variance, so that nothing is divided by 0
 # standard deviation, in counts, of the penalty where a single count of 0 is expected to be less

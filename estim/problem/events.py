@@ -29,7 +29,7 @@ from estim.problem.count_noise import CountErrors
 from estim.problem.count_noise import Counts as Counts
 from estim.problem.count_noise import counted_words as counted_words
 from estim.problem.curve import Curve, LocalCurve, Wording
-from estim.problem.latent import rooted
+from estim.problem.errors_in_x import rooted
 from estim.problem.likelihood import Likelihood, Points, n_draws
 
 

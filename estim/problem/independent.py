@@ -9,7 +9,7 @@ import numpy as np
 
 from estim.arrays import FloatArray, Named
 from estim.problem.likelihood import Ends, Likelihood, Points
-from estim.problem.size import Size
+from estim.problem.noise_variance import Size
 from estim.problem.tails import Tails, score_information
 from estim.problem.whitened import Linear
 

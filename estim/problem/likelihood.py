@@ -26,8 +26,8 @@ from scipy.sparse import csr_array
 from estim.arrays import FloatArray, IntArray, Named
 from estim.problem.count_distributions import Counted
 from estim.problem.curve import Curve, LocalCurve, SquaredCurve, Wording
+from estim.problem.noise_variance import Size
 from estim.problem.roots import Root
-from estim.problem.size import Size
 from estim.problem.whitened import Linear
 
 Ends = Mapping[str, tuple[Named, Named, float]]

@@ -38,15 +38,15 @@ from estim.common import InputError, phrase
 from estim.problem.abscissas import true_abscissas
 from estim.problem.curve import SpeedCurve, Wording
 from estim.problem.differences import in_rows
+from estim.problem.errors_in_x import LatentErrors
 from estim.problem.finite_differences import STENCILS as STENCILS
 from estim.problem.finite_differences import Derivative as Derivative
 from estim.problem.finite_differences import differentiate as differentiate
 from estim.problem.independent import RobustErrors
-from estim.problem.latent import LatentErrors
 from estim.problem.likelihood import Likelihood, Noise, Points
+from estim.problem.noise_variance import Scale as Scale
+from estim.problem.noise_variance import Size as Size
 from estim.problem.normal import Diagonal, GaussianErrors
-from estim.problem.size import Scale as Scale
-from estim.problem.size import Size as Size
 from estim.problem.tails import GAUSSIAN, Gaussian, Tails
 
 

@@ -1,5 +1,5 @@
 """The likelihood of normal errors with a covariance C = (sigma^2 + step^2/12) C0 + scatter^2 I
-(`estim.problem.size`).
+(`estim.problem.noise_variance`).
 
 With a linear map T of the points, made once, T C T^T is diagonal for all values of the noise
 parameters: one likelihood serves all forms of C0.
@@ -22,8 +22,8 @@ from scipy.sparse import csr_array
 from estim.arrays import FloatArray, Named
 from estim.problem.differences import covariance_in_bands, used_columns
 from estim.problem.likelihood import Ends, Likelihood, Points, n_draws
+from estim.problem.noise_variance import Scale, Size
 from estim.problem.roots import DENSE, Band, Dense, Root
-from estim.problem.size import Scale, Size
 from estim.problem.whitened import Linear
 
 KNOWN = Size(Scale(1.0))

@@ -1,10 +1,10 @@
 """What a density is multiplied by before it is sampled, so that values get no weight by how the
 curve was written.
 
-`Measure` for readings of many runs, which else pull what the runs share (`estim.fitting.readings`
-says why, and makes it).  `JeffreysPrior` for parameters about which nothing was stated: a flat
-prior of the constant of an Arrhenius law, known to a factor 3, favours large ones, and moves the
-activation energy by a standard deviation.
+`Measure` for readings of many runs, which else pull what the runs share
+(`estim.fitting.incidental_parameters` says why, and makes it).  `JeffreysPrior` for parameters
+about which nothing was stated: a flat prior of the constant of an Arrhenius law, known to a factor
+3, favours large ones, and moves the activation energy by a standard deviation.
 """
 
 from __future__ import annotations

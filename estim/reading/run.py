@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from estim.common import InputError, Quantity
-from estim.reading.columns import read_known_columns
+from estim.reading.csv_table import read_known_columns
 from estim.reading.dialect import PLAIN, Dialect
 from estim.reading.source import reader_of
 from estim.reading.table import Table

@@ -1,4 +1,4 @@
-"""What every source of a table gives, a CSV file (`estim.reading.columns`) or a track: columns of
+"""What every source of a table gives, a CSV file (`estim.reading.csv_table`) or a track: columns of
 numbers, their units, and the line of each row.
 
 `#` starts a comment line; a column whose name starts with `_` is left unread.

@@ -18,7 +18,7 @@ from estim.reports.pages import Drawers, page
 from estim.reports.records import Record
 from estim.reports.result import provenance
 from estim.sampling import Summary, number
-from estim.studies.models import (
+from estim.studies.model_comparison import (
     FORCE,
     START,
     ComparedModel,

@@ -17,7 +17,7 @@ import numpy as np
 from estim.arrays import FloatArray, IntArray, all_finite
 
 K_HAT_LIMIT = 0.7  # above it importance weights cannot be trusted (Vehtari et al. 2024)
-_MANY, _LEAST_TAIL = 225, 5  # draws: of fewer the tail is a fifth; that it needs at least
+_MANY, _LEAST_TAIL = 225, 5  # draws: the tail is a fifth of fewer than _MANY; its least
 
 
 def log_sum_exp(terms: FloatArray, axis: int | None = None) -> FloatArray:
@@ -53,7 +53,7 @@ def pareto_smoothed(log_ratio: FloatArray) -> tuple[FloatArray, float, float]:
         return plain[0], math.inf, plain[1]
     tail, log_weights = order[-n_tail:], log_ratio - highest
     cutoff = math.exp(log_weights[order[-n_tail - 1]])
-    # it divides by zero where one draw outweighs all others, and finds no tail there
+    # where one draw outweighs all others the fit divides by zero, and finds no tail
     with np.errstate(all="ignore"):
         k_hat, scale = _tail_shape(np.exp(log_weights[tail]) - cutoff)
         quantiles = np.log1p(-(np.arange(n_tail) + 0.5) / n_tail)
@@ -70,7 +70,7 @@ def pareto_smoothed(log_ratio: FloatArray) -> tuple[FloatArray, float, float]:
 
 def _tail_shape(excess: FloatArray) -> tuple[float, float]:
     """Shape and scale of a generalised Pareto distribution fitted to `excess` (n,) in order; the
-    shape drawn to 1/2 as by ten more of them.
+    shape shrunk towards 1/2 with the weight of ten further values (Vehtari et al. 2024).
     """
     n = excess.size
     n_grid = 30 + int(math.sqrt(n))
@@ -102,8 +102,8 @@ def u_log_mean(log_weights: FloatArray) -> float:
 
 
 def flattened(log_weights: FloatArray, least: float) -> tuple[FloatArray, float]:
-    """(n_draw,) normalised weights w^b, and the largest b <= 1 that leaves an effective size of
-    `least`: a far start is approached in steps.
+    """(n_draw,) normalised weights w^b, tempered by the largest b <= 1 that leaves an effective
+    size of `least`, and b: a far start is approached in steps.
     """
     finite = np.isfinite(log_weights)
     shifted = np.where(finite, log_weights, 0.0) - np.max(log_weights)

@@ -163,8 +163,8 @@ def adapt_proposal(
     mixture = _even(centres, factors)
     best, quality, draws, weights = _settle(density, _shrunk(density, mixture, rng), rng, n_round)
     for n_component in (4, 8):
-        # the weights of normal densities are the less even the more parameters there are
-        # effective share of the draws from which one Student-t will do
+        # effective share of the draws above which one Student-t suffices; it falls with the number
+        # of parameters, because the weights become less even
         if quality > 0.4 * min(1.0, 6.0 / mixture.n_par):
             break
         split = _split(draws, weights, max(n_component, len(centres) + 1), rng)
@@ -173,8 +173,8 @@ def adapt_proposal(
         )
         if better > 1.15 * quality:
             best, quality, draws, weights = candidate, better, candidate_draws, candidate_weights
-    # of the draws from components that are told to be there: a rare wide part is seldom drawn, and
-    # then no chain leaves it soon
+    # 40 % of the draws come from components around modes that are known: a wide mode of little
+    # weight is seldom drawn, and a chain that has entered it does not leave it soon
     return best.beside(_even(centres[1:], factors[1:]), 0.4) if covs else best
 
 

@@ -30,6 +30,7 @@ from starlette.staticfiles import StaticFiles
 
 from estim.common import LANGUAGES, EstimError, InputError, language, phrase
 from estim.reading import read_suffixes
+from estim.web.job_queue import Job, Workers
 from estim.web.labels import AGAIN
 from estim.web.page_template import LANGUAGE, closed, page
 from estim.web.preview import picture_name, preview_name, start_name
@@ -45,7 +46,6 @@ from estim.web.question import (
 )
 from estim.web.rows import answers_of, rows_of, summary_of
 from estim.web.store import MOST_BYTES, MOST_FILES, Answer, Batch, Kept, Shelf, Store, Upload
-from estim.web.work import Job, Workers
 
 if TYPE_CHECKING:
     from starlette.requests import Request

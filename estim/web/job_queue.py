@@ -99,7 +99,10 @@ class Job:
         """A line of the command: progress or an error for a program, or words for a person."""
         with suppress(ValueError):
             record = json.loads(line) if line.startswith("{") else {}
-            self.error, self.field = record.get("error", self.error), record.get("field") or ""
+            self.error, self.field = (
+                record.get("error", self.error),
+                record.get("field", self.field) or "",
+            )
             self.percent = max(self.percent, record.get("percent", 0))
             self.doing = record.get("doing", self.doing)
             if record:

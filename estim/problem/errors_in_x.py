@@ -38,7 +38,7 @@ from estim.problem.abscissas import (
     true_abscissas,
 )
 from estim.problem.likelihood import Ends, Likelihood, Points, n_draws, some_draws
-from estim.problem.size import Scale, Size
+from estim.problem.noise_variance import Scale, Size
 from estim.problem.tails import Tails
 from estim.problem.whitened import Tabled
 

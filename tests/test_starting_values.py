@@ -19,9 +19,9 @@ from test_nist import FILES, FOLDER, HARDEST, LINEAR, check, read
 from estim import EventTimes, InputError, fit_curve, fit_curves
 from estim.campaign import load_campaign
 from estim.cli import commands as cli
-from estim.curves import DataSet, guesses, linear_in, read_formula
+from estim.curves import DataSet, linear_in, read_formula, starting_values
 from estim.curves.dimensions import dimensions_of
-from estim.curves.guesses import guess_starts
+from estim.curves.starting_values import guess_starts
 from estim.fitting.optimum import fit_optimum
 
 NONLINEAR = [path for path in [*FILES, FOLDER / f"{HARDEST}.dat"] if path.stem not in LINEAR]
@@ -166,7 +166,9 @@ def test_searches_that_end_at_different_places_ask_for_a_start(
 ) -> None:
     squares = iter(np.linspace(2.0, 1.0, 6))
     monkeypatch.setattr(
-        guesses, "_searched", lambda search, rng: ((np.ones(2), float(next(squares))), False)
+        starting_values,
+        "_searched",
+        lambda search, rng: ((np.ones(2), float(next(squares))), False),
     )
     x = np.linspace(0.0, 1.0, 20)
     with pytest.raises(

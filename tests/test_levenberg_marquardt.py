@@ -1,4 +1,4 @@
-"""Batched least squares (`estim.descent.Squares`) against SciPy's, one start at a time."""
+"""Batched least squares (`estim.levenberg_marquardt`) against SciPy's, one start at a time."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from scipy.special import voigt_profile
 
 from estim import fit_curve
 from estim.arrays import FloatArray
-from estim.descent import Indices, Squares
+from estim.levenberg_marquardt import Indices, Squares
 
 X = np.linspace(0.0, 6.0, 40)
 

@@ -7,9 +7,9 @@ With theta the line's angle and (across, along) the coordinates normal to the li
     v_i      = u_x^2 sin^2 theta - 2 r u_x u_y sin theta cos theta + u_y^2 cos^2 theta
     S(theta) = min over c of sum (across_i - c)^2 / v_i
 
-so that a steep line is no worse than a flat one and x and y may be exchanged.  S is scanned over
+so that a steep line is treated as a flat one is, and x and y may be exchanged.  S is scanned over
 all directions and the root of dS/dtheta polished in every bracket that holds a minimum; the lowest
-is the fit.  There is nothing to start or to diverge.
+is the fit.  It needs no starting value and cannot diverge.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray, all_finite
 from estim.common import InputError
 from estim.given_numbers import real_numbers
-from estim.line.joint_errors import check_joint
+from estim.line.joint_covariance import check_joint
 
 # of the mean variance of all readings, and of a point's own: what is exact across a line has the
 # variance of rounding
@@ -57,7 +57,9 @@ def line_data(
     InputError.
     """
     if cov is not None:
-        return _correlated_data(x, y, u_x, u_y, cov)
+        if u_x is not None or u_y is not None or np.any(np.asarray(r_xy) != 0.0):
+            raise InputError("holds all uncertainties: leave out u_x, u_y and r_xy", field="cov")
+        return _correlated_data(x, y, cov)
     x_, y_ = _vector(x, "x", None), _vector(y, "y", None)
     n_obs = len(x_)
     if len(y_) != n_obs:
@@ -87,11 +89,7 @@ def line_data(
     return LineData(x_, y_, ux, uy, r, method)
 
 
-def _correlated_data(
-    x: ArrayLike, y: ArrayLike, u_x: ArrayLike | None, u_y: ArrayLike | None, cov: ArrayLike
-) -> LineData:
-    if u_x is not None or u_y is not None:
-        raise InputError("holds all uncertainties: leave out u_x, u_y and r_xy", field="cov")
+def _correlated_data(x: ArrayLike, y: ArrayLike, cov: ArrayLike) -> LineData:
     n = np.size(x)
     joint = check_joint(real_numbers(cov, "cov"), n)
     u = np.sqrt(np.diag(joint))

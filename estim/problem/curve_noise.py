@@ -18,9 +18,9 @@ from estim.problem.abscissas import correlated_abscissas
 from estim.problem.curve import Wording
 from estim.problem.likelihood import Noise, Points
 from estim.problem.noise import Independent, scatter_words
+from estim.problem.noise_variance import Scale, Size
 from estim.problem.normal import GaussianErrors
 from estim.problem.roots import root_of
-from estim.problem.size import Scale, Size
 
 
 @dataclass(frozen=True, eq=False)

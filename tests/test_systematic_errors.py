@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from estim.campaign import load_campaign
 from estim.checks import influences
-from estim.checks.what_if import large_influences
+from estim.checks.systematic_errors import large_influences
 from estim.cli.commands import cli
 from estim.curve_fitting.single import fit_curve
 from estim.curves import Component, MotionCurve, PhaseCurve, Place, Poisson, RollingMotion, Setting
