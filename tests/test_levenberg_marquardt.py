@@ -9,7 +9,7 @@ from scipy.special import voigt_profile
 
 from estim import fit_curve
 from estim.arrays import FloatArray
-from estim.levenberg_marquardt import Indices, Squares
+from estim.levenberg_marquardt import Indices, LeastSquares
 
 X = np.linspace(0.0, 6.0, 40)
 
@@ -19,20 +19,20 @@ def decays(points: FloatArray) -> FloatArray:
     return a * np.exp(-rate * X) + c
 
 
-def hill(y: FloatArray, low: float, linear: tuple[int, ...]) -> Squares:
+def function(y: FloatArray, low: float, linear: tuple[int, ...]) -> LeastSquares:
     """Data sets y (n, n_obs), one for each descent, and a rate of at least `low`."""
 
     def residuals(points: FloatArray, which: Indices) -> FloatArray:
         return decays(points) - y[which]
 
-    bent = np.array([i for i in range(3) if i not in linear])
-    return Squares(
+    nonlinear = np.array([i for i in range(3) if i not in linear])
+    return LeastSquares(
         residuals,
         np.array([-np.inf, low, -np.inf]),
         np.full(3, np.inf),
         np.ones(3),
         np.array(linear, dtype=np.int64),
-        bent,
+        nonlinear,
         1e-7,
         X.size,
     )
@@ -48,7 +48,7 @@ def test_all_descents_end_where_scipy_ends(
     )
     y = decays(truth) + 0.05 * rng.standard_normal((30, X.size))
     start = np.tile([2.0, 1.0, 0.5], (30, 1))
-    ends, squares, settled = hill(y, low, linear).descend(start, share=1e-12, most=100)
+    ends, squares, converged = function(y, low, linear).descend(start, ftol=1e-12, max_steps=100)
     for k in range(30):
         best = least_squares(
             lambda p, k=k: decays(p[None, :])[0] - y[k],
@@ -60,15 +60,15 @@ def test_all_descents_end_where_scipy_ends(
         )
         assert squares[k] == pytest.approx(2.0 * best.cost, rel=1e-6)
         np.testing.assert_allclose(ends[k], best.x, rtol=1e-3, atol=1e-4)
-    assert np.all(settled)
+    assert np.all(converged)
 
 
 def test_where_there_is_no_height_a_point_stays() -> None:
     y = decays(np.array([[3.0, 0.5, 1.0]]))
     start = np.array([[2.0, -1e4, 0.5]])
-    _, squares, settled = hill(y, -np.inf, ()).descend(start, share=1e-9, most=20)
+    _, squares, converged = function(y, -np.inf, ()).descend(start, ftol=1e-9, max_steps=20)
     assert np.isinf(squares[0])
-    assert not settled[0]
+    assert not converged[0]
 
 
 def test_a_width_near_its_limit_leaves_it_though_the_curve_is_all_but_level_there(

@@ -16,7 +16,7 @@ from estim.common import InputError, Status
 from estim.curve_fitting.single import fit_curve
 from estim.distributions import chi2_tail
 from estim.given_numbers import real_numbers
-from estim.levenberg_marquardt import Indices, Squares
+from estim.levenberg_marquardt import Indices, LeastSquares
 
 _SETTLED, _MOST_STEPS = 1e-12, 60
 _CONVERGED = 1e-3  # standard deviations
@@ -130,10 +130,12 @@ def fit_many(
     low, high = np.array([p.low for p in priors]), np.array([p.high for p in priors])
     size = np.where(begin != 0.0, np.abs(begin), 1.0)
     solved, moving = np.split(np.arange(len(priors)), [0])
-    hill = Squares(residuals, low, high, size, solved, moving, _STEP, sets.shape[1])
-    values, chi2, _ = hill.descend(np.tile(begin, (len(sets), 1)), share=_SETTLED, most=_MOST_STEPS)
+    function = LeastSquares(residuals, low, high, size, solved, moving, _STEP, sets.shape[1])
+    values, chi2, _ = function.descend(
+        np.tile(begin, (len(sets), 1)), ftol=_SETTLED, max_steps=_MOST_STEPS
+    )
     rounding = (_PERFECT * np.max(np.abs(sets), axis=1)) ** 2
-    return _concluded(hill, first.names, values, chi2, rounding, stated=u_y is not None)
+    return _concluded(function, first.names, values, chi2, rounding, stated=u_y is not None)
 
 
 def _rows(values: ArrayLike, field: str, shape: tuple[int, ...] | None) -> FloatArray:
@@ -157,7 +159,7 @@ def _rows(values: ArrayLike, field: str, shape: tuple[int, ...] | None) -> Float
 
 
 def _concluded(
-    hill: Squares,
+    function: LeastSquares,
     names: tuple[str, ...],
     values: FloatArray,
     chi2: FloatArray,
@@ -165,9 +167,11 @@ def _concluded(
     *,
     stated: bool,
 ) -> ManyFits:
-    slopes, information = hill.shape(values, np.arange(len(values)), np.ones(len(values), bool))
+    slopes, information = function.derivatives(
+        values, np.arange(len(values)), np.ones(len(values), bool)
+    )
     scale = np.sqrt(np.diagonal(information, axis1=1, axis2=2))
-    on_limit = np.minimum(values - hill.low, hill.high - values) < _ON_LIMIT * hill.size
+    on_limit = np.minimum(values - function.low, function.high - values) < _ON_LIMIT * function.size
     moving = ~on_limit & (scale > 0.0)
     unit = np.where(moving, scale, 1.0)
     pairs = moving[:, :, None] & moving[:, None, :]
@@ -177,7 +181,7 @@ def _concluded(
     inverse = np.where(known, 1.0 / np.where(known, squared, 1.0), 0.0)
     cov = np.einsum("nik,nk,njk->nij", vectors, inverse, vectors)
     cov = np.where(pairs, cov / (unit[:, :, None] * unit[:, None, :]), 0.0)
-    dof = hill.n_res - len(names)
+    dof = function.n_res - len(names)
     variance = chi2 / dof if dof > 0 else np.full(len(values), np.nan)
     step = np.einsum("nij,nj->ni", cov, np.where(moving, slopes, 0.0))
     with np.errstate(all="ignore"):

@@ -19,7 +19,7 @@ from estim.curves.dual_numbers import Dual, plain
 from estim.curves.formula import CONSTANTS, FUNCTIONS, Formula, evaluate
 from estim.curves.models import Limits
 from estim.curves.scales import Scale, places_of, scale_of
-from estim.levenberg_marquardt import Squares
+from estim.levenberg_marquardt import LeastSquares
 
 
 def linear_in(formula: Formula, names: Collection[str]) -> tuple[str, ...]:
@@ -48,8 +48,8 @@ def linear_in(formula: Formula, names: Collection[str]) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class ProjectedCurve:
-    """x, y, weight : (n_obs,), y weighted.  linear, bent : names of the parameters that are solved
-    for and drawn.
+    """x, y, weight : (n_obs,), y weighted.
+    linear, nonlinear : names of the parameters that are solved for and drawn.
 
     scales, blocks : of those drawn; which of them stand in one term of the formula.
     owned : linear parameters of these terms alone.
@@ -62,22 +62,22 @@ class ProjectedCurve:
     weight: FloatArray
     known: Mapping[str, float]
     linear: tuple[str, ...]
-    bent: tuple[str, ...]
+    nonlinear: tuple[str, ...]
     scales: tuple[Scale, ...]
     blocks: tuple[tuple[int, ...], ...]
     owned: tuple[set[str], ...]
     turning: tuple[ast.expr, ...]
 
     @cached_property
-    def hill(self) -> Squares:
+    def function(self) -> LeastSquares:
         """What descents in the drawn parameters go down."""
-        return Squares(
+        return LeastSquares(
             lambda points, _which: self.left(points),
             np.array([scale.low for scale in self.scales]),
             np.array([scale.high for scale in self.scales]),
             np.array([scale.sizes[0][0] for scale in self.scales]),
             np.zeros(0, dtype=np.int64),
-            np.arange(len(self.bent)),
+            np.arange(len(self.nonlinear)),
             1e-7,
             self.x.size,
         )
@@ -86,9 +86,9 @@ class ProjectedCurve:
     def rounding(self) -> float:
         return 1e-20 * float(self.y @ self.y)
 
-    def whole(self, bent: FloatArray) -> dict[str, float]:
+    def whole(self, nonlinear: FloatArray) -> dict[str, float]:
         """Name -> value of the parameters that are sought; those solved for within their limits."""
-        rest, columns = self._parts(bent[None, :], self.linear)
+        rest, columns = self._parts(nonlinear[None, :], self.linear)
         size = np.linalg.norm(columns[:, 0], axis=1)
         size[size == 0.0] = 1.0
         solved = (
@@ -97,19 +97,23 @@ class ProjectedCurve:
             else np.zeros(0)
         )
         return dict(
-            zip((*self.bent, *self.linear), (*bent.tolist(), *solved.tolist()), strict=True)
+            zip(
+                (*self.nonlinear, *self.linear),
+                (*nonlinear.tolist(), *solved.tolist()),
+                strict=True,
+            )
         )
 
     def linear_of(self, block: Sequence[int]) -> set[str]:
         """Linear parameters that stand in the terms of a block, and in no other."""
         return self.owned[self.blocks.index(tuple(block))]
 
-    def left(self, bent: FloatArray, absent: Sequence[Sequence[int]] = ()) -> FloatArray:
-        """(n, n_obs) what the curves at bent (n, n_bent) leave of y, without the terms of the
-        blocks `absent`; not finite where the curve is not.
+    def left(self, nonlinear: FloatArray, absent: Sequence[Sequence[int]] = ()) -> FloatArray:
+        """(n, n_obs) what the curves at nonlinear (n, n_nonlinear) leave of y, without the terms of
+        the blocks `absent`; not finite where the curve is not.
         """
         gone = set().union(*(self.linear_of(block) for block in absent))
-        rest, columns = self._parts(bent, [name for name in self.linear if name not in gone])
+        rest, columns = self._parts(nonlinear, [name for name in self.linear if name not in gone])
         taken: list[FloatArray] = []
         with np.errstate(all="ignore"):
             for column in columns:
@@ -123,7 +127,7 @@ class ProjectedCurve:
                 rest -= _dot(column, rest) * column
         return rest
 
-    def squares(self, bent: FloatArray, absent: Sequence[Sequence[int]] = ()) -> FloatArray:
+    def squares(self, nonlinear: FloatArray, absent: Sequence[Sequence[int]] = ()) -> FloatArray:
         """(n,) sums of squares, inf where the curve is not finite or turns unseen."""
         # numbers at a time: they stay in the cache
         size = max(1, 50_000 // self.x.size)
@@ -131,32 +135,32 @@ class ProjectedCurve:
             sums = np.concatenate(
                 [
                     _dot(left, left)[:, 0]
-                    for k in range(0, bent.shape[0], size)
-                    for left in (self.left(bent[k : k + size], absent),)
+                    for k in range(0, nonlinear.shape[0], size)
+                    for left in (self.left(nonlinear[k : k + size], absent),)
                 ]
             )
         return np.where(
-            np.isfinite(sums) & np.logical_not(self._turns_unseen(bent)), sums, math.inf
+            np.isfinite(sums) & np.logical_not(self._turns_unseen(nonlinear)), sums, math.inf
         )
 
-    def _turns_unseen(self, bent: FloatArray) -> FloatArray:
+    def _turns_unseen(self, nonlinear: FloatArray) -> FloatArray:
         """(n,) whether an oscillation makes more than half a turn from a point to the nearest other
         one: a slower one draws the same curve there.
         """
         # places at which angles are compared
-        unseen, places = np.zeros(bent.shape[0], dtype=bool), np.unique(self.x)[:50]
+        unseen, places = np.zeros(nonlinear.shape[0], dtype=bool), np.unique(self.x)[:50]
         if places.size < 2 or not self.turning:
             return unseen
         step = np.diff(places)
         symbols = {
             "x": places,
             **self.known,
-            **{name: bent[:, [i]] for i, name in enumerate(self.bent)},
+            **{name: nonlinear[:, [i]] for i, name in enumerate(self.nonlinear)},
         }
         with np.errstate(all="ignore"):
             for tree in self.turning:
                 angle = np.broadcast_to(
-                    np.asarray(evaluate(tree, symbols)), (bent.shape[0], places.size)
+                    np.asarray(evaluate(tree, symbols)), (nonlinear.shape[0], places.size)
                 )
                 unseen |= (
                     np.median(np.abs(np.diff(angle, axis=1) / step), axis=1) * float(np.min(step))
@@ -164,17 +168,17 @@ class ProjectedCurve:
                 )
         return unseen
 
-    def _parts(self, bent: FloatArray, solved: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    def _parts(self, nonlinear: FloatArray, solved: Sequence[str]) -> tuple[FloatArray, FloatArray]:
         """(n, n_obs) y without what the linear parameters do not move, and (n_linear, n, n_obs) the
         curves of a unit of each.
         """
         symbols: dict[str, Any] = {
             "x": self.x,
             **{name: np.float64(value) for name, value in self.known.items()},
-            **{name: bent[:, [i]] for i, name in enumerate(self.bent)},
+            **{name: nonlinear[:, [i]] for i, name in enumerate(self.nonlinear)},
             **{name: Dual(np.float64(0.0), {name: 1.0}) for name in self.linear},
         }
-        curve, shape = evaluate(self.formula.tree, symbols), (bent.shape[0], self.x.size)
+        curve, shape = evaluate(self.formula.tree, symbols), (nonlinear.shape[0], self.x.size)
         still = np.broadcast_to(plain(curve), shape)
         columns = np.empty((len(solved), *shape))
         with np.errstate(all="ignore"):
@@ -210,12 +214,12 @@ def projected(
     linear = linear_in(
         formula, [name for name in sought if not any(map(math.isfinite, ends[name]))]
     )
-    bent = tuple(name for name in sought if name not in linear)
+    nonlinear = tuple(name for name in sought if name not in linear)
     units, places = dimensions_of(formula), places_of(formula)
     scales = tuple(
-        scale_of(units.get(name), x, y, *ends[name], place=name in places) for name in bent
+        scale_of(units.get(name), x, y, *ends[name], place=name in places) for name in nonlinear
     )
-    turning = _turning(formula, {*bent, *known, "x"})
+    turning = _turning(formula, {*nonlinear, *known, "x"})
     return ProjectedCurve(
         formula,
         x,
@@ -223,15 +227,15 @@ def projected(
         weight,
         known,
         linear,
-        bent,
+        nonlinear,
         scales,
-        *_blocks(formula, linear, bent),
+        *_blocks(formula, linear, nonlinear),
         turning,
     )
 
 
 def _blocks(
-    formula: Formula, linear: Sequence[str], bent: Sequence[str]
+    formula: Formula, linear: Sequence[str], nonlinear: Sequence[str]
 ) -> tuple[tuple[tuple[int, ...], ...], tuple[set[str], ...]]:
     """Parameters that stand together in terms of a sum, and the linear parameters of these terms
     alone.
@@ -239,7 +243,7 @@ def _blocks(
     terms = [_names(term) for term in _terms(formula.tree)]
     blocks: list[set[str]] = []
     for names in terms:
-        block = names & {*bent}
+        block = names & {*nonlinear}
         joined = [other for other in blocks if other & block]
         blocks = [other for other in blocks if not other & block] + (
             [block.union(*joined)] if block else []
@@ -251,7 +255,7 @@ def _blocks(
             {name for names in terms if names & block for name in names & {*linear}} - outside
         )
     return tuple(
-        tuple(bent.index(name) for name in bent if name in block) for block in blocks
+        tuple(nonlinear.index(name) for name in nonlinear if name in block) for block in blocks
     ), tuple(owned)
 
 

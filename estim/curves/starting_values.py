@@ -51,18 +51,18 @@ def guess_starts(
     sought = [name for name in formula.names if name not in known]
     search = projected(formula, x, y, u, known, limits, sought)
     ends: list[tuple[FloatArray, float]] = []
-    for seed in range(_SEARCHES if search.bent else 1):
+    for seed in range(_SEARCHES if search.nonlinear else 1):
         end, sure = _searched(search, np.random.default_rng(seed + 1))
         ends.append(end)
         ends.sort(key=lambda end: end[1])
         if ends[0][1] == math.inf:
             continue
         if sure or (
-            len(ends) > (1 if len(search.bent) < _MANY else 2)
+            len(ends) > (1 if len(search.nonlinear) < _MANY else 2)
             and ends[1][1] <= ends[0][1] * (1.0 + _AGREE) + search.rounding
         ):
             return {**search.whole(_positive(search, *ends[0])), **known}
-    names = search.bent or sought
+    names = search.nonlinear or sought
     why = (
         "from the points"
         if math.isfinite(ends[0][1])
@@ -83,9 +83,9 @@ def _searched(
     """The best values (n_bent,) of one search, the squares that they leave, and whether several of
     its descents ended there.
     """
-    if not search.bent:
+    if not search.nonlinear:
         return (np.zeros(0), float(search.squares(np.zeros((1, 0)))[0])), True
-    n = _DRAWN + _DRAWN_EACH * len(search.bent)
+    n = _DRAWN + _DRAWN_EACH * len(search.nonlinear)
     drawn = np.column_stack([scale.draw(rng, n) for scale in search.scales])
     alone = len(search.blocks) < 2
     ends: list[tuple[FloatArray, float]] = []
@@ -107,7 +107,7 @@ def _term_by_term(search: ProjectedCurve, rng: np.random.Generator) -> list[Floa
     explains most, each beside those before it.
     """
     blocks = [block for block in search.blocks if search.linear_of(block)]
-    alone = [i for i in range(len(search.bent)) if not any(i in block for block in blocks)]
+    alone = [i for i in range(len(search.nonlinear)) if not any(i in block for block in blocks)]
     if len(blocks) < 2 or alone:
         return []
     points = []
@@ -115,7 +115,7 @@ def _term_by_term(search: ProjectedCurve, rng: np.random.Generator) -> list[Floa
         absent = [block for block in blocks if block != first]
         # places of the first term to go on from
         for point in _best_apart(
-            search, _drawn_for(search, first, np.zeros(len(search.bent)), rng), 6, absent
+            search, _drawn_for(search, first, np.zeros(len(search.nonlinear)), rng), 6, absent
         ):
             remaining = list(absent)
             while remaining:
@@ -153,8 +153,10 @@ def _swept(
     """The same after each parameter was looked for again beside the others, as long as that
     helps.
     """
-    blocks: list[tuple[int, ...]] = [(i,) for i in range(len(search.bent)) if len(search.bent) > 1]
-    blocks += [block for block in search.blocks if 1 < len(block) < len(search.bent)]
+    blocks: list[tuple[int, ...]] = [
+        (i,) for i in range(len(search.nonlinear)) if len(search.nonlinear) > 1
+    ]
+    blocks += [block for block in search.blocks if 1 < len(block) < len(search.nonlinear)]
     for _ in range(4):
         before = end[1]
         for block in blocks:
@@ -228,7 +230,7 @@ def _down(
     points = np.array(starts)
     first = search.squares(points)
     # promised fall of the squares at which a descent ends
-    ends, _, _ = search.hill.descend(points, share=1e-8, most=steps)
+    ends, _, _ = search.function.descend(points, ftol=1e-8, max_steps=steps)
     after = search.squares(ends)
     lower = (after < first)[:, None]
     return list(zip(np.where(lower, ends, points), np.minimum(after, first).tolist(), strict=True))

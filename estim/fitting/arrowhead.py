@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.levenberg_marquardt import steps_between
+from estim.levenberg_marquardt import bounded_steps
 from estim.problem import Posterior, Problem
 
 MANY = 16
@@ -84,7 +84,7 @@ def descend_by_runs(
     for _ in range(most):
         slope, curvature = _shape(posterior, values)
         while True:
-            (step,), (promise,) = steps_between(
+            (step,), (promise,) = bounded_steps(
                 slope[None],
                 curvature[None],
                 np.array([damping]),

@@ -40,7 +40,9 @@ def further_optima(
     period : (n_par,) full turns of those that are phases, else inf: each dip is then tried with
         four phases.
     """
-    starts = [dips for i in search.bent for dips in (_dips(search, values, int(i)),) if dips.size]
+    starts = [
+        dips for i in search.nonlinear for dips in (_dips(search, values, int(i)),) if dips.size
+    ]
     if not starts:
         return np.zeros((0, values.size))
     points = np.vstack(starts)
@@ -51,7 +53,7 @@ def further_optima(
         over = turned[:, i] > search.high[i]
         turned[over, i] -= period[i] * np.ceil((turned[over, i] - search.high[i]) / period[i])
         turned = turned[turned[:, i] >= search.low[i]]
-        heights = search.squares.heights(turned)
+        heights = search.squares.objectives(turned)
         points = turned[np.argsort(heights, kind="stable")[: max(points.shape[0], 4 * _MOST_DIPS)]]
     return descended(search, points)
 
@@ -69,7 +71,7 @@ def far_places(
     far: dict[int, tuple[FloatArray, FloatArray]] = {}
     for i in (
         int(i)
-        for i in search.bent
+        for i in search.nonlinear
         if not _informed(search, int(i)) and not math.isfinite(period[i])
     ):
         reaches = [
@@ -82,10 +84,10 @@ def far_places(
             if not math.isfinite(end)
             for reach in reaches
         ]
-        held = replace(search, bent=search.bent[search.bent != i])
+        held = replace(search, nonlinear=search.nonlinear[search.nonlinear != i])
         points = np.repeat(values[None, :], _FAR.size * len(sides), axis=0)
         points[:, i] = np.concatenate([np.zeros(0), *sides])
-        ends, heights, _ = held.squares.descend(points, share=_SETTLED, most=_N_STEP)
+        ends, heights, _ = held.squares.descend(points, ftol=_SETTLED, max_steps=_N_STEP)
         middle = np.argsort(heights.reshape(len(sides), _FAR.size))[:, _FAR.size // 2]
         chosen = np.arange(len(sides)) * _FAR.size + middle
         far[i] = ends[chosen], heights[chosen]
@@ -214,8 +216,8 @@ def descended(search: SeparableSearch, points: FloatArray) -> FloatArray:
     most = max(
         8, _MOST_NUMBERS // (10 * (1 + search.free.size) * max(1, search.posterior.problem.n_obs))
     )
-    at = points[np.argsort(search.squares.heights(points))][:most]
+    at = points[np.argsort(search.squares.objectives(points))][:most]
     # times the lowest squares that a descent has come to
-    at, height, _ = search.squares.descend(at, share=_SETTLED, most=_N_STEP, hopeless=10.0)
+    at, height, _ = search.squares.descend(at, ftol=_SETTLED, max_steps=_N_STEP, hopeless=10.0)
     at, height = at[np.isfinite(height)], height[np.isfinite(height)]
     return at[np.argsort(height)]

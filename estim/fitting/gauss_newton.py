@@ -22,7 +22,7 @@ def descended(search: SeparableSearch, starts: FloatArray) -> list[End]:
     them.
     """
     points, chi2, settled = search.squares.descend(
-        starts, share=_ROUGHLY if search.creeps else _CLOSELY, most=_MOST_STEPS
+        starts, ftol=_ROUGHLY if search.creeps else _CLOSELY, max_steps=_MOST_STEPS
     )
     # one exact step gives the digits that numerical derivatives leave out; a search with errors of
     # x ends by up to ten steps of Fisher scoring

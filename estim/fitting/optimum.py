@@ -222,9 +222,9 @@ def _reweighted(
 def _found(
     search: SeparableSearch, start: FloatArray, rng: np.random.Generator, n_start: int
 ) -> Optimum:
-    searched = bool(search.bent.size) and n_start > 1
+    searched = bool(search.nonlinear.size) and n_start > 1
     parameters = search.posterior.problem.parameters
-    stated = any(parameters[i].prior.start_stated for i in search.bent)
+    stated = any(parameters[i].prior.start_stated for i in search.nonlinear)
     around = _screened(search, start, rng, n_start - 1) if searched and stated else []
     starts = [start, *around]
     tried = descended(search, np.array(starts))
@@ -233,9 +233,9 @@ def _found(
     best = min(tried, key=lambda end: end[1])
     if not searched:
         return _polished(search, best[0], n_start=1, n_same=1)
-    symmetry = find_symmetry(search.posterior.problem, best[0], search.bent.tolist(), rng)
+    symmetry = find_symmetry(search.posterior.problem, best[0], search.nonlinear.tolist(), rng)
     best, every = _scanned(search, best, tried, symmetry)
-    symmetry = symmetry.scaled(spread_at(search, best), search.bent.tolist())
+    symmetry = symmetry.scaled(spread_at(search, best), search.nonlinear.tolist())
     optimum = _chosen(search, start, best, tried, every, symmetry, n_start=len(starts))
     repeat = repeats(search, optimum.values, symmetry.period)
     if np.any(np.isfinite(repeat)):
@@ -381,7 +381,7 @@ def _found_near(
     if not tried:  # fewer than 0 may be expected of what was counted
         around = rng.multivariate_normal(afar.values, 4.0 * afar.cov, 200, check_valid="ignore")
         around = np.clip(around, search.low, search.high)
-        starts = list(around[np.argsort(search.squares.heights(around))[:_AROUND]])
+        starts = list(around[np.argsort(search.squares.objectives(around))[:_AROUND]])
         tried = descended(search, np.array(starts))
     if not tried:
         raise _nowhere_finite(search.posterior.problem, start)
@@ -460,7 +460,7 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
         search = set_apart(simpler, fit.values, rng, unstated=simpler is not fit.problem)
         optima = (
             further_optima(search, fit.values)
-            if search.bent.size
+            if search.nonlinear.size
             else np.zeros((0, fit.values.size))
         )
         here = fit.values, search.chi2(fit.values)
@@ -577,7 +577,7 @@ def _screened(
 ) -> list[FloatArray]:
     """The best `n` of many points around the start, no two of them alike."""
     scattered = np.array([_scattered(search, start, rng) for _ in range(200)])
-    points, heights = search.squares.looked_at(scattered)
+    points, heights = search.squares.evaluate(scattered)
     chosen: list[FloatArray] = []
     for i in np.argsort(heights, kind="stable"):
         if len(chosen) == n or not math.isfinite(heights[i]):
@@ -592,7 +592,7 @@ def _scattered(search: SeparableSearch, start: FloatArray, rng: np.random.Genera
     limits or from its prior.
     """
     values = start.copy()
-    for i in search.bent:
+    for i in search.nonlinear:
         prior = search.posterior.problem.parameters[i].prior
         if math.isfinite(prior.sd) and math.isfinite(prior.low) == math.isfinite(prior.high):
             values[i] = float(prior.draw(rng, 1)[0])

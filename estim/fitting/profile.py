@@ -27,7 +27,7 @@ from estim.distributions import chi2_quantile, student_quantile
 from estim.fitting.least_squares import Fit
 from estim.fitting.profile_paths import crossing, dips, returns, walk
 from estim.fitting.profile_search import ProfileSearch, search_of
-from estim.levenberg_marquardt import End, Start, minima, together
+from estim.levenberg_marquardt import End, Start, minima, run_descents
 from estim.problem import Parameter
 
 _MODE_SETTLED = 1e-9  # fall still promised at the mode
@@ -105,7 +105,7 @@ def profile_intervals(
         rises = {p: float(student_quantile(0.5 + 0.5 * p, dof)) ** 2 for p in rises}
         rises = _beside_size(fit, rises, dof)
     search = search_of(fit)
-    (mode,) = minima(search, [Start(fit.values, (), settled=_MODE_SETTLED)])
+    (mode,) = minima(search, [Start(fit.values, (), tolerance=_MODE_SETTLED)])
     return tuple(_intervals(fit, search, mode, indices, rises))
 
 
@@ -135,7 +135,7 @@ def contour(
         levels = {p: dof * math.expm1(-2.0 / dof * math.log1p(-p)) for p in levels}
         levels = _beside_size(fit, levels, dof)
     search = search_of(fit)
-    (mode,) = minima(search, [Start(fit.values, (), settled=_MODE_SETTLED)])
+    (mode,) = minima(search, [Start(fit.values, (), tolerance=_MODE_SETTLED)])
     axes = []
     for span in _intervals(fit, search, mode, (i, j), {1.0: 1.1 * max(levels.values())}):
         # the mode is one of the nodes, so that the minimum is on the grid
@@ -181,16 +181,16 @@ def _quantiles(probabilities: Sequence[float], *, dof: int) -> dict[float, float
 def _intervals(
     fit: Fit, search: ProfileSearch, mode: End, indices: Sequence[int], rises: dict[float, float]
 ) -> list[ProfileInterval]:
-    """Those of the parameters at `indices`: both sides of all of them walk together, and then look
-    for all their crossings together.
+    """Those of the parameters at `indices`: both sides of all of them are walked together, and then
+    all their crossings are sought together.
     """
     if not math.isfinite(mode.objective):
         return [_nowhere(fit.problem.parameters[i], float(mode.values[i]), rises) for i in indices]
     sides = [(i, sign) for i in indices for sign in (-1.0, 1.0)]
-    walks = together(
+    walks = run_descents(
         search, [walk(search, mode, i, sign, max(rises.values())) for i, sign in sides]
     )
-    crossed = together(
+    crossed = run_descents(
         search,
         [
             crossing(search, points, i, rise)
@@ -259,7 +259,7 @@ def _interval(
         x=np.array([point.values[i] for point in finite]),
         rise=np.array([point.objective - mode.objective for point in finite]),
         found_better=better,
-        n_failed=sum(not point.settled for point in points),
+        n_failed=sum(not point.converged for point in points),
         pieces=tuple(
             sorted(
                 p for p, rise in rises.items() if any(returns(side.walk, rise) for side in sides)
@@ -393,8 +393,8 @@ def _grid(
             instead = near.values.copy()
             values[[i, j]] = instead[[i, j]] = target
             # fall still promised at a point of a contour grid, good enough for a figure
-            starts.append(Start(values, (i, j), near, instead, settled=1e-4))
+            starts.append(Start(values, (i, j), near, instead, tolerance=1e-4))
         done |= zip(rings[ring], minima(search, starts), strict=True)
     for cell, point in done.items():
         rise[cell] = point.objective - mode.objective
-    return rise, sum(not point.settled for point in done.values())
+    return rise, sum(not point.converged for point in done.values())

@@ -2,8 +2,8 @@
 call.
 
 Only the log density decides; it is differentiated by differences, so any likelihood will do.  Runs
-that are independent of each other are differentiated each in its own parameters alone.  It is the
-`Hill` of `estim.levenberg_marquardt`.
+that are independent of each other are differentiated each in its own parameters alone.  It is an
+`ObjectiveFunction` of `estim.levenberg_marquardt`.
 """
 
 from __future__ import annotations
@@ -55,18 +55,18 @@ class ProfileSearch:
         return 5.0 * self.scale
 
     @property
-    def lasting(self) -> bool:
+    def quasi_newton(self) -> bool:
         return True
 
     @property
-    def closing(self) -> float:
+    def fraction_to_bound(self) -> float:
         return 1.0
 
-    def looked_at(self, points: FloatArray, which: IntArray) -> tuple[FloatArray, FloatArray]:
+    def evaluate(self, points: FloatArray, which: IntArray) -> tuple[FloatArray, FloatArray]:
         """The points and their objectives."""
         return points, self.objectives(points)
 
-    def shape(
+    def derivatives(
         self, points: FloatArray, which: IntArray, curved: BoolArray
     ) -> tuple[FloatArray, FloatArray]:
         """Slopes of the objective, and the curvatures that the Fisher information expects."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray, all_finite, max_abs
 from estim.common import InputError
-from estim.levenberg_marquardt import Squares
+from estim.levenberg_marquardt import LeastSquares
 from estim.problem import EXACT, Posterior, Problem
 
 Indices = NDArray[np.int64]
@@ -37,12 +37,12 @@ class SeparableSearch:
     low: FloatArray
     high: FloatArray
     linear: Indices
-    bent: Indices
+    nonlinear: Indices
     unstated: bool = False  # whether only the residuals say how large the errors are
 
     @property
     def free(self) -> Indices:
-        return np.sort(np.concatenate([self.linear, self.bent]))
+        return np.sort(np.concatenate([self.linear, self.nonlinear]))
 
     @cached_property
     def _of_noise(self) -> float:
@@ -60,7 +60,7 @@ class SeparableSearch:
         )
 
     @cached_property
-    def squares(self) -> Squares:
+    def squares(self) -> LeastSquares:
         """What batched descents go down: residuals of the data and of the priors that pull."""
         parameters = self.posterior.problem.parameters
         pulling = [i for i in self.free if parameters[i].prior.informative]
@@ -74,13 +74,13 @@ class SeparableSearch:
                 of_data = self.posterior.residuals_at(points)
                 return np.hstack([of_data, *pulls]) if pulls else of_data
 
-        return Squares(
+        return LeastSquares(
             residuals,
             self.low,
             self.high,
             np.where(size > 0.0, size, 1.0),
             self.linear,
-            self.bent,
+            self.nonlinear,
             max(1e-6, math.sqrt(self.resolved / _SAFETY)),
             self.posterior.problem.n_obs + len(pulling),
         )
@@ -108,7 +108,7 @@ class SeparableSearch:
         """(n_point,) sums of squares at points (n_point, n_par), inf where the curve is not
         finite.
         """
-        return 2.0 * self.squares.heights(points)
+        return 2.0 * self.squares.objectives(points)
 
     @property
     def creeps(self) -> bool:
@@ -143,14 +143,14 @@ def set_apart(
     if not free:
         raise InputError("leave nothing to fit: every quantity is exact", field="parameters")
     linear = _linear(posterior, start, free, low, high, rng)
-    bent = np.array([i for i in free if i not in linear], dtype=np.int64)
+    nonlinear = np.array([i for i in free if i not in linear], dtype=np.int64)
     return SeparableSearch(
         posterior,
         start,
         low,
         high,
         np.array(linear, dtype=np.int64),
-        bent,
+        nonlinear,
         # a robust sum does not scale with the size of the errors
         unstated or (bool(problem.noise_names) and not problem.robust),
     )

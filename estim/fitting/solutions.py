@@ -132,7 +132,7 @@ def choose(
     points = np.array([named[i] for i in through])
     apart = np.ptp(points, axis=0)
     steady = np.array(
-        [i for i in search.bent if not math.isfinite(symmetry.period[i])], dtype=np.int64
+        [i for i in search.nonlinear if not math.isfinite(symmetry.period[i])], dtype=np.int64
     )
     moved = steady[apart[steady] > spread_at(search, distinct[heaviest])[steady]]
     chosen, findings = same[0], list[Finding]()
@@ -257,7 +257,7 @@ def repeats(search: SeparableSearch, values: FloatArray, period: FloatArray) -> 
         abs(float(np.ravel(size)[0])) for run in problem.runs for size in run.bind(named).values()
     } - {0.0}
     tried = sorted(turn * s for turn in TURNS for size in sizes for s in (size, 1.0 / size))
-    for i in search.bent:
+    for i in search.nonlinear:
         if math.isfinite(period[i]) or math.isfinite(problem.parameters[i].prior.sd):
             continue
         unit = np.eye(values.size)[i]
@@ -311,7 +311,7 @@ def distance(search: SeparableSearch, values: FloatArray, other: FloatArray) -> 
     """How far apart two points are: changes of sign, then factors, of the nonlinear parameters;
     signs of the linear ones.
     """
-    a, b = values[search.bent], other[search.bent]
+    a, b = values[search.nonlinear], other[search.nonlinear]
     with np.errstate(all="ignore"):
         factors = np.where(
             b == 0.0,
