@@ -1,4 +1,4 @@
-"""Workers of the page forked from a process that has loaded estim already, for tests of pages and
+"""JobQueue of the page forked from a process that has loaded estim already, for tests of pages and
 statuses: what is computed has a quarter of the draws, and a pixel in place of every figure.
 """
 

@@ -15,7 +15,7 @@ from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.normal_parts import NormalParts, normal_parts
 from estim.sampling import Target, adapt_proposal, proposed_chain
 from estim.sampling.certified import Optima
-from estim.sampling.importance import kish_size
+from estim.sampling.importance import kish_ess
 from estim.sampling.parts_proposal import proposal_of_parts
 
 N_PAR = 16
@@ -57,7 +57,7 @@ def share_and_mean(density: Bent, proposal, rng: np.random.Generator) -> tuple[f
     log_ratio = density.log_density(draws) - proposal.log_density(draws)
     ratio = np.exp(log_ratio)
     return (
-        kish_size(log_ratio) / ratio.size,
+        kish_ess(log_ratio) / ratio.size,
         float(ratio.mean()),
         float(ratio.std() / np.sqrt(ratio.size)),
     )

@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 
 from estim.cli.commands import cli
 from estim.common import Kind
-from estim.sampling.chain import Target, _hopeless
+from estim.sampling.chain import Target, _target_unreachable
 from estim.sampling.diagnostics import Mixing
 
 
@@ -70,6 +70,6 @@ def test_a_chain_that_will_not_get_there_is_not_prolonged(
     n_step: int, ess: float, told: int
 ) -> None:
     mixing = Mixing(np.ones(2), np.array([4000.0, 4000.0]), np.array([4000.0, ess]))
-    found = _hopeless(mixing, Target(), ("a", "b"), n_step=n_step)
+    found = _target_unreachable(mixing, Target(), ("a", "b"), n_step=n_step)
     assert len(found) == told
     assert all(f.kind is Kind.CHAIN_HOPELESS and f.names == ("b",) for f in found)

@@ -34,7 +34,7 @@ from estim.common import EstimError, InputError
 from estim.curves.models import read_model
 from estim.plugins import plugins
 from estim.web import At
-from estim.web.job_queue import Job, Workers
+from estim.web.job_queue import Job, JobQueue
 from estim.web.labels import LABELS, on_page
 from estim.web.listening import listening
 from estim.web.question import MODELS, arguments_of, fields_of
@@ -438,9 +438,9 @@ def test_a_start_that_takes_long_is_searched_for_once_and_says_what_to_do(
     asked = browser.send("POST", "/examples/cooling").place
     assert "tau" in browser.get(asked).text
     begun: list[Job] = []
-    submit = Workers.submit
+    submit = JobQueue.submit
     monkeypatch.setattr(
-        Workers, "submit", lambda self, job, then: (begun.append(job), submit(self, job, then))[1]
+        JobQueue, "submit", lambda self, job, then: (begun.append(job), submit(self, job, then))[1]
     )
     monkeypatch.setattr("estim.web.pages._PATIENCE", 0.0)
     place = f"{asked}?{urlencode({'asked': 'formula', 'show': 'start', 'formula': SLOW})}"
@@ -1329,7 +1329,7 @@ def test_a_worker_is_held_to_its_memory(
 def test_a_full_queue_takes_nothing_and_a_waiting_job_can_be_cancelled(
     tmp_path: Path, real_workers: None
 ) -> None:
-    workers = Workers(1, 1)
+    workers = JobQueue(1, 1)
     ended: list[str] = []
     first, second = (Job(tmp_path, ["run", "fit", "none.toml"], seconds=60) for _ in range(2))
     workers.submit(first, lambda: ended.append("first"))
@@ -1347,7 +1347,7 @@ def test_a_full_queue_is_a_sentence_on_the_page(
     browser: Browser, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = browser.hand_in({"line.csv": LINE})
-    monkeypatch.setattr(Workers, "is_full", True)
+    monkeypatch.setattr(JobQueue, "is_full", True)
     reply = browser.fill_in(asked.place, asked="line")
     assert reply.status == 503
     assert "Too many questions wait" in reply.text

@@ -126,7 +126,7 @@ class CountedPoints:
         return BinnedCurve(curve, self.bins[:, 0], self.bins[:, 1], self.total, self.events)
 
 
-def ask_counts(
+def points_of_noise(
     noise: Any, x: ArrayLike, y: ArrayLike | None, *, what: str, **beside: object
 ) -> CountedPoints | None:
     """The points that the argument `noise` of `fit_curve` makes of x and y, None for readings.
@@ -151,7 +151,7 @@ def ask_counts(
     )
 
 
-def refuse_errors(points: CountedPoints, errors: Sequence[Component]) -> None:
+def refuse_common_errors(points: CountedPoints, errors: Sequence[Component]) -> None:
     """Raises InputError for an error in common that means nothing beside a density."""
     for component in errors:
         if component.kind == "zero_y" and points.bins is not None:
@@ -192,14 +192,14 @@ def counted_points(
     return _binomial(x, y, noise.trials, what)
 
 
-def not_a_count(y: FloatArray) -> int | None:
+def first_non_count(y: FloatArray) -> int | None:
     """Where y is first no whole number from 0; None if nowhere."""
     # 1e15: a float still tells it from the next
     bad = (y < 0.0) | (y > 1e15) | (np.abs(y - np.rint(y)) > 1e-9)
     return int(np.argmax(bad)) if np.any(bad) else None
 
 
-def _middles(bins: FloatArray) -> FloatArray:
+def _bin_centres(bins: FloatArray) -> FloatArray:
     """(n_obs,) of bins (n_obs, 2)."""
     return np.asarray(0.5 * (bins[:, 0] + bins[:, 1]))
 
@@ -230,7 +230,11 @@ def _poisson(x: FloatArray, y: FloatArray, bins: ArrayLike | None, what: str) ->
             value=f"{edges[k].tolist()} and {edges[k + 1].tolist()}",
         )
     return CountedPoints(
-        _middles(edges), counts, Counts(POISSON, np.ones(x.size), counts, what, edges), edges, None
+        _bin_centres(edges),
+        counts,
+        Counts(POISSON, np.ones(x.size), counts, what, edges),
+        edges,
+        None,
     )
 
 
@@ -245,7 +249,7 @@ def _binomial(x: FloatArray, y: FloatArray, trials: ArrayLike, what: str) -> Cou
         ) from None
     if not all_finite(size):
         raise InputError("must be finite", field="trials", value=float(size[~np.isfinite(size)][0]))
-    bad = not_a_count(size)
+    bad = first_non_count(size)
     if bad is not None or np.any(size < 1.0):
         bad = int(np.argmax(size < 1.0)) if bad is None else bad
         raise InputError(
@@ -292,11 +296,11 @@ def _events(
     counts = np.histogram(ordered, edges)[0].astype(float)
     bins = np.column_stack([edges[:-1], edges[1:]])
     noise = Events(POISSON, np.ones(n_cell), counts, what, bins, times=ordered, window=(low, high))
-    return CountedPoints(_middles(bins), counts, noise, bins, float(times.size), ordered)
+    return CountedPoints(_bin_centres(bins), counts, noise, bins, float(times.size), ordered)
 
 
 def _require_counts(y: FloatArray, meaning: str) -> None:
-    bad = not_a_count(y)
+    bad = first_non_count(y)
     if bad is not None:
         raise InputError(
             f"must be a whole number from 0 ({meaning})", field="y", value=float(y[bad]), index=bad

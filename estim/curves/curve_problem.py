@@ -22,8 +22,8 @@ from estim.curves.count_data import (
     CountedPoints,
     Counting,
     EventTimes,
-    ask_counts,
-    refuse_errors,
+    points_of_noise,
+    refuse_common_errors,
 )
 from estim.curves.derived import SoughtQuantity, seek_of_fit
 from estim.curves.discrepancy import discrepancy_of
@@ -265,7 +265,7 @@ def pose_curve(
     }
     for field in (name for name, asked in along_x.items() if places is not None and asked):
         raise InputError("does not go with several abscissas", field=field)
-    counted = ask_counts(
+    counted = points_of_noise(
         noise,
         x,
         y,
@@ -383,7 +383,7 @@ def pose_curve(
     whole: Curve = TiedCurve(read, ties) if ties else read
     whole = DistortedCurve(whole, errors) if errors else whole
     if counted is not None:
-        refuse_errors(counted, errors)
+        refuse_common_errors(counted, errors)
         whole = counted.expected(whole)
     text = (
         read.text

@@ -23,9 +23,9 @@ from estim.problem import (
     Likelihood,
     Named,
     Noise,
+    NoiseVariance,
     Points,
     Root,
-    Size,
     Wording,
     covariance_of,
     with_columns,
@@ -41,7 +41,7 @@ class Stated(Noise):
     base: Noise
 
     @property
-    def size(self) -> Size:
+    def size(self) -> NoiseVariance:
         return self.base.size
 
     @property

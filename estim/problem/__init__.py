@@ -37,7 +37,7 @@ from estim.problem.noise import (
     Differentiated,
     Independent,
     Scale,
-    Size,
+    NoiseVariance,
     differentiate,
 )
 from estim.problem.normal import GaussianErrors

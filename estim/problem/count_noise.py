@@ -28,7 +28,7 @@ from estim.problem.count_distributions import Counted, Law, deviance_residual
 from estim.problem.curve import POINTS, Wording
 from estim.problem.curve_noise import Readings
 from estim.problem.likelihood import Likelihood, Noise, Points
-from estim.problem.noise_variance import Scale, Size
+from estim.problem.noise_variance import NoiseVariance, Scale
 
 _LEAST = 1e-300  # expectation or variance, so that nothing is divided by 0
 # standard deviation, in counts, of the penalty where a single count of 0 is expected to be less
@@ -187,7 +187,7 @@ class Counts(Noise):
     what: str = "y"
     bins: FloatArray | None = None
 
-    size = Size(Scale(1.0))
+    size = NoiseVariance(Scale(1.0))
 
     @property
     def counted(self) -> Counted:

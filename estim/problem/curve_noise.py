@@ -18,7 +18,7 @@ from estim.problem.abscissas import correlated_abscissas
 from estim.problem.curve import Wording
 from estim.problem.likelihood import Noise, Points
 from estim.problem.noise import Independent, scatter_words
-from estim.problem.noise_variance import Scale, Size
+from estim.problem.noise_variance import NoiseVariance, Scale
 from estim.problem.normal import GaussianErrors
 from estim.problem.roots import root_of
 
@@ -72,7 +72,7 @@ class Correlated(Noise):
     what: str = "y"
     cov_x: FloatArray | None = None
 
-    size = Size(Scale(1.0))
+    size = NoiseVariance(Scale(1.0))
 
     def likelihood(self, points: Points, named: Named) -> GaussianErrors:
         cov = self.cov

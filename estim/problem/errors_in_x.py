@@ -38,7 +38,7 @@ from estim.problem.abscissas import (
     true_abscissas,
 )
 from estim.problem.likelihood import Ends, Likelihood, Points, n_draws, some_draws
-from estim.problem.noise_variance import Scale, Size
+from estim.problem.noise_variance import NoiseVariance, Scale
 from estim.problem.tails import Tails
 from estim.problem.whitened import Tabled
 
@@ -59,7 +59,7 @@ class LatentErrors(Likelihood):
     """
 
     points: Points
-    size: Size
+    size: NoiseVariance
     weight: FloatArray
     tails: Tails
     sigma_x: Scale

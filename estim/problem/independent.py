@@ -9,7 +9,7 @@ import numpy as np
 
 from estim.arrays import FloatArray, Named
 from estim.problem.likelihood import Ends, Likelihood, Points
-from estim.problem.noise_variance import Size
+from estim.problem.noise_variance import NoiseVariance
 from estim.problem.tails import Tails, score_information
 from estim.problem.whitened import Linear
 
@@ -21,7 +21,7 @@ class RobustErrors(Likelihood):
     """
 
     points: Points
-    size: Size
+    size: NoiseVariance
     weight: FloatArray
     tails: Tails
 

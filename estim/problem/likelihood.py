@@ -26,7 +26,7 @@ from scipy.sparse import csr_array
 from estim.arrays import FloatArray, IntArray, Named
 from estim.problem.count_distributions import Counted
 from estim.problem.curve import Curve, LocalCurve, SquaredCurve, Wording
-from estim.problem.noise_variance import Size
+from estim.problem.noise_variance import NoiseVariance
 from estim.problem.roots import Root
 from estim.problem.whitened import Linear
 
@@ -311,7 +311,7 @@ class Noise(ABC):
 
     @property
     @abstractmethod
-    def size(self) -> Size:
+    def size(self) -> NoiseVariance:
         """How large the errors of the readings are, and the scatter that the instrument does not
         explain.
         """

@@ -44,8 +44,8 @@ from estim.problem.finite_differences import Derivative as Derivative
 from estim.problem.finite_differences import differentiate as differentiate
 from estim.problem.independent import RobustErrors
 from estim.problem.likelihood import Likelihood, Noise, Points
+from estim.problem.noise_variance import NoiseVariance as NoiseVariance
 from estim.problem.noise_variance import Scale as Scale
-from estim.problem.noise_variance import Size as Size
 from estim.problem.normal import Diagonal, GaussianErrors
 from estim.problem.tails import GAUSSIAN, Gaussian, Tails
 
@@ -77,9 +77,9 @@ class Independent(Noise):
     r_xy: FloatArray | None = None
 
     @property
-    def size(self) -> Size:
+    def size(self) -> NoiseVariance:
         """Of the errors of y."""
-        return Size(self.sigma, self.scatter, self.encoder_step)
+        return NoiseVariance(self.sigma, self.scatter, self.encoder_step)
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -256,9 +256,9 @@ class Differentiated(Noise):
     made_of_positions = True
 
     @property
-    def size(self) -> Size:
+    def size(self) -> NoiseVariance:
         """Of the errors of the positions, and of the scatter of the speeds."""
-        return Size(self.sigma, self.scatter, self.encoder_step)
+        return NoiseVariance(self.sigma, self.scatter, self.encoder_step)
 
     def likelihood(self, points: Points, named: Named) -> GaussianErrors:
         """Covariance and truncation with the slope of the curve at `named`.  Raises InputError for

@@ -33,7 +33,7 @@ class Scale:
 
 
 @dataclass(frozen=True, eq=False)
-class Size:
+class NoiseVariance:
     """sigma of a reading, further scatter, and the resolution of a digital reading."""
 
     sigma: Scale

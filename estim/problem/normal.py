@@ -22,11 +22,11 @@ from scipy.sparse import csr_array
 from estim.arrays import FloatArray, Named
 from estim.problem.differences import covariance_in_bands, used_columns
 from estim.problem.likelihood import Ends, Likelihood, Points, n_draws
-from estim.problem.noise_variance import Scale, Size
+from estim.problem.noise_variance import NoiseVariance, Scale
 from estim.problem.roots import DENSE, Band, Dense, Root
 from estim.problem.whitened import Linear
 
-KNOWN = Size(Scale(1.0))
+KNOWN = NoiseVariance(Scale(1.0))
 
 
 class Form(Protocol):
@@ -150,7 +150,7 @@ class GaussianErrors(Likelihood):
     """Points with normal errors of mean `shift` (n_obs,) and of a size and form of covariance."""
 
     points: Points
-    size: Size
+    size: NoiseVariance
     form: Form
     shift: FloatArray
 
@@ -163,7 +163,7 @@ class GaussianErrors(Likelihood):
     def of_readings(
         cls,
         points: Points,
-        size: Size,
+        size: NoiseVariance,
         matrix: csr_array,
         shift: FloatArray,
         *,
@@ -185,7 +185,7 @@ class GaussianErrors(Likelihood):
 
     @classmethod
     def in_bands(
-        cls, points: Points, size: Size, bands: FloatArray, shift: FloatArray
+        cls, points: Points, size: NoiseVariance, bands: FloatArray, shift: FloatArray
     ) -> GaussianErrors:
         """Of C0 in bands (n_band + 1, n_obs), where a covariance of this size is `in_bands`."""
         if size.parameters:
@@ -283,6 +283,6 @@ class GaussianErrors(Likelihood):
         return np.atleast_2d(self.form.turned(self.y - self.points.value(named)))
 
 
-def in_bands(size: Size) -> bool:
+def in_bands(size: NoiseVariance) -> bool:
     """Whether a covariance of this size stays the same but for a factor."""
     return not size.parameters or (size.scatter.parameter is None and size.scatter.value == 0.0)

@@ -28,10 +28,10 @@ from estim.sampling.chain import Chain
 from estim.sampling.diagnostics import effective_size
 from estim.sampling.importance import (
     K_HAT_LIMIT,
-    kish_size,
+    kish_ess,
+    log_mean_uncertainty,
     pareto_smoothed,
     systematic,
-    u_log_mean,
 )
 from estim.sampling.proposal import Proposal, adapt_proposal
 from estim.sampling.protocol import Density, log_density_in_batches
@@ -158,7 +158,7 @@ def certify(
         log_weights, k_hat, log_mean = pareto_smoothed(log_ratio)
         columns = [_Column(column, np.exp(log_weights)) for column in draws.T]
         lacking = (
-            max(least_ess / kish_size(log_weights), _lacking_for_ends(columns))
+            max(least_ess / kish_ess(log_weights), _lacking_for_ends(columns))
             if k_hat <= K_HAT_LIMIT
             else 2.0
         )
@@ -210,9 +210,9 @@ def _summarise(
         names=names,
         k_hat=k_hat,
         n_draw=weights.size,
-        ess=kish_size(log_weights),
+        ess=kish_ess(log_weights),
         log_evidence=log_mean,
-        u_log_evidence=u_log_mean(log_weights),
+        u_log_evidence=log_mean_uncertainty(log_weights),
         mean=mean,
         sd=sd,
         mcse_mean=np.sqrt(squares @ deviation**2),

@@ -22,7 +22,7 @@ from estim.arrays import FloatArray, IntArray
 from estim.common import Finding, Kind, NumericalError, phrase
 from estim.sampling.diagnostics import Mixing, autocorrelation_time, mixing_of
 from estim.sampling.factors import lower_factor
-from estim.sampling.importance import K_HAT_LIMIT, kish_size, pareto_smoothed
+from estim.sampling.importance import K_HAT_LIMIT, kish_ess, pareto_smoothed
 from estim.sampling.independence import STEPS_AHEAD, IndependenceMoves
 from estim.sampling.proposal import Proposal
 from estim.sampling.protocol import Density, log_density_in_batches
@@ -191,7 +191,9 @@ def sample_posterior(
         else:
             n_burn = _n_burn(n_step, tau, sure=share > _LEAST_SHARE)
             mixing = mixing_of(draws[:, n_burn:])
-            convergence = _judge(mixing, target, n_step=n_step, tau=tau, tau_before=tau_before)
+            convergence = _check_convergence(
+                mixing, target, n_step=n_step, tau=tau, tau_before=tau_before
+            )
             if progress is not None:
                 message = (
                     phrase("sampling")
@@ -199,7 +201,7 @@ def sample_posterior(
                     else phrase("sampling: {message}", message=convergence.message)
                 )
                 progress(_percent(convergence, target), message)
-            slow = _hopeless(mixing, target, posterior.names, n_step=n_step)
+            slow = _target_unreachable(mixing, target, posterior.names, n_step=n_step)
             if convergence.met or n_step >= target.max_step:
                 break
             if slow:
@@ -224,7 +226,7 @@ def sample_posterior(
     )
 
 
-def _hopeless(
+def _target_unreachable(
     mixing: Mixing, target: Target, names: Sequence[str], *, n_step: int
 ) -> list[Finding]:
     """That the cap will not be enough, with the parameters that keep it from being so: had their
@@ -293,7 +295,7 @@ def _first_points(
     parts = np.split(np.exp(log_weights), n_ensemble)
     if k_hat <= K_HAT_LIMIT and min(np.count_nonzero(part) for part in parts) >= 2 * n_walker:
         # what lies beyond the support is drawn again
-        efficiency = kish_size(log_weights) / np.count_nonzero(np.isfinite(log_weights))
+        efficiency = kish_ess(log_weights) / np.count_nonzero(np.isfinite(log_weights))
         chosen = [
             rng.choice(n_draw, n_walker, replace=False, p=part / np.sum(part)) for part in parts
         ]
@@ -343,7 +345,7 @@ def _percent(convergence: Convergence, target: Target) -> int:
     return min(99, int(100.0 * least))
 
 
-def _judge(
+def _check_convergence(
     mixing: Mixing, target: Target, *, n_step: int, tau: float, tau_before: float
 ) -> Convergence:
     """The stopping criteria on draws that mix so."""

@@ -86,22 +86,22 @@ def _tail_shape(excess: FloatArray) -> tuple[float, float]:
     return (n * shape + 5.0) / (n + 10.0), -shape / mean
 
 
-def kish_size(log_weights: FloatArray) -> float:
+def kish_ess(log_weights: FloatArray) -> float:
     """Effective size of weighted draws, (sum w)^2/(sum w^2); 0 where every weight is."""
     if not np.any(np.isfinite(log_weights)):
         return 0.0
     return float(np.exp(2.0 * log_sum_exp(log_weights) - log_sum_exp(2.0 * log_weights)))
 
 
-def u_log_mean(log_weights: FloatArray) -> float:
+def log_mean_uncertainty(log_weights: FloatArray) -> float:
     """Monte-Carlo standard error of log mean w, which is a log evidence where w =
     density/proposal.
     """
-    size = kish_size(log_weights)
+    size = kish_ess(log_weights)
     return math.sqrt(max(1.0 / size - 1.0 / log_weights.size, 0.0)) if size else math.inf
 
 
-def flattened(log_weights: FloatArray, least: float) -> tuple[FloatArray, float]:
+def tempered(log_weights: FloatArray, least: float) -> tuple[FloatArray, float]:
     """(n_draw,) normalised weights w^b, tempered by the largest b <= 1 that leaves an effective
     size of `least`, and b: a far start is approached in steps.
     """
@@ -112,10 +112,10 @@ def flattened(log_weights: FloatArray, least: float) -> tuple[FloatArray, float]
         return np.where(finite, power * shifted, -np.inf)
 
     low, high = 0.0, 1.0
-    if kish_size(powered(1.0)) < least:
+    if kish_ess(powered(1.0)) < least:
         for _ in range(20):
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if kish_size(powered(middle)) >= least else (low, middle)
+            low, high = (middle, high) if kish_ess(powered(middle)) >= least else (low, middle)
         high = max(low, 1e-6)
     weights = np.exp(powered(high))
     return np.asarray(weights / np.sum(weights)), high
@@ -146,7 +146,7 @@ def difference(
     """Largest difference of a mean by two sets of weights of the same draws, in standard
     deviations, and its Monte-Carlo error.
     """
-    if kish_size(log_marginal) < 2.0 or kish_size(log_all) < 2.0:
+    if kish_ess(log_marginal) < 2.0 or kish_ess(log_all) < 2.0:
         return math.inf, math.inf
     a, b = np.exp(log_marginal - log_sum_exp(log_marginal)), np.exp(log_all)
     mean_a, mean_b = a @ shared, b @ shared

@@ -34,11 +34,11 @@ from estim.sampling.conditional import expand, run_terms
 from estim.sampling.importance import (
     K_HAT_LIMIT,
     difference,
-    kish_size,
+    kish_ess,
+    log_mean_uncertainty,
     pareto_smoothed,
     spread,
     systematic,
-    u_log_mean,
 )
 from estim.sampling.marginal_density import Marginal
 from estim.sampling.proposal import Proposal, adapt_proposal
@@ -187,7 +187,7 @@ def sample_marginal(
     log_weights, k_hat, log_evidence = pareto_smoothed(raw)
     check, k_hat_all, log_evidence_all = pareto_smoothed(raw_all)
     shift, u_shift = difference(shared[: check.size], log_weights[: check.size], check)
-    ess, ess_all = kish_size(log_weights), kish_size(check)
+    ess, ess_all = kish_ess(log_weights), kish_ess(check)
     trusted, findings = _judge(
         k_hat,
         ess,
@@ -206,7 +206,7 @@ def sample_marginal(
         k_hat=k_hat,
         ess=ess,
         log_evidence=log_evidence,
-        u_log_evidence=u_log_mean(raw),
+        u_log_evidence=log_mean_uncertainty(raw),
         k_hat_all=k_hat_all,
         ess_all=ess_all,
         log_evidence_all=log_evidence_all,

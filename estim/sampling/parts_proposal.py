@@ -15,7 +15,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.deviation import NormalParts
 from estim.sampling.factors import lower_factor
-from estim.sampling.importance import flattened, kish_size
+from estim.sampling.importance import kish_ess, tempered
 from estim.sampling.proposal import Proposal
 from estim.sampling.protocol import Density, log_density_in_batches
 
@@ -39,13 +39,13 @@ def proposal_of_parts(
         proposal = mixture.guarded(_GUARD, _GUARD_FACTOR)
         draws = proposal.draw(rng, n_draw)
         log_ratio = log_density_in_batches(density, draws) - proposal.log_density(draws)
-        share = kish_size(log_ratio) / n_draw
+        share = kish_ess(log_ratio) / n_draw
         if share > most:
             best, most = proposal, share
         if not share > 0.0:
             break
         mixture = _adapted(
-            mixture, heaviest, draws, flattened(log_ratio, least=20.0 * proposal.n_par)[0]
+            mixture, heaviest, draws, tempered(log_ratio, least=20.0 * proposal.n_par)[0]
         )
     return best
 
@@ -55,7 +55,7 @@ def _adapted(mixture: Proposal, heaviest: int, draws: FloatArray, weights: Float
     as it is known.
     """
     distances = mixture.distances(draws)
-    parts = mixture.log_parts(distances)
+    parts = mixture.component_log_densities(distances)
     share = weights * np.exp(parts[heaviest] - np.logaddexp.reduce(parts, axis=0))
     pull = share * (mixture.dof + mixture.n_par) / (mixture.dof + distances[heaviest])
     size = float(np.sum(share) ** 2 / max(float(np.sum(share**2)), 1e-300))

@@ -23,7 +23,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import NumericalError
 from estim.sampling.factors import lower_factor
-from estim.sampling.importance import flattened, kish_size, log_sum_exp, pareto_smoothed
+from estim.sampling.importance import kish_ess, log_sum_exp, pareto_smoothed, tempered
 from estim.sampling.protocol import Density, log_density_in_batches
 
 DOF = 5  # tails heavier than those of most posteriors
@@ -123,7 +123,7 @@ class Proposal:
         np.square(whitened, out=whitened)
         return np.asarray(np.sum(whitened.reshape(*beside.shape, len(draws)), axis=1))
 
-    def log_parts(self, distances: FloatArray) -> FloatArray:
+    def component_log_densities(self, distances: FloatArray) -> FloatArray:
         """(n_component, n_draw) log of weight times density of each component."""
         return self._log_heights[:, None] - 0.5 * (self.dof + self.n_par) * np.log1p(
             distances / self.dof
@@ -131,7 +131,7 @@ class Proposal:
 
     def log_density(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) normalised log density at draws (n_draw, n_par)."""
-        parts = self.log_parts(self.distances(draws))
+        parts = self.component_log_densities(self.distances(draws))
         return parts[0] if parts.shape[0] == 1 else log_sum_exp(parts, axis=0)
 
 
@@ -160,29 +160,31 @@ def adapt_proposal(
     centres = np.vstack([start, *starts])
     n_round = max(n_round, 500 * len(centres))
     factors = lower_factor(np.stack([cov, *(covs or [cov] * len(starts))]))
-    mixture = _even(centres, factors)
-    best, quality, draws, weights = _settle(density, _shrunk(density, mixture, rng), rng, n_round)
+    mixture = _equally_weighted(centres, factors)
+    best, quality, draws, weights = _adapted(
+        density, _shrunk_into_support(density, mixture, rng), rng, n_round
+    )
     for n_component in (4, 8):
         # effective share of the draws above which one Student-t suffices; it falls with the number
         # of parameters, because the weights become less even
         if quality > 0.4 * min(1.0, 6.0 / mixture.n_par):
             break
         split = _split(draws, weights, max(n_component, len(centres) + 1), rng)
-        candidate, better, candidate_draws, candidate_weights = _settle(
+        candidate, better, candidate_draws, candidate_weights = _adapted(
             density, split, rng, 4 * n_round
         )
         if better > 1.15 * quality:
             best, quality, draws, weights = candidate, better, candidate_draws, candidate_weights
     # 40 % of the draws come from components around modes that are known: a wide mode of little
     # weight is seldom drawn, and a chain that has entered it does not leave it soon
-    return best.beside(_even(centres[1:], factors[1:]), 0.4) if covs else best
+    return best.beside(_equally_weighted(centres[1:], factors[1:]), 0.4) if covs else best
 
 
-def _even(means: FloatArray, factors: FloatArray) -> Proposal:
+def _equally_weighted(means: FloatArray, factors: FloatArray) -> Proposal:
     return Proposal(np.full(len(means), 1.0 / len(means)), means, factors)
 
 
-def _settle(
+def _adapted(
     density: Density, mixture: Proposal, rng: np.random.Generator, n_round: int
 ) -> tuple[Proposal, float, FloatArray, FloatArray]:
     """Rounds of (draw; weigh; fit) until weights get no more even: best proposal, its quality, its
@@ -196,7 +198,7 @@ def _settle(
         if not np.any(np.isfinite(log_ratio)):
             break
         quality = _quality(log_ratio)
-        weights, _ = flattened(log_ratio, least=min(0.1 * n_round, 20.0 * proposal.n_par))
+        weights, _ = tempered(log_ratio, least=min(0.1 * n_round, 20.0 * proposal.n_par))
         rounds.append((proposal, quality, draws, weights))
         # from 0.7 on, one more round costs more draws than it can save
         if (len(rounds) > 1 and quality > 0.7) or (
@@ -215,7 +217,7 @@ def _settle(
 
 def _quality(log_ratio: FloatArray) -> float:
     """Effective share of weighted draws; a third of it where k-hat shows that a tail is missed."""
-    share = kish_size(log_ratio) / log_ratio.size
+    share = kish_ess(log_ratio) / log_ratio.size
     return share if pareto_smoothed(log_ratio)[1] <= 0.5 else share / 3.0
 
 
@@ -228,7 +230,7 @@ def _fit(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
     draws, weights = draws[used], weights[used]
     for _ in range(25):
         distances = mixture.distances(draws)
-        parts = mixture.log_parts(distances)
+        parts = mixture.component_log_densities(distances)
         heights = np.exp(parts - np.max(parts, axis=0))
         share = heights * (weights / np.sum(heights, axis=0))
         size = np.sum(share, axis=1)
@@ -278,7 +280,7 @@ def _split(
         centres.append(int(rng.choice(weights.size, p=chance / np.sum(chance))))
     n = len(centres)
     factors = np.stack([n ** (-1.0 / draws.shape[1]) * factor] * n)
-    return _fit(_even(draws[centres], factors), draws, weights)
+    return _fit(_equally_weighted(draws[centres], factors), draws, weights)
 
 
 def _guarded(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
@@ -291,7 +293,7 @@ def _guarded(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Propo
     return mixture.beside(Proposal.single(mean, _WIDE_FACTOR**2 * cov), _WIDE_SHARE)
 
 
-def grown(draws: FloatArray, n_component: int, rng: np.random.Generator) -> Proposal:
+def mixture_of_draws(draws: FloatArray, n_component: int, rng: np.random.Generator) -> Proposal:
     """A mixture fitted to draws (n_draw, n_par) of equal weight that come from elsewhere, with the
     component that guards it.
     """
@@ -299,7 +301,7 @@ def grown(draws: FloatArray, n_component: int, rng: np.random.Generator) -> Prop
     return _guarded(_split(draws, weights, n_component, rng), draws, weights)
 
 
-def _shrunk(density: Density, mixture: Proposal, rng: np.random.Generator) -> Proposal:
+def _shrunk_into_support(density: Density, mixture: Proposal, rng: np.random.Generator) -> Proposal:
     """`mixture`, narrowed until one draw in 50 at least lies inside the support."""
     for _ in range(30):
         if np.mean(np.isfinite(density.log_density(mixture.draw(rng, 500)))) >= 0.02:

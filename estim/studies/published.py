@@ -44,7 +44,7 @@ class Paper(KeyTable, frozen=True):
 
 
 @dataclass(frozen=True)
-class PublishedValue:
+class PublishedComparison:
     """A published number, the reanalysed one, how the latter was found, and E_n (k = 2) of the two.
 
     Where the paper states no uncertainty, E_n counts the reanalysis' alone.
@@ -65,7 +65,7 @@ def read_published(path: Path) -> Paper:
 
 def compare_published(
     numbers: Sequence[PublishedNumber], reanalysed: Sequence[tuple[str, str | None, Quantity, str]]
-) -> tuple[PublishedValue, ...]:
+) -> tuple[PublishedComparison, ...]:
     """Every published number that `found` (parameter, body or None, value, how) speaks of, in the
     order published.
     """
@@ -77,7 +77,7 @@ def compare_published(
             ):
                 u = 0.0 if number.u is None else number.u
                 rows.append(
-                    PublishedValue(
+                    PublishedComparison(
                         number,
                         value,
                         how,

@@ -24,8 +24,8 @@ from estim.studies.limits import Limit, Narrowing, limits, narrowing
 from estim.studies.paper_band import PropagatedBand, propagated_bands
 from estim.studies.published import (
     Paper,
+    PublishedComparison,
     PublishedNumber,
-    PublishedValue,
     compare_published,
     read_published,
 )
@@ -62,7 +62,7 @@ class Reanalysis:
     single_runs: Mapping[str, Analysis]
     bodies: tuple[BodyAnalysis, ...]
     paper: Paper
-    published: tuple[PublishedValue, ...]
+    published: tuple[PublishedComparison, ...]
     seed: int
 
     @property

@@ -67,7 +67,7 @@ class Job:
             timer = threading.Timer(self.seconds, self.end, ["stopped"])
             timer.start()
             for line in lines:
-                self._hear(line)
+                self._read_line(line)
         self.code = process.wait()
         timer.cancel()
         assert process.stdin is not None
@@ -95,7 +95,7 @@ class Job:
                 else:
                     os.killpg(self._process.pid, signal.SIGKILL)
 
-    def _hear(self, line: str) -> None:
+    def _read_line(self, line: str) -> None:
         """A line of the command: progress or an error for a program, or words for a person."""
         with suppress(ValueError):
             record = json.loads(line) if line.startswith("{") else {}
@@ -111,7 +111,7 @@ class Job:
             self.said.append(one_line(shorten(line.rstrip(), 500)))
 
 
-class Workers:
+class JobQueue:
     """So many processes at once, and a queue of so many jobs."""
 
     def __init__(self, count: int, queue: int) -> None:

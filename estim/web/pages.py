@@ -30,7 +30,7 @@ from starlette.staticfiles import StaticFiles
 
 from estim.common import LANGUAGES, EstimError, InputError, language, phrase
 from estim.reading import read_suffixes
-from estim.web.job_queue import Job, Workers
+from estim.web.job_queue import Job, JobQueue
 from estim.web.labels import AGAIN
 from estim.web.page_template import LANGUAGE, closed, page
 from estim.web.preview import picture_name, preview_name, start_name
@@ -67,7 +67,7 @@ EXAMPLES = {  # name of a table in examples/ -> fields with which its question b
 class Pages:
     """What is shown of a store, and asked of workers."""
 
-    def __init__(self, store: Store, fits: Workers, previews: Workers) -> None:
+    def __init__(self, store: Store, fits: JobQueue, previews: JobQueue) -> None:
         self._store, self._fits, self._previews = store, fits, previews
         self._jobs = dict[str, Job]()  # id of an answer -> while it is under way
         self._being_made = dict[tuple[Path, str], Future[None]]()

@@ -66,12 +66,12 @@ def application(at: At, token: str) -> Iterator[tuple[Gate, socket.socket, str]]
     end with the block.  Raises InputError where the port is taken.
     """
     from estim.web.gate import Gate
-    from estim.web.job_queue import Workers
+    from estim.web.job_queue import JobQueue
     from estim.web.pages import Pages
     from estim.web.store import Store
 
     cores = os.cpu_count() or 1
-    fits, previews = Workers(cores, _QUEUE), Workers(cores, _QUEUE)
+    fits, previews = JobQueue(cores, _QUEUE), JobQueue(cores, _QUEUE)
     listener, address = listening(at)
     try:
         app = Pages(Store(at.folder), fits, previews).app()
