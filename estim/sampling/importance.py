@@ -17,7 +17,7 @@ import numpy as np
 from estim.arrays import FloatArray, IntArray, all_finite
 
 K_HAT_LIMIT = 0.7  # above it importance weights cannot be trusted (Vehtari et al. 2024)
-_MANY, _LEAST_TAIL = 225, 5  # draws: the tail is a fifth of fewer than _MANY; its least
+_LEAST_TAIL = 5  # draws
 
 
 def log_sum_exp(terms: FloatArray, axis: int | None = None) -> FloatArray:
@@ -41,16 +41,13 @@ def pareto_smoothed(log_ratio: FloatArray) -> tuple[FloatArray, float, float]:
     total = float(log_sum_exp(log_ratio))
     if total == -math.inf:
         return np.full(n, -np.inf), math.inf, -math.inf
-    plain = (log_ratio - total, total - math.log(n))
+    plain, log_mean = log_ratio - total, total - math.log(n)
     order = np.argsort(log_ratio)
-    highest, n_tail = float(log_ratio[order[-1]]), int(3.0 * math.sqrt(n))
-    if n <= n_tail + 2 or not np.isfinite(log_ratio[order[-n_tail - 2]]):
-        return plain[0], math.inf, plain[1]
-    if highest - log_ratio[order[-n_tail - 2]] < 1e-9:
-        return plain[0], -math.inf, plain[1]
-    n_tail = n_tail if n > _MANY else n // 5
-    if n_tail < _LEAST_TAIL:
-        return plain[0], math.inf, plain[1]
+    highest, n_tail = float(log_ratio[order[-1]]), min(n // 5, int(3.0 * math.sqrt(n)))
+    if n_tail < _LEAST_TAIL or not np.isfinite(log_ratio[order[-n_tail - 1]]):
+        return plain, math.inf, log_mean
+    if highest - log_ratio[order[-n_tail - 1]] < 1e-9:
+        return plain, -math.inf, log_mean
     tail, log_weights = order[-n_tail:], log_ratio - highest
     cutoff = math.exp(log_weights[order[-n_tail - 1]])
     # where one draw outweighs all others the fit divides by zero, and finds no tail
@@ -63,7 +60,7 @@ def pareto_smoothed(log_ratio: FloatArray) -> tuple[FloatArray, float, float]:
         smooth = np.minimum(np.log(cutoff + excess), 0.0)
         log_weights[tail] = smooth
     if not (np.isfinite(k_hat) and scale > 0.0 and np.isfinite(smooth[-1])):
-        return plain[0], math.inf, plain[1]
+        return plain, math.inf, log_mean
     total = float(log_sum_exp(log_weights))
     return log_weights - total, k_hat, total + highest - math.log(n)
 
