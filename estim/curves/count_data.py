@@ -212,14 +212,14 @@ def _poisson(x: FloatArray, y: FloatArray, bins: ArrayLike | None, what: str) ->
             "all (95 %)",
             field="y",
         )
-    order = np.argsort(x, kind="stable")
     if bins is None:
+        order = np.argsort(x, kind="stable")
         return CountedPoints(
             x[order], y[order], Counts(POISSON, np.ones(x.size), y[order], what), None, None
         )
-    edges = _edges(bins, x)[order]
-    place = np.argsort(edges[:, 0], kind="stable")
-    edges, counts = edges[place], y[order][place]
+    edges = _edges(bins, x)
+    order = np.lexsort((x, edges[:, 0]))
+    edges, counts = edges[order], y[order]
     # bins that overlap by less of a width share an edge
     overlap = edges[:-1, 1] - edges[1:, 0] > 1e-9 * (edges[:-1, 1] - edges[:-1, 0])
     if np.any(overlap):

@@ -66,22 +66,17 @@ def read_published(path: Path) -> Paper:
 def compare_published(
     numbers: Sequence[PublishedNumber], reanalysed: Sequence[tuple[str, str | None, Quantity, str]]
 ) -> tuple[PublishedComparison, ...]:
-    """Every published number that `found` (parameter, body or None, value, how) speaks of, in the
-    order published.
+    """Every published number that one of `reanalysed` (parameter, body or None, value, how) speaks
+    of, in the order published; its E_n is nan where that has no uncertainty.
     """
-    rows = []
-    for number in numbers:
-        for parameter, body, value, how in reanalysed:
-            if parameter == number.parameter and (
-                number.body is None or body is None or body == number.body
-            ):
-                u = 0.0 if number.u is None else number.u
-                rows.append(
-                    PublishedComparison(
-                        number,
-                        value,
-                        how,
-                        e_n(value, Quantity(number.value, u)) if value.u > 0.0 else math.nan,
-                    )
-                )
-    return tuple(rows)
+    return tuple(
+        PublishedComparison(
+            number,
+            value,
+            how,
+            e_n(value, Quantity(number.value, number.u or 0.0)) if value.u > 0.0 else math.nan,
+        )
+        for number in numbers
+        for parameter, body, value, how in reanalysed
+        if parameter == number.parameter and (None in (number.body, body) or body == number.body)
+    )
