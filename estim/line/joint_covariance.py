@@ -24,18 +24,13 @@ MOST_POINTS = 300  # each direction that is tried costs the cube of their number
 
 @dataclass(frozen=True)
 class Common:
-    """An error that all readings of an axis share.  axis : "x" or "y".  u : standard uncertainty, a
-    share of the reading where `relative`.
+    """An error that all readings of an axis share.  axis : "x" or "y".  u : standard uncertainty of
+    the zero, or of the scale where `relative`.
     """
 
     axis: str
     u: float
     relative: bool = False
-
-    def covariance(self, values: FloatArray) -> FloatArray:
-        """(n_obs, n_obs), where the readings are `values` (n_obs,)."""
-        pattern = values if self.relative else np.ones(values.size)
-        return self.u**2 * np.outer(pattern, pattern)
 
 
 def joint_covariance(
@@ -57,16 +52,12 @@ def joint_covariance(
     return joint
 
 
-def with_common(
-    joint: FloatArray, common: Sequence[Common], x: FloatArray, y: FloatArray
-) -> FloatArray:
-    """The same with errors that all readings share; relative ones are shares of x and y (n_obs,),
-    best the values of a line.
-    """
-    n, total = x.size, joint.copy()
+def with_zeros(joint: FloatArray, common: Sequence[Common]) -> FloatArray:
+    """The same with the errors of zeros that all readings share; those of scales are left out."""
+    n, total = len(joint) // 2, joint.copy()
     for error in common:
         part = slice(0, n) if error.axis == "x" else slice(n, 2 * n)
-        total[part, part] += error.covariance(x if error.axis == "x" else y)
+        total[part, part] += 0.0 if error.relative else error.u**2
     return total
 
 

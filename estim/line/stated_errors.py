@@ -4,16 +4,19 @@ common to all readings of an axis.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase, read_number
-from estim.line.joint_covariance import MOST_POINTS, Common, joint_covariance, with_common
-from estim.line.regression import fit_line
+from estim.line.interval import SlopeInterval
+from estim.line.joint_covariance import MOST_POINTS, Common, joint_covariance, with_zeros
+from estim.line.regression import LineFit, StandardError
 from estim.reading import Dialect, read_columns
 
 
@@ -76,35 +79,66 @@ def common_error(axis: str, text: str) -> Common:
 
 def stated_covariance(
     stated: Correlated,
-    x: FloatArray,
-    y: FloatArray,
+    n: int,
     u_x: FloatArray | float | None,
     u_y: FloatArray | float | None,
     r_xy: FloatArray | float,
     dialect: Dialect,
 ) -> FloatArray:
-    """(2 n_obs, 2 n_obs) covariance of x, then y.
+    """(2 n, 2 n) covariance of x, then y, of n points.
 
-    u_x, u_y, r_xy : of each point alone.  An error of the scale of y is taken at the values of the
-        line that is found without it: taken at the readings, it would draw the line towards the
-        smaller ones (Peelle's pertinent puzzle).  Raises InputError.
+    u_x, u_y, r_xy : of each point alone.  Errors of scales are left to `with_scales`.  Raises
+        InputError.
     """
-    n = x.size
     if n > MOST_POINTS:
         raise InputError(f"goes with at most {MOST_POINTS} points", field="covariance", value=n)
     if stated.cov is not None:
         joint = read_matrix(stated.cov, 2 * n, "all x, then all y", dialect)
     else:
         joint = _own_errors(stated, n, u_x, u_y, r_xy, dialect)
-    at = y
-    if any(error.relative and error.axis == "y" for error in stated.common):
-        alone = fit_line(
-            x,
-            y,
-            cov=with_common(joint, [error for error in stated.common if not error.relative], x, y),
-        )
-        at = alone.intercept + alone.slope * x
-    return with_common(joint, stated.common, x, at)
+    return with_zeros(joint, stated.common)
+
+
+def with_scales(fit: LineFit, common: Sequence[Common]) -> LineFit:
+    """`fit` with the errors of scales that all points share.
+
+    One of y multiplies the whole line, one of x its slope, and neither moves the best line.  As
+    covariances of readings they would (Peelle's pertinent puzzle).
+    """
+    errors = {
+        name: _with_scales(error, fit.intercept, fit.slope, common)
+        for name, error in fit.standard_errors.items()
+    }
+    return replace(fit, standard_errors=MappingProxyType(errors))
+
+
+def _with_scales(
+    error: StandardError, intercept: float, slope: float, common: Sequence[Common]
+) -> StandardError:
+    # of the height at the pivot, and of the slope
+    cov = np.diag([error.u_pivot**2, error.u_slope**2])
+    for scale in common:
+        if scale.relative:
+            part = slope * error.x_pivot + (intercept if scale.axis == "y" else 0.0)
+            cov += scale.u**2 * np.outer([part, slope], [part, slope])
+    moved = -float(cov[0, 1] / cov[1, 1]) if cov[1, 1] > 0.0 else 0.0
+    u_pivot = math.sqrt(max(cov[0, 0] + moved * cov[0, 1], 0.0))
+    u_slope, x_pivot = math.sqrt(cov[1, 1]), error.x_pivot + moved
+    u_intercept = math.hypot(u_pivot, x_pivot * u_slope)
+    return StandardError(u_intercept, u_slope, -x_pivot * u_slope**2, x_pivot, u_pivot)
+
+
+def slope_with_scales(
+    interval: SlopeInterval, slope: float, k: float, common: Sequence[Common]
+) -> SlopeInterval:
+    """The interval of the slope, each side as wide as both errors together."""
+    u = abs(slope) * math.hypot(*(scale.u for scale in common if scale.relative))
+    if u == 0.0:
+        return interval
+    return interval._replace(
+        low=slope - math.hypot(slope - interval.low, k * u),
+        high=slope + math.hypot(interval.high - slope, k * u),
+    )
 
 
 def _own_errors(

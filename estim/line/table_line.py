@@ -26,7 +26,7 @@ from estim.line.regression import (
     line_values,
     standard_error,
 )
-from estim.line.stated_errors import Correlated, stated_covariance
+from estim.line.stated_errors import Correlated, slope_with_scales, stated_covariance, with_scales
 from estim.reading import (
     PLAIN,
     Dialect,
@@ -210,8 +210,8 @@ def straight_line(
         r_xy = 0.0
     try:
         if stated:
-            cov = stated_covariance(stated, x, y, u_x, u_y, r_xy, dialect)
-            fit = fit_line(x, y, cov=cov)
+            cov = stated_covariance(stated, x.size, u_x, u_y, r_xy, dialect)
+            fit = with_scales(fit_line(x, y, cov=cov), stated.common)
         else:
             fit = fit_line(x, y, u_x=u_x, u_y=u_y, r_xy=r_xy)
     except InputError as error:
@@ -231,7 +231,9 @@ def straight_line(
         sha256=table.sha256,
         columns=read,
         fit=fit,
-        slope=slope_interval(fit, probability=probability),
+        slope=slope_with_scales(
+            slope_interval(fit, probability=probability), fit.slope, k, stated.common
+        ),
         k=k,
         probability=probability,
         predictions=tuple(_prediction(fit, x0, k) for x0 in predict),
