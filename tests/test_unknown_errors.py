@@ -12,9 +12,9 @@ import pytest
 from click.testing import CliRunner
 from scipy import optimize, stats
 
-from estim import InputError, Poisson, fit_curve, load_campaign
+from estim import DataSet, InputError, Poisson, fit_curve, fit_curves, load_campaign
 from estim.cli.commands import cli
-from estim.fitting import contour, fit_problem
+from estim.fitting import contour, error_sizes, fit_problem
 
 X = np.linspace(0.0, 10.0, 40)
 U = np.linspace(0.05, 0.15, 40)
@@ -68,7 +68,7 @@ def test_intervals_beside_a_large_jitter_are_those_of_student(n: int) -> None:
         assert beside.profile_interval("b", probability=p) == pytest.approx(
             beside.intervals["b"][p], abs=1e-6
         )
-    levels = contour(beside.held, "a", "b", dof=n - 2.0).levels
+    levels = contour(beside.held, "a", "b", sizes=error_sizes(beside.held)).levels
     assert levels[0.95] == pytest.approx(-2.0 * n / (n - 2.0) * np.log(0.05))
 
 
@@ -84,6 +84,35 @@ def test_standard_deviations_and_band_beside_a_large_jitter_are_those_of_its_res
     assert np.sqrt(beside.cov[0, 0]) == pytest.approx(beside.sds["a"])
     bands = [fit.predict([0.5, 1.5]) for fit in (alone, beside)]
     assert bands[1].high - bands[1].low == pytest.approx(bands[0].high - bands[0].low, rel=2e-3)
+
+
+def test_data_sets_that_share_nothing_have_the_intervals_that_they_have_alone(
+    rng: np.random.Generator,
+) -> None:
+    """Beside a set of many points with stated errors too; what they share has the degrees of
+    freedom of both.
+    """
+    x, many = np.linspace(-2.0, 2.0, 5), np.linspace(-2.0, 2.0, 100)
+    few = {"x": x, "y": 1.0 + 2.0 * x + 0.3 * rng.standard_normal(5), "u_y": 0.01}
+    sets = {
+        "few": DataSet(**few, jitter=True),
+        "many": DataSet(many, 2.0 * many + 0.1 * rng.standard_normal(100), u_y=0.1),
+    }
+    alone = fit_curve("a + b*x", **few, jitter=True)
+    apart = fit_curves("a + b*x", sets, shared=[])
+    for name in ("a", "b"):
+        assert apart.sds[f"{name}[few]"] == pytest.approx(alone.sds[name], rel=1e-6)
+        for p, ends in apart.intervals[f"{name}[few]"].items():
+            assert ends == pytest.approx(alone.intervals[name][p], rel=1e-5)
+    wanted = stats.t.ppf(0.975, 3)
+    low, high = apart.predict(0.0, data="few").low[0], apart.predict(0.0, data="few").high[0]
+    assert high - low == pytest.approx(2.0 * wanted * apart.sds["a[few]"], rel=1e-3)
+    low, high = apart.intervals["b[many]"][0.95]
+    assert high - low == pytest.approx(2.0 * stats.norm.ppf(0.975) * apart.sds["b[many]"], rel=1e-3)
+    # Welch and Satterthwaite: of two sets alike, twice the degrees of freedom of one, about
+    both = fit_curves("a + b*x", dict.fromkeys("pq", sets["few"]), shared=["b"])
+    low, high = both.intervals["b"][0.95]
+    assert high - low == pytest.approx(2.0 * stats.t.ppf(0.975, 7) * both.sds["b"], rel=0.15)
 
 
 def test_no_limit_or_prior_makes_a_standard_deviation_beside_a_jitter_other_than_it_is() -> None:

@@ -35,10 +35,12 @@ from estim.distributions import student_quantile
 from estim.fitting import (
     FEW,
     Ends,
+    ErrorSizes,
     Fit,
     LinearDerived,
     contour,
-    dof_of_size,
+    error_sizes,
+    held,
     linear_derived,
     profile_intervals,
     shown_value,
@@ -164,7 +166,7 @@ class CurveFit:
         for run in self.problem.runs:
             across = {sought.name for sought in run.sought if sought.others}
             for quantity in linear_derived(
-                run, self.names, values, self.cov, dof=self._dof, unknown=unknown
+                run, self.names, values, self.cov, sizes=self._sizes, unknown=unknown
             ):
                 of_run = quantity.name not in across and any(
                     "[" in name
@@ -234,7 +236,8 @@ class CurveFit:
             if known
             else np.full(places.size, np.nan)
         )
-        half = float(student_quantile(0.5 + 0.5 * probability, np.array(self._dof))) * u
+        dof = self._sizes.degrees_of_freedom(self._sizes.shares(gradient))
+        half = student_quantile(0.5 + 0.5 * probability, dof) * u
         return Prediction(places, value, u, value - half, value + half)
 
     def plot(
@@ -287,7 +290,7 @@ class CurveFit:
         would hold what it says.
         """
         self._require_profiles("contour")
-        profile = contour(self.held, a, b, probabilities, dof=self._dof)
+        profile = contour(self.held, a, b, probabilities, sizes=self._sizes)
         at = [self.names.index(name) for name in (a, b)]
         known = {p.name: p.label for p in self.problem.parameters}
         return region_of(
@@ -306,7 +309,7 @@ class CurveFit:
         """
         self._require_profiles("profile_interval")
         (interval,) = profile_intervals(
-            self.held, names=[name], probabilities=(probability,), dof=self._dof
+            self.held, names=[name], probabilities=(probability,), sizes=self._sizes
         )
         return interval.low[probability], interval.high[probability]
 
@@ -462,11 +465,11 @@ class CurveFit:
             + weight * k
         )
 
-    @property
-    def _dof(self) -> float:
+    @cached_property
+    def _sizes(self) -> ErrorSizes:
         if self.sigma is None or self.deviation is not None:
-            return dof_of_size(self.held)
-        return self.dof
+            return error_sizes(self.held)
+        return held(self.dof)
 
     @property
     def correlation(self) -> FloatArray:

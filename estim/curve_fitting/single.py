@@ -57,11 +57,12 @@ from estim.distributions import student_quantile
 from estim.fitting import (
     N_START,
     Ends,
+    ErrorSizes,
     Fit,
     Optimum,
     at_mode,
     chi2_p,
-    dof_of_size,
+    error_sizes,
     find_optimum,
     fit_discrepancy,
     fit_optimum,
@@ -333,10 +334,10 @@ def fit_errors(
         amount = Amount(fit.mover or fit.names[0])
         findings.append(Finding(Kind.STEP_UNSETTLED, size=fit.moved, parameters=(amount,)))
     else:
-        dof = dof_of_size(fit)
-        intervals, left_open = profiled(fit, dof)
+        sizes = error_sizes(fit)
+        intervals, left_open = profiled(fit, sizes)
         findings += [*left_open, *values_outside(values, intervals)]
-        wider = _profiled_over_curvature(fit, intervals, dof)
+        wider = _profiled_over_curvature(fit, intervals, sizes)
         sds, cov = sds * wider, cov * np.outer(wider, wider)
     goodness = () if fit.singular else check_goodness(fit, rng=rng)
     if fit.others.size:
@@ -379,7 +380,9 @@ def fit_errors(
     )
 
 
-def _profiled_over_curvature(fit: Fit, intervals: Mapping[str, Ends], dof: float) -> FloatArray:
+def _profiled_over_curvature(
+    fit: Fit, intervals: Mapping[str, Ends], sizes: ErrorSizes
+) -> FloatArray:
     """(n_par,) how much wider a standard deviation is by the 68 % interval of its parameter, which
     is Student's, than by the curvature at the mode; 1 for parameters of the errors, where a limit
     cuts the interval short, and never beyond what a prior says alone.
@@ -388,7 +391,8 @@ def _profiled_over_curvature(fit: Fit, intervals: Mapping[str, Ends], dof: float
     size of the errors (of a line through five points: 0.77 of its standard deviation), nor of
     readings that change between good ones and outliers.
     """
-    one = float(student_quantile(0.5 + 0.5 * PROBABILITIES[0], dof))
+    dof = sizes.degrees_of_freedom(sizes.shares(np.eye(len(fit.names))))
+    one = student_quantile(0.5 + 0.5 * PROBABILITIES[0], dof)
     low, high = np.array([intervals[name][PROBABILITIES[0]] for name in fit.names]).T
     with np.errstate(all="ignore"):
         ratio = 0.5 * (high - low) / (one * fit.sds)

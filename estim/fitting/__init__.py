@@ -45,7 +45,8 @@ from estim.fitting.optimum import (
     refit_with_noise,
     with_other_modes,
 )
-from estim.fitting.profile import Contour, ProfileInterval, contour, dof_of_size, profile_intervals
+from estim.fitting.error_sizes import ErrorSizes, error_sizes, held
+from estim.fitting.profile import Contour, ProfileInterval, contour, profile_intervals
 from estim.levenberg_marquardt import Start, minima
 from estim.fitting.profile_search import ProfileSearch, search_of
 from estim.fitting.unconstrained import PERFECT, no_scatter, silent_parameters

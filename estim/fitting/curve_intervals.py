@@ -38,6 +38,7 @@ from estim.common import (
 from estim.distributions import student_quantile, student_tail
 from estim.fitting.derived import LOPSIDED
 from estim.fitting.edges import edge_of
+from estim.fitting.error_sizes import ErrorSizes, held
 from estim.fitting.least_squares import Fit
 from estim.fitting.open_ends import side_left_open, vague
 from estim.fitting.optimum import Optimum
@@ -96,7 +97,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     if not (np.any(beside) or counted or np.any(bent)):
         return Spread(cov, sds, symmetric, (), ())
     intervals, left_open = profiled(
-        fixed, float(np.min(dofs)), None if np.any(beside) or counted else sds
+        fixed, held(float(np.min(dofs))), None if np.any(beside) or counted else sds
     )
     notes: list[Finding] = []
     unheld = {finding.parameters[0].name for finding in left_open}
@@ -177,19 +178,18 @@ def _symmetric(
 
 
 def profiled(
-    fit: Fit, dof: float, sds: FloatArray | None = None
+    fit: Fit, sizes: ErrorSizes, sds: FloatArray | None = None
 ) -> tuple[dict[str, Ends], list[Finding]]:
     """Name -> probability -> profile interval, which ends at the edge on an open side; nan for a
     parameter that has a side without any end.
 
-    fit : with errors of a fixed size.
-    dof : degrees of freedom of that size, infinite where it was stated.  sds : (n_par,) where an
-        interval that reaches too many of these has no end worth the name.
+    sizes : of its errors.  sds : (n_par,) where an interval that reaches too many of these has no
+        end worth the name.
     """
     intervals: dict[str, Ends] = {}
     left_open: list[Finding] = []
     for interval, parameter, sd in zip(
-        profile_intervals(fit, probabilities=PROBABILITIES, dof=dof),
+        profile_intervals(fit, probabilities=PROBABILITIES, sizes=sizes),
         fit.problem.parameters,
         np.full(len(fit.names), np.inf) if sds is None else sds,
         strict=True,

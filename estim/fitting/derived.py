@@ -18,6 +18,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import PROBABILITIES, Label
 from estim.distributions import student_quantile
+from estim.fitting.error_sizes import STATED, ErrorSizes
 from estim.problem import Derived, Observations
 
 # relative difference of a half interval from a standard deviation, or from t of them, beyond which
@@ -51,17 +52,16 @@ def linear_derived(
     values: FloatArray,
     cov: FloatArray,
     *,
-    dof: float = np.inf,
+    sizes: ErrorSizes = STATED,
     unknown: Sequence[str] = (),
 ) -> tuple[LinearDerived, ...]:
     """What follows from the parameters `names` of a run at values (n_par,) with covariance cov
     (n_par, n_par), but for what is exact.
 
-    dof : degrees of freedom of the size of the errors.
+    sizes : of the errors.
     unknown : parameters without a standard deviation; what depends on one has none either.
     """
     n = values.size
-    factors = {p: float(student_quantile(0.5 + 0.5 * p, np.array(dof))) for p in PROBABILITIES}
     sds = np.sqrt(np.diag(cov))
     # standard deviations, of differences
     steps = 0.01 * np.where(
@@ -81,11 +81,13 @@ def linear_derived(
             q: (d.values[1 : n + 1, 0] - d.values[n + 1 :, 0]) / (2.0 * steps)
             for q, d in varying.items()
         }
-    reach = np.array([*(-k for k in reversed(factors.values())), -1.0, 1.0, *factors.values()])
     quantities = []
     for q, derived in varying.items():
         centre, along = float(derived.values[0, 0]), cov @ gradients[q]
         sd = float(np.sqrt(max(float(gradients[q] @ along), 0.0)))
+        (dof,) = sizes.degrees_of_freedom(sizes.shares(gradients[q][None]))
+        k68, k95 = (student_quantile(0.5 + 0.5 * p, dof) for p in PROBABILITIES)
+        reach = np.array([-k95, -k68, -1.0, 1.0, k68, k95])
         interval, plain = dict.fromkeys(PROBABILITIES, (np.nan, np.nan)), np.nan
         if np.isfinite(sd) and sd > 0.0 and not np.any(gradients[q][np.isin(names, list(unknown))]):
             low95, low68, below, above, high68, high95 = (

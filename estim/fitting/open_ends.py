@@ -23,17 +23,17 @@ _STRAIGHT = 0.05  # standard deviations of the residuals, by which a step of one
 _FAR, _LONGER = 10.0, 1.5  # standard deviations; times the other side, in logarithms
 
 
-def open_sides(fit: Fit, sds: FloatArray, *, dof: float = math.inf) -> list[Finding]:
+def open_sides(fit: Fit, sds: FloatArray) -> list[Finding]:
     """The parameters without a stated value that are left open, where one of them is vague; of
     counts, whose prior is flat, also those that reach over decades: it would favour large values.
 
-    sds : (n_par,) of the fit.  dof : degrees of freedom of the size of the errors.
+    sds : (n_par,) of the fit.
     """
     if not np.any(vague(fit, sds)):
         return []
     free = np.flatnonzero(fit.problem.unstated)
     names = [fit.problem.names[i] for i in free]
-    intervals = profile_intervals(fit, names=names, probabilities=(_PROBABILITY,), dof=dof)
+    intervals = profile_intervals(fit, names=names, probabilities=(_PROBABILITY,))
     findings = []
     for i, interval in zip(free, intervals, strict=True):
         parameter, far = fit.problem.parameters[i], _FAR * float(sds[i])

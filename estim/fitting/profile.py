@@ -23,7 +23,8 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import PROBABILITIES, InputError, behind, later, percentage, phrase
-from estim.distributions import chi2_quantile, student_quantile
+from estim.distributions import student_quantile
+from estim.fitting.error_sizes import STATED, ErrorSizes
 from estim.fitting.least_squares import Fit
 from estim.fitting.profile_paths import crossing, dips, returns, walk
 from estim.fitting.profile_search import ProfileSearch, search_of
@@ -89,21 +90,21 @@ def profile_intervals(
     *,
     names: Sequence[str] | None = None,
     probabilities: tuple[float, ...] = PROBABILITIES,
-    dof: float = math.inf,
+    sizes: ErrorSizes = STATED,
 ) -> tuple[ProfileInterval, ...]:
     """Profile-posterior intervals of the parameters `names` (all if None).  Raises InputError for
     an unknown name or probability.
 
-    dof : degrees of freedom from which the size of the errors was estimated; infinite if it was
-        stated.  The objective then rises by the square of a quantile t of Student's t where that
-        size is held, by n_obs ln(1 + t^2/dof) where it is one of the unknowns, as it does for a
-        line.
+    sizes : of the errors; where they were estimated, the ends are quantiles of Student's t.
     """
     indices = [_index(fit, name) for name in (fit.names if names is None else names)]
-    rises = _quantiles(probabilities, dof=1)
-    if math.isfinite(dof):
-        rises = {p: float(student_quantile(0.5 + 0.5 * p, dof)) ** 2 for p in rises}
-        rises = _beside_size(fit, rises, dof)
+    shares = sizes.shares(np.eye(len(fit.names))[indices])
+    dof = sizes.degrees_of_freedom(shares)
+    ends = {
+        p: sizes.rises(np.square(student_quantile(0.5 + 0.5 * p, dof)), shares)
+        for p in _checked(probabilities)
+    }
+    rises = [{p: float(rise[k]) for p, rise in ends.items()} for k in range(len(indices))]
     search = search_of(fit)
     (mode,) = minima(search, [Start(fit.values, (), tolerance=_MODE_SETTLED)])
     return tuple(_intervals(fit, search, mode, indices, rises))
@@ -116,28 +117,31 @@ def contour(
     probabilities: tuple[float, ...] = PROBABILITIES,
     *,
     n: int = 17,
-    dof: float = math.inf,
+    sizes: ErrorSizes = STATED,
 ) -> Contour:
     """Profile of the parameters `a` and `b` on an n x n grid that holds the widest contour.  Raises
     InputError for an unknown name.
 
-    dof : degrees of freedom from which the size of the errors was estimated; infinite if it was
-        stated.  The rise is then twice a quantile of Fisher's F with 2 and dof degrees of freedom,
-        r = dof ((1 - P)^(-2/dof) - 1), where that size is held, otherwise n_obs ln(1 + r/dof).
+    sizes : of the errors; where they were estimated, a level is twice a quantile of Fisher's F with
+        2 and dof degrees of freedom, r = dof ((1 - P)^(-2/dof) - 1), if they are held.
     """
     i, j = _index(fit, a), _index(fit, b)
     if i == j:
         raise InputError("must be another parameter than the first", field="b", value=b)
     if not probabilities:
         raise InputError("must hold one at least", field="probabilities")
-    levels = _quantiles(probabilities, dof=2)
-    if math.isfinite(dof):
-        levels = {p: dof * math.expm1(-2.0 / dof * math.log1p(-p)) for p in levels}
-        levels = _beside_size(fit, levels, dof)
+    shares = np.mean(sizes.shares(np.eye(len(fit.names))[[i, j]]), axis=0, keepdims=True)
+    dof = float(sizes.degrees_of_freedom(shares)[0])
+    levels = {}
+    for p in _checked(probabilities):
+        r = -2.0 * math.log1p(-p)
+        r = dof * math.expm1(r / dof) if math.isfinite(dof) else r
+        levels[p] = float(sizes.rises(np.array([r]), shares)[0])
+    widest = {1.0: 1.1 * max(levels.values())}
     search = search_of(fit)
     (mode,) = minima(search, [Start(fit.values, (), tolerance=_MODE_SETTLED)])
     axes = []
-    for span in _intervals(fit, search, mode, (i, j), {1.0: 1.1 * max(levels.values())}):
+    for span in _intervals(fit, search, mode, (i, j), [widest, widest]):
         # the mode is one of the nodes, so that the minimum is on the grid
         below = np.linspace(span.low[1.0], span.value, n // 2 + 1)
         axes.append(
@@ -147,60 +151,50 @@ def contour(
     return Contour(a, b, axes[0], axes[1], rise, levels, failed)
 
 
-def dof_of_size(fit: Fit) -> float:
-    """Degrees of freedom of the size of one run's errors where it is one of the unknowns; infinite
-    where it is stated, and where several runs have sizes of their own.
-    """
-    runs = fit.problem.runs
-    return max(fit.dof, 1) if len(runs) == 1 and runs[0].noise.size.parameters else math.inf
-
-
-def _beside_size(fit: Fit, rises: dict[float, float], dof: float) -> dict[float, float]:
-    """The rises of an objective that is free to change the size of the errors, from those of one
-    that holds it.
-    """
-    run = fit.problem.runs[0]
-    if not run.noise.size.parameters:
-        return rises
-    return {p: run.n_obs * math.log1p(rise / dof) for p, rise in rises.items()}
-
-
 def _index(fit: Fit, name: str) -> int:
     if name not in fit.names:
         raise InputError(f"must be one of {', '.join(fit.names)}", field="names", value=name)
     return fit.names.index(name)
 
 
-def _quantiles(probabilities: Sequence[float], *, dof: int) -> dict[float, float]:
+def _checked(probabilities: Sequence[float]) -> list[float]:
     for p in probabilities:
         if not 0.0 < p < 1.0:
             raise InputError("must lie between 0 and 1", field="probabilities", value=p)
-    return {p: float(chi2_quantile(p, dof)) for p in sorted(probabilities)}
+    return sorted(probabilities)
 
 
 def _intervals(
-    fit: Fit, search: ProfileSearch, mode: End, indices: Sequence[int], rises: dict[float, float]
+    fit: Fit,
+    search: ProfileSearch,
+    mode: End,
+    indices: Sequence[int],
+    rises: Sequence[dict[float, float]],
 ) -> list[ProfileInterval]:
-    """Those of the parameters at `indices`: both sides of all of them are walked together, and then
-    all their crossings are sought together.
+    """Those of the parameters at `indices`, each with rises of its own: both sides of all of them
+    are walked together, and then all their crossings are sought together.
     """
     if not math.isfinite(mode.objective):
-        return [_nowhere(fit.problem.parameters[i], float(mode.values[i]), rises) for i in indices]
-    sides = [(i, sign) for i in indices for sign in (-1.0, 1.0)]
+        return [
+            _nowhere(fit.problem.parameters[i], float(mode.values[i]), own)
+            for i, own in zip(indices, rises, strict=True)
+        ]
+    sides = [(i, sign, own) for i, own in zip(indices, rises, strict=True) for sign in (-1.0, 1.0)]
     walks = run_descents(
-        search, [walk(search, mode, i, sign, max(rises.values())) for i, sign in sides]
+        search, [walk(search, mode, i, sign, max(own.values())) for i, sign, own in sides]
     )
     crossed = run_descents(
         search,
         [
             crossing(search, points, i, rise)
-            for (i, _), points in zip(sides, walks, strict=True)
-            for rise in rises.values()
+            for (i, _, own), points in zip(sides, walks, strict=True)
+            for rise in own.values()
         ],
     )
+    n_end = len(rises[0])
     ends = [
-        dict(zip(rises, crossed[k : k + len(rises)], strict=True))
-        for k in range(0, len(crossed), len(rises))
+        dict(zip(own, crossed[k * n_end : (k + 1) * n_end], strict=True))
+        for k, (_, _, own) in enumerate(sides)
     ]
     valleys = [
         minima(search, [Start(point.values, (), point) for point in dips(points)])
@@ -208,7 +202,8 @@ def _intervals(
     ]
     explored = [_Side(*side) for side in zip(walks, ends, valleys, strict=True)]
     return [
-        _interval(fit, search, i, explored[2 * k : 2 * k + 2], rises) for k, i in enumerate(indices)
+        _interval(fit, search, i, explored[2 * k : 2 * k + 2], rises[k])
+        for k, i in enumerate(indices)
     ]
 
 

@@ -420,15 +420,21 @@ class Posterior:
         """(n_par, n_par) Fisher information of the data about all parameters, without the
         priors.
         """
-        named, total = self.problem.named(values), np.zeros((values.size, values.size))
+        return np.sum(self.informations(values), axis=0)
+
+    def informations(self, values: FloatArray) -> list[FloatArray]:
+        """That of each group of runs."""
+        named, parts = self.problem.named(values), []
         for group, (likelihood, names, columns) in zip(
             self.problem.groups, self._parts, strict=True
         ):
             chosen = {name for run in group.runs for name in run.noise.parameters}
-            total[np.ix_(columns, columns)] += likelihood.information(
+            part = np.zeros((values.size, values.size))
+            part[np.ix_(columns, columns)] = likelihood.information(
                 named, names, self._ends(values, chosen)
             )
-        return total
+            parts.append(part)
+        return parts
 
     def _row(self, values: FloatArray) -> dict[str, FloatArray]:
         """`values` (n_par,) as a single draw."""
