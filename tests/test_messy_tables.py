@@ -97,6 +97,39 @@ def test_a_frame_of_pandas_is_read_as_a_table_with_units_and_uncertainties() -> 
     assert fit.status == "ok"
 
 
+NAMESAKES = {"t (s)": [0.0, 1.0], "U (V)": [2.0, 1.0], "U (mV)": [7.0, 8.0], "u_U (V)": [0.5, 0.5]}
+
+
+@pytest.mark.parametrize("framed", [False, True])
+def test_columns_of_one_name_in_two_units_are_two(tmp_path: Path, framed: bool) -> None:
+    if framed:
+        table = read_table(pytest.importorskip("pandas").DataFrame(NAMESAKES))
+    else:
+        lines = [
+            ";".join(map(str, row)) for row in (NAMESAKES, *zip(*NAMESAKES.values(), strict=True))
+        ]
+        (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
+        table = read_table(tmp_path / "a.csv")
+    assert {name: table[name].tolist() for name in NAMESAKES} == NAMESAKES
+    assert table.units == {"t": "s", "U (V)": "V", "U (mV)": "mV", "u_U": "V"}
+    points = table.points("t", "U (V)")
+    assert (points["u_y"].tolist(), points["axes"].y_name) == ([0.5, 0.5], "U")
+    for name, says in (("U", "like two columns"), ("t (ms)", "is no column"), ("W", "no column")):
+        with pytest.raises(InputError, match=says):
+            table[name]
+
+
+def test_a_frame_has_the_columns_that_are_asked_for_once() -> None:
+    pandas = pytest.importorskip("pandas")
+    for frame, asked, says in (
+        (pandas.DataFrame(NAMESAKES), ["t", "W"], "'W' is missing"),
+        (pandas.DataFrame(NAMESAKES), ["t", "U"], "'U' occurs twice"),
+        (pandas.DataFrame([[1, 2], [3, 4]], columns=["t", "t"]), None, "'t' occurs twice"),
+    ):
+        with pytest.raises(InputError, match=says):
+            read_table(frame, columns=asked)
+
+
 @pytest.mark.parametrize(
     ("name", "parts"),
     [

@@ -252,7 +252,7 @@ def straight_line(
 
 def _own_uncertainty(name: str, layout: Layout) -> str | None:
     """The column u_NAME or u(NAME), without its unit, if it is there."""
-    column = uncertainty_of(name, layout)
+    column = uncertainty_of(name, layout.names)
     return column and bare_name(column)
 
 

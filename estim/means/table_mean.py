@@ -57,7 +57,7 @@ def mean_of_table(
         rule = "must be named by --y"
         raise InputError(rule, field="column", quoted=f"there are {listed(bare)}", file=layout.file)
     name = y or bare[0]
-    u = u_y or (None if group else uncertainty_of(name, layout))
+    u = u_y or (None if group else uncertainty_of(name, layout.names))
     errors: FloatArray | float | None = None
     column = ""
     if u is not None:

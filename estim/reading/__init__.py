@@ -4,7 +4,13 @@ Tracker.
 Read `run` first.  Imports `common` alone.
 """
 
-from estim.reading.csv_table import columns_sentence, read_columns, read_known_columns, table_of
+from estim.reading.csv_table import (
+    columns_sentence,
+    place_of,
+    read_columns,
+    read_known_columns,
+    table_of,
+)
 from estim.reading.dialect import (
     DIALECT_KEYS,
     PLAIN,

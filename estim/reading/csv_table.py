@@ -63,7 +63,7 @@ def table_of(
 
 
 def _columns(layout: Layout, needed: Sequence[str], min_rows: int, complete: bool) -> Table:
-    places = [_place_of(name, layout) for name in needed]
+    places = [place_of(name, layout.names, layout.header_line) for name in needed]
     dialect = layout.dialect
     if (
         layout.delimiter == ","
@@ -178,11 +178,10 @@ def _refused(row: Row, rule: str, field: str, value: object, cell: str = "") -> 
     return InputError(rule, field=field, value=value, line=row.number, quoted=cell)
 
 
-def _place_of(name: str, layout: Layout) -> int:
-    """Where the column `name` is: called just so, or so before its unit.  Raises InputError listing
-    what there is.
+def place_of(name: str, names: Sequence[str], line: int | None = None) -> int:
+    """Where among `names`, on this line, the column `name` is: called just so, or so before its
+    unit.  Raises InputError listing what there is.
     """
-    names, line = layout.names, layout.header_line
     places = [i for i, column in enumerate(names) if column == name] or [
         i for i, column in enumerate(names) if bare_name(column) == name
     ]

@@ -286,17 +286,13 @@ def value_columns(layout: Layout, errors: Sequence[str | None] = ()) -> tuple[st
     )
 
 
-def uncertainty_of(column: str, layout: Layout) -> str | None:
-    """The column u_NAME or u(NAME) of the uncertainties of `column`, if it is there."""
+def uncertainty_of(column: str, names: Sequence[str]) -> str | None:
+    """The column u_NAME or u(NAME) of the uncertainties of `column`, if it is among `names`."""
     named = {
         written for name in (column, bare_name(column)) for written in (f"u_{name}", f"u({name})")
     }
     return next(
-        (
-            name
-            for name in layout.names
-            if not name.startswith("_") and {name, bare_name(name)} & named
-        ),
+        (name for name in names if not name.startswith("_") and {name, bare_name(name)} & named),
         None,
     )
 
