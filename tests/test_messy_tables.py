@@ -119,6 +119,26 @@ def test_columns_of_one_name_in_two_units_are_two(tmp_path: Path, framed: bool) 
             table[name]
 
 
+@pytest.mark.parametrize(("y", "u"), [("T", "u(T)"), ("V", "u(V)"), ("m (g)", "u(m)")])
+def test_a_symbol_that_is_a_unit_too_has_uncertainties(tmp_path: Path, y: str, u: str) -> None:
+    (tmp_path / "a.csv").write_text(f"x,{y},{u}\n1,2,0.1\n2,3,0.1\n3,4,0.1\n")
+    table = read_table(tmp_path / "a.csv")
+    assert table.points("x", y)["u_y"].tolist() == [0.1] * 3
+    assert table.units[u] == ""
+    frame = pytest.importorskip("pandas").DataFrame({"x": [1.0], y: [2.0], u: [0.1]})
+    assert read_table(frame).points("x", y)["u_y"].tolist() == [0.1]
+
+
+@pytest.mark.parametrize("head", ["T,V,u(T),u(V)", "T (K),V (mL),u(T) (K),u(V)"])
+def test_a_line_has_the_uncertainties_of_two_such_symbols(tmp_path: Path, head: str) -> None:
+    (tmp_path / "a.csv").write_text(f"{head}\n1,2,0.1,0.2\n2,3,0.1,0.2\n3,4.1,0.1,0.2\n")
+    asked = ["line", str(tmp_path / "a.csv"), "--x", "T", "--y", "V", "--figures", "none"]
+    done = runner().invoke(cli, [*asked, "--out", str(tmp_path / "o")], standalone_mode=False)
+    assert done.exception is None, done.exception
+    assert "u_x = u(T)" in done.stdout
+    assert "u_y = u(V)" in done.stdout
+
+
 def test_a_frame_has_the_columns_that_are_asked_for_once() -> None:
     pandas = pytest.importorskip("pandas")
     for frame, asked, says in (

@@ -22,6 +22,7 @@ from estim.reading import (
     Dialect,
     bare_name,
     name_and_unit,
+    names_and_units,
     numeric_columns,
     place_of,
     read_layout,
@@ -88,7 +89,7 @@ class Columns:
 
 def _keys(names: Sequence[str]) -> dict[str, str]:
     """Name of a column -> that without its unit, where no other is called so."""
-    bare = [bare_name(name) for name in names]
+    bare = [short for short, _ in names_and_units(names)]
     return {
         name: name if bare.count(short) > 1 else short
         for name, short in zip(names, bare, strict=True)
@@ -159,9 +160,10 @@ def _of_frame(frame: Any, columns: Sequence[str] | None) -> Columns:
     for name in names:
         place_of(name, called)  # refuses one that occurs twice
     keys = _keys(list(names))
+    units = {name: unit for name, (_, unit) in zip(names, names_and_units([*names]), strict=True)}
     left_out = len(frame) - len(table)
     return Columns(
         {keys[name]: real_numbers(table[label].to_numpy(), name) for name, label in names.items()},
-        {keys[name]: stated.get(label, name_and_unit(name)[1]) for name, label in names.items()},
+        {keys[name]: stated.get(names[name], unit) for name, unit in units.items()},
         (f"{left_out} rows without a value were left out",) if left_out else (),
     )

@@ -21,6 +21,7 @@ from estim.reading.dialect import (
     is_column,
     bare_name,
     name_and_unit,
+    names_and_units,
 )
 from estim.reading.input_file import TOML_BYTES, leads_out, read_text, refuse_outside, way_to
 from estim.reading.layout import (

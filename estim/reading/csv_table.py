@@ -26,7 +26,7 @@ from estim.common import (
     same_unit,
 )
 from estim.reading.cells import Row, is_missing, is_spreadsheet_error, looks_like_a_number
-from estim.reading.dialect import PLAIN, Dialect, bare_name, cell_name
+from estim.reading.dialect import PLAIN, Dialect, bare_name, cell_name, names_and_units
 from estim.reading.layout import Layout, cells_differ, numeric_columns, read_layout
 from estim.reading.table import (
     DECIMAL_COMMAS,
@@ -326,10 +326,11 @@ def columns_sentence(read: Sequence[tuple[str, str, str]], unread: Sequence[str]
     """Which columns are what, and which columns of numbers are not read.  read : "x", its column,
     its unit or "1" where none is known.
     """
+    names = names_and_units([column for _, column, _ in read])
     pairs = [
-        f"{key} = {bare_name(column)}{f' ({unit})' if unit not in ('', '1') else ''}"
-        for key, column, unit in read
-        if column
+        f"{key} = {name}{f' ({unit})' if unit not in ('', '1') else ''}"
+        for (key, _, unit), (name, _) in zip(read, names, strict=True)
+        if name
     ]
     columns = phrase("columns: {pairs}", pairs=", ".join(pairs))
     return columns + (

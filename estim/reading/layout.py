@@ -25,6 +25,7 @@ from estim.reading.dialect import (
     is_column,
     is_uncertainty,
     name_and_unit,
+    names_and_units,
     shown_delimiter,
 )
 from estim.reading.source import read_source
@@ -125,8 +126,10 @@ def read_layout(path: Path, dialect: Dialect = PLAIN, *, needed: Sequence[str] =
         raise _no_names(rows[0], delimiter)
     head = facts_of(lines, header_line or rows[0].number)
     units = [
-        _unit_in(unit) or name_and_unit(name)[1]
-        for name, unit in zip(names, [*units, *[""] * len(names)], strict=False)
+        _unit_in(unit) or own
+        for (_, own), unit in zip(
+            names_and_units(names), [*units, *[""] * len(names)], strict=False
+        )
     ]
     layout = Layout(
         str(path),
