@@ -332,6 +332,30 @@ def test_uncertainties_in_another_unit_than_their_column_are_refused(tmp_path: P
         table(head, **said).require_unit("u_y", "y")
 
 
+@pytest.mark.parametrize(
+    ("cell", "value", "u"),
+    [
+        ("1.23(4)e-3", 1.23e-3, 4e-5),
+        ("1,23(4)E+2", 123.0, 4.0),
+        ("1.23(0.04)e-3", 1.23e-3, 4e-5),
+        ("(1.23 ± 0.04)e-3 V", 1.23e-3, 4e-5),
+        ("1.23e-3(4)", 1.23e-3, 4e-5),
+        ("123(4)", 123.0, 4.0),
+    ],
+)
+def test_a_cell_with_an_uncertainty_and_a_power_of_ten(
+    tmp_path: Path, cell: str, value: float, u: float
+) -> None:
+    found = read(tmp_path / "a.csv", f"t;y\n1;{cell}\n2;{cell}\n", ("y", "u_y"))
+    assert found["y"] == pytest.approx([value] * 2, rel=1e-12)
+    assert found["u_y"] == pytest.approx([u] * 2, rel=1e-12)
+
+
+def test_uncertainties_stand_in_cells_or_in_a_column(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="and a column of their own as well"):
+        read(tmp_path / "a.csv", "t;U (V);u_U (V)\n1;2.0(1);0.2\n2;3.0(1);0.2\n", ("U",))
+
+
 COPIES = [
     (
         "t,y\n1,5\n2,6\n2,6\n3,7\n",

@@ -96,7 +96,7 @@ def _quantities(table: Layout, place: int, cells: Sequence[tuple[int, str]]) -> 
         _, value, digits, plus_minus, power, _ = match.groups()
         texts = [value + (power or "")]
         if digits:
-            texts.append(_last_digits(value, digits) + (power or ""))
+            texts.append(_last_digits(value, digits, power or ""))
         elif plus_minus:
             texts.append(plus_minus + (power or ""))
         if unit_here and unit_here != unit and not _same(unit_here, unit):
@@ -124,7 +124,7 @@ def _quantities(table: Layout, place: int, cells: Sequence[tuple[int, str]]) -> 
     if not with_u:
         return _told(table, *told)
     called = f"u_{bare_name(name)}"
-    if called in table.names:
+    if called in map(bare_name, table.names):
         rule = "has uncertainties in its cells, and a column of their own as well"
         raise InputError(rule, field=name, value=called, line=cells[0][0])
     rows = [
@@ -142,13 +142,13 @@ def _same(unit: str, other: str) -> bool:
     return same_unit(unit, other) is True and in_unit(1.0, unit, other) in (1.0, None)
 
 
-def _last_digits(value: str, digits: str) -> str:
-    """The uncertainty that (12) says behind 1.234: 12e-3."""
+def _last_digits(value: str, digits: str, power: str) -> str:
+    """The uncertainty that (12) says behind 1.234 and before a power: 12e-3, 12e-6 before e-3."""
     if "." in digits or "," in digits:
-        return digits
-    mantissa, mark, exponent = value.lower().partition("e")
+        return digits + power
+    mantissa, _, exponent = value.lower().partition("e")
     decimals = len(re.split("[.,]", mantissa)[1]) if re.search("[.,]", mantissa) else 0
-    return f"{digits}e{(int(exponent) if mark else 0) - decimals}"
+    return f"{digits}e{int(exponent or 0) + int(power[1:] or 0) - decimals}"
 
 
 def _converted(text: str, unit: str, wanted: str, name: str, number: int) -> str:
