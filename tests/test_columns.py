@@ -10,7 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_runner import runner
 
+from estim.cli.commands import cli
 from estim.common.errors import InputError
 from estim.reading.csv_table import line_numbers, read_columns
 from estim.reading.dialect import Dialect, name_and_unit
@@ -304,6 +306,22 @@ def test_the_tables_of_other_people_are_read(real_files: list[Path]) -> None:
         read_columns(destroyed, needed=("t", "y"), min_rows=3, dialect=named)
 
 
+@pytest.mark.parametrize("head", ["t,y,u_y (%)", "t,y,u_y (mm)", "t,y,u_y\ns,,V"])
+def test_uncertainties_with_a_unit_beside_values_without_are_refused(
+    tmp_path: Path, head: str
+) -> None:
+    (tmp_path / "a.csv").write_text(f"{head}\n1.5,2,3\n4,5,6\n7,8,9\n")
+    said = "has a unit, and 'y' states none: write the uncertainties in the unit of 'y'"
+    table = read_columns(tmp_path / "a.csv", needed=("t", "y", "u_y"), min_rows=2)
+    with pytest.raises(InputError, match=said):
+        table.require_unit("u_y", "y")
+    for command in (["fit", "--formula", "a*t + b"], ["line", "--x", "t"], ["mean"]):
+        asked = [command[0], str(tmp_path / "a.csv"), *command[1:], "--y", "y"]
+        asked += ["--figures", "none", "--out", str(tmp_path / "o")]
+        with pytest.raises(InputError, match=said):
+            runner().invoke(cli, asked, standalone_mode=False, catch_exceptions=False)
+
+
 def test_uncertainties_in_another_unit_than_their_column_are_refused(tmp_path: Path) -> None:
     def table(head: str, **said):
         (tmp_path / "a.csv").write_text(f"{head}\n1,2,3\n4,5,6\n")
@@ -325,7 +343,8 @@ def test_uncertainties_in_another_unit_than_their_column_are_refused(tmp_path: P
     for head, said in (
         ("t,y [V],u_y [V]", {}),
         ("t,y [V],u_y", {}),
-        ("t,y,u_y [V]", {}),
+        ("t,y,u_y (1 sigma)", {}),
+        ("t,y,u_y (1)", {}),
         ("t,y [µm],u_y [um]", {}),
         ("t,y,u_y\ns,V,V", {}),
     ):

@@ -139,6 +139,23 @@ def test_a_line_has_the_uncertainties_of_two_such_symbols(tmp_path: Path, head: 
     assert "u_y = u(V)" in done.stdout
 
 
+@pytest.mark.parametrize(
+    ("head", "says"),
+    [
+        ("t,L (cm),u_L (mm)", "'u_L' must be in the unit of 'L', cm"),
+        ("t,L,u_L (%)", "'u_L' has a unit, and 'L' states none"),
+    ],
+)
+def test_uncertainties_in_another_unit_are_refused(tmp_path: Path, head: str, says: str) -> None:
+    (tmp_path / "a.csv").write_text(f"{head}\n1,2,1\n2,3,1\n")
+    table = read_table(tmp_path / "a.csv")
+    with pytest.raises(InputError, match=says):
+        table.points("t", "L")
+    with pytest.raises(InputError, match=says):
+        table.uncertainties  # noqa: B018
+    assert table.points("L", "t")["u_y"] is None
+
+
 def test_a_frame_has_the_columns_that_are_asked_for_once() -> None:
     pandas = pytest.importorskip("pandas")
     for frame, asked, says in (

@@ -26,6 +26,7 @@ from estim.reading import (
     numeric_columns,
     place_of,
     read_layout,
+    require_unit,
     table_of,
     uncertainty_of,
 )
@@ -64,11 +65,16 @@ class Columns:
     @property
     def uncertainties(self) -> Mapping[str, FloatArray]:
         """Column -> its standard uncertainties, of those that have a column u_NAME or u(NAME)."""
-        return {
-            name: self.columns[u]
-            for name in self.columns
-            if (u := uncertainty_of(name, [*self.columns])) is not None
-        }
+        found = ((name, self._uncertainties(name)) for name in self.columns)
+        return {name: u for name, u in found if u is not None}
+
+    def _uncertainties(self, name: str) -> FloatArray | None:
+        """Of the column with this key.  Raises InputError where they are in another unit."""
+        u = uncertainty_of(name, [*self.columns])
+        if u is None:
+            return None
+        require_unit(self.units, u, name)
+        return self.columns[u]
 
     def points(self, x: str, y: str) -> dict[str, Any]:
         """Arguments of `fit_curve`: x, y, their uncertainties and the names and units of the axes.
@@ -76,13 +82,13 @@ class Columns:
         As in the commands, uncertainties of x are taken where y has some too.
         """
         names = [self._called(name) for name in (x, y)]
-        known = self.uncertainties
+        u_y = self._uncertainties(names[1])
         words = [word for name in names for word in (bare_name(name), self.units.get(name) or "1")]
         return {
             "x": self.columns[names[0]],
             "y": self.columns[names[1]],
-            "u_y": known.get(names[1]),
-            "u_x": known.get(names[0]) if names[1] in known else None,
+            "u_y": u_y,
+            "u_x": None if u_y is None else self._uncertainties(names[0]),
             "axes": AxisNames(*words),
         }
 

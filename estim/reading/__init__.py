@@ -42,7 +42,7 @@ from estim.reading.run import (
     run_of_table,
 )
 from estim.reading.source import is_table, known_readers, read_suffixes
-from estim.reading.table import UNITS, Table, line_numbers, own_name
+from estim.reading.table import UNITS, Table, line_numbers, own_name, require_unit
 from estim.reading.toml import KeyPath, Places, parse_toml
 from estim.reading.tracker.importing import (
     Choices,
