@@ -375,6 +375,44 @@ def test_uncertainties_stand_in_cells_or_in_a_column(tmp_path: Path) -> None:
         read(tmp_path / "a.csv", "t;U (V);u_U (V)\n1;2.0(1);0.2\n2;3.0(1);0.2\n", ("U",))
 
 
+@pytest.mark.parametrize(
+    ("head", "cells", "says"),
+    [
+        ("x", ["20.0 °C", "30.0 °C", "313.15 K"], "must be in °C, as the cells above it"),
+        ("x (°C)", ["20", "30", "313.15 K"], None),
+        ("x (°C)", ["293.15 K", "303.15 K", "313.15 K"], "must be in °C, as the header says"),
+        ("x (K)", ["20.0(5) °C", "30.0(5) °C", "40.0(5) °C"], "must be in K, as the header says"),
+        ("x", ["1.0 Hz", "2.0 rad/s", "3.0 Hz"], "must be in Hz, as the cells above it"),
+        ("x", ["1.0 rad/s", "2.0 rad/s", "3.0 Hz"], "must be in rad/s, as the cells above it"),
+        ("x (Hz)", ["1.0 °/s", "2.0 °/s", "3.0 °/s"], "must be in Hz, as the header says"),
+    ],
+)
+def test_units_that_no_factor_turns_are_not_mixed(
+    tmp_path: Path, head: str, cells: list[str], says: str | None
+) -> None:
+    text = "".join(f"{i};{cell}\n" for i, cell in enumerate(cells))
+    with pytest.raises(InputError, match=says):
+        read(tmp_path / "a.csv", f"t;{head}\n{text}", ("x",))
+
+
+@pytest.mark.parametrize(
+    ("head", "cells", "x"),
+    [
+        ("x", ["20 °C", "30 deg C", "40 C"], [20, 30, 40]),
+        ("x", ["20 °", "30 deg", "40 °"], [20, 30, 40]),
+        ("x", ["1 K", "2 mK", "3 K"], [1, 2e-3, 3]),
+        ("x", ["1 Hz", "2 s^-1", "3 kHz"], [1, 2, 3000]),
+        ("u_x (K)", ["1 °C", "2 °C", "3 K"], [1, 2, 3]),
+    ],
+)
+def test_units_that_mean_the_same_are_mixed(
+    tmp_path: Path, head: str, cells: list[str], x: list[float]
+) -> None:
+    text = "".join(f"{i};{cell}\n" for i, cell in enumerate(cells))
+    name = head.partition(" ")[0]
+    assert read(tmp_path / "a.csv", f"t;{head}\n{text}", (name,))[name] == pytest.approx(x)
+
+
 COPIES = [
     (
         "t,y\n1,5\n2,6\n2,6\n3,7\n",

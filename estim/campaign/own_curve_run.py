@@ -31,7 +31,7 @@ from estim.campaign.curve_keys import (
 from estim.campaign.curve_tables import axis_of, y_axis
 from estim.campaign.dialect_table import DialectKeys, choices_of, dialect_of
 from estim.campaign.prior_table import PriorKeys, read_source
-from estim.common import Finding, InputError, Kind, phrase, same_unit
+from estim.common import Finding, InputError, Kind, phrase, same_numbers, same_unit
 from estim.curves import (
     MAX_DENSE,
     SIGMA,
@@ -191,7 +191,7 @@ class RunOfCurve:
         units = []
         for key, axis in (("x", axis_of(self.curve.x)), ("y", y_axis(self.curve))):
             stated = table.units.get(axis.column, "")
-            if axis.unit != "1" and stated and same_unit(axis.unit, stated) is False:
+            if axis.unit != "1" and stated and same_numbers(axis.unit, stated) is False:
                 where = f"the header of {table.file}" if table.header_line else table.file
                 raise self.source.error(
                     f"must be in {stated}, as {where} says; nothing is converted",

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError, listed, same_unit
+from estim.common import InputError, listed, same_numbers
 from estim.curves import AxisNames
 from estim.given_numbers import real_numbers
 from estim.reading import (
@@ -55,7 +55,7 @@ class Columns:
         found = [
             key
             for key in self.columns
-            if bare_name(key) == bare and (not unit or same_unit(self.units.get(key, ""), unit))
+            if bare_name(key) == bare and (not unit or same_numbers(self.units.get(key, ""), unit))
         ]
         if len(found) != 1:
             rule = "is called like two columns: say its unit too" if found else "is no column"

@@ -23,7 +23,7 @@ from estim.common import (
     listed,
     phrase,
     read_number,
-    same_unit,
+    same_numbers,
 )
 from estim.reading.cells import Row, is_missing, is_spreadsheet_error, looks_like_a_number
 from estim.reading.dialect import PLAIN, Dialect, bare_name, cell_name, names_and_units
@@ -168,7 +168,7 @@ def read_known_columns(
             raise refused("is missing", name, quoted=f"the header has {listed(list(called))}")
     table = table_of(layout, list(called), min_rows, complete=not stated)
     for name, ours in called.items():
-        if ours in UNITS and same_unit(table.units[name] or UNITS[ours], UNITS[ours]) is False:
+        if ours in UNITS and same_numbers(table.units[name] or UNITS[ours], UNITS[ours]) is False:
             rule = f"must be in {UNITS[ours]}, as its name says; nothing is converted"
             raise refused(rule, name, table.units[name])
     return table.with_columns({called[name]: column for name, column in table.columns.items()})

@@ -16,7 +16,7 @@ from typing import Any, Self
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, IntArray
-from estim.common import InputError, is_unit, phrase, same_unit
+from estim.common import InputError, is_unit, phrase, same_numbers, same_unit
 from estim.reading.cells import Row
 from estim.reading.dialect import Dialect
 from estim.reading.input_file import line_after_comment, lines_of
@@ -147,7 +147,7 @@ def require_unit(
             f"has a unit, and '{of}' states none: write the uncertainties in the unit of '{of}', "
             "and state it for both, or name the columns"
         )
-    elif stated and wanted and not same_unit(stated, wanted):
+    elif stated and wanted and not same_numbers(stated, wanted, differences=True):
         rule = (
             f"must be in the unit of '{of}', {units[of]}; write it in that unit, or name the "
             "columns"
