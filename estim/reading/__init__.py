@@ -4,6 +4,7 @@ Tracker.
 Read `run` first.  Imports `common` alone.
 """
 
+from estim.reading.cells import is_missing
 from estim.reading.csv_table import (
     columns_sentence,
     place_of,
