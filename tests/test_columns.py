@@ -413,6 +413,40 @@ def test_units_that_mean_the_same_are_mixed(
     assert read(tmp_path / "a.csv", f"t;{head}\n{text}", (name,))[name] == pytest.approx(x)
 
 
+SUMMED = ["n;t;y", "1;1,5;2,5", "2;2,5;3,5", "3;3,5;4"]
+
+
+@pytest.mark.parametrize(
+    ("rows", "lines"),
+    [
+        ([*SUMMED, "Mean;2,5;3,33"], "5"),
+        ([*SUMMED, "Mittelwert:;2,5;3,33"], "5"),
+        ([*SUMMED, "Sum;7,5;10", "Media;2,5;3,33"], "5, 6"),
+        ([*SUMMED, ";;", "Total;7,5;10"], "6"),
+        (["n;t;y", "a;1,5;2,5", "b;2,5;3,5", "c;3,5;4", "Average;2,5;3,33"], "5"),
+        (["t;y;n", "1,5;2,5;", "2,5;3,5;", "3,5;4;", "2,5;3,33;mean value"], "5"),
+    ],
+)
+def test_a_row_of_means_or_sums_is_no_reading(tmp_path: Path, rows: list[str], lines: str) -> None:
+    (tmp_path / "a.csv").write_text("\n".join(rows) + "\n")
+    table = read_columns(tmp_path / "a.csv", needed=("t", "y"), min_rows=2)
+    assert table.columns["y"].tolist() == [2.5, 3.5, 4.0]
+    assert f"what stands below the table was not read (lines {lines})" in table.facts
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        ["n;t;y", "sum;1,5;2,5", "mean;2,5;3,5", "c;3,5;4"],
+        ["n;t;y", "a;1,5;2,5", "mean;2,5;3,5", "b;3,5;4", "mean;3,5;4"],
+        ["n;t;y", "sum;1,5;2,5", "mean;2,5;3,5", "total;3,5;4"],
+    ],
+)
+def test_rows_that_are_called_so_among_others_are_read(tmp_path: Path, rows: list[str]) -> None:
+    found = read(tmp_path / "a.csv", "\n".join(rows) + "\n")
+    assert len(found["y"]) == len(rows) - 1
+
+
 COPIES = [
     (
         "t,y\n1,5\n2,6\n2,6\n3,7\n",
