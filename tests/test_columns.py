@@ -313,8 +313,9 @@ def test_uncertainties_with_a_unit_beside_values_without_are_refused(
     (tmp_path / "a.csv").write_text(f"{head}\n1.5,2,3\n4,5,6\n7,8,9\n")
     said = "has a unit, and 'y' states none: write the uncertainties in the unit of 'y'"
     table = read_columns(tmp_path / "a.csv", needed=("t", "y", "u_y"), min_rows=2)
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=said) as caught:
         table.require_unit("u_y", "y")
+    assert ("--columns" in str(caught.value)) is ("%" not in head)  # 2 % is no 2
     for command in (["fit", "--formula", "a*t + b"], ["line", "--x", "t"], ["mean"]):
         asked = [command[0], str(tmp_path / "a.csv"), *command[1:], "--y", "y"]
         asked += ["--figures", "none", "--out", str(tmp_path / "o")]

@@ -46,6 +46,7 @@ DECIMAL_COMMAS = (
     "leave room for the digits behind commas;"
     " separate the cells by semicolons, or write one number with a decimal point, as 0.0"
 )
+_NAME_THEM = "or name the columns without units by --columns (columns = [...] in a campaign)"
 _MAX_LINE = 100_000  # characters
 _MAX_ROWS = 1_000_000
 NOTE = "# warning: "  # what `estim import` found suspicious, kept with the numbers
@@ -145,22 +146,15 @@ def require_unit(
     if not wanted and is_unit(stated) and same_unit(stated, "1") is False:
         rule = (
             f"has a unit, and '{of}' states none: write the uncertainties in the unit of '{of}', "
-            "and state it for both, or name the columns"
+            "and state it for both"
         )
+        if stated != "%":
+            rule += f", {_NAME_THEM}"
     elif stated and wanted and not same_numbers(stated, wanted, differences=True):
-        rule = (
-            f"must be in the unit of '{of}', {units[of]}; write it in that unit, or name the "
-            "columns"
-        )
+        rule = f"must be in the unit of '{of}', {units[of]}; write it in that unit, {_NAME_THEM}"
     else:
         return
-    raise InputError(
-        f"{rule} without units by --columns (columns = [...] in a campaign)",
-        field=u,
-        value=units[u],
-        file=file,
-        line=line,
-    )
+    raise InputError(rule, field=u, value=units[u], file=file, line=line)
 
 
 def facts_of(rows: Sequence[tuple[int, str]], header_line: int) -> tuple[str, ...]:
