@@ -10,7 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_runner import runner
 
+from estim.cli.commands import cli
 from estim.common.errors import InputError
 from estim.reading.csv_table import line_numbers, read_columns
 from estim.reading.dialect import Dialect, name_and_unit
@@ -304,6 +306,23 @@ def test_the_tables_of_other_people_are_read(real_files: list[Path]) -> None:
         read_columns(destroyed, needed=("t", "y"), min_rows=3, dialect=named)
 
 
+@pytest.mark.parametrize("head", ["t,y,u_y (%)", "t,y,u_y (mm)", "t,y,u_y\ns,,V"])
+def test_uncertainties_with_a_unit_beside_values_without_are_refused(
+    tmp_path: Path, head: str
+) -> None:
+    (tmp_path / "a.csv").write_text(f"{head}\n1.5,2,3\n4,5,6\n7,8,9\n")
+    said = "has a unit, and 'y' states none: write the uncertainties in the unit of 'y'"
+    table = read_columns(tmp_path / "a.csv", needed=("t", "y", "u_y"), min_rows=2)
+    with pytest.raises(InputError, match=said) as caught:
+        table.require_unit("u_y", "y")
+    assert ("--columns" in str(caught.value)) is ("%" not in head)  # 2 % is no 2
+    for command in (["fit", "--formula", "a*t + b"], ["line", "--x", "t"], ["mean"]):
+        asked = [command[0], str(tmp_path / "a.csv"), *command[1:], "--y", "y"]
+        asked += ["--figures", "none", "--out", str(tmp_path / "o")]
+        with pytest.raises(InputError, match=said):
+            runner().invoke(cli, asked, standalone_mode=False, catch_exceptions=False)
+
+
 def test_uncertainties_in_another_unit_than_their_column_are_refused(tmp_path: Path) -> None:
     def table(head: str, **said):
         (tmp_path / "a.csv").write_text(f"{head}\n1,2,3\n4,5,6\n")
@@ -325,11 +344,108 @@ def test_uncertainties_in_another_unit_than_their_column_are_refused(tmp_path: P
     for head, said in (
         ("t,y [V],u_y [V]", {}),
         ("t,y [V],u_y", {}),
-        ("t,y,u_y [V]", {}),
+        ("t,y,u_y (1 sigma)", {}),
+        ("t,y,u_y (1)", {}),
         ("t,y [µm],u_y [um]", {}),
         ("t,y,u_y\ns,V,V", {}),
     ):
         table(head, **said).require_unit("u_y", "y")
+
+
+@pytest.mark.parametrize(
+    ("cell", "value", "u"),
+    [
+        ("1.23(4)e-3", 1.23e-3, 4e-5),
+        ("1,23(4)E+2", 123.0, 4.0),
+        ("1.23(0.04)e-3", 1.23e-3, 4e-5),
+        ("(1.23 ± 0.04)e-3 V", 1.23e-3, 4e-5),
+        ("1.23e-3(4)", 1.23e-3, 4e-5),
+        ("123(4)", 123.0, 4.0),
+    ],
+)
+def test_a_cell_with_an_uncertainty_and_a_power_of_ten(
+    tmp_path: Path, cell: str, value: float, u: float
+) -> None:
+    found = read(tmp_path / "a.csv", f"t;y\n1;{cell}\n2;{cell}\n", ("y", "u_y"))
+    assert found["y"] == pytest.approx([value] * 2, rel=1e-12)
+    assert found["u_y"] == pytest.approx([u] * 2, rel=1e-12)
+
+
+def test_uncertainties_stand_in_cells_or_in_a_column(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="and a column of their own as well"):
+        read(tmp_path / "a.csv", "t;U (V);u_U (V)\n1;2.0(1);0.2\n2;3.0(1);0.2\n", ("U",))
+
+
+@pytest.mark.parametrize(
+    ("head", "cells", "says"),
+    [
+        ("x", ["20.0 °C", "30.0 °C", "313.15 K"], "must be in °C, as the cells above it"),
+        ("x (°C)", ["20", "30", "313.15 K"], None),
+        ("x (°C)", ["293.15 K", "303.15 K", "313.15 K"], "must be in °C, as the header says"),
+        ("x (K)", ["20.0(5) °C", "30.0(5) °C", "40.0(5) °C"], "must be in K, as the header says"),
+        ("x", ["1.0 Hz", "2.0 rad/s", "3.0 Hz"], "must be in Hz, as the cells above it"),
+        ("x", ["1.0 rad/s", "2.0 rad/s", "3.0 Hz"], "must be in rad/s, as the cells above it"),
+        ("x (Hz)", ["1.0 °/s", "2.0 °/s", "3.0 °/s"], "must be in Hz, as the header says"),
+    ],
+)
+def test_units_that_no_factor_turns_are_not_mixed(
+    tmp_path: Path, head: str, cells: list[str], says: str | None
+) -> None:
+    text = "".join(f"{i};{cell}\n" for i, cell in enumerate(cells))
+    with pytest.raises(InputError, match=says):
+        read(tmp_path / "a.csv", f"t;{head}\n{text}", ("x",))
+
+
+@pytest.mark.parametrize(
+    ("head", "cells", "x"),
+    [
+        ("x", ["20 °C", "30 deg C", "40 C"], [20, 30, 40]),
+        ("x", ["20 °", "30 deg", "40 °"], [20, 30, 40]),
+        ("x", ["1 K", "2 mK", "3 K"], [1, 2e-3, 3]),
+        ("x", ["1 Hz", "2 s^-1", "3 kHz"], [1, 2, 3000]),
+        ("u_x (K)", ["1 °C", "2 °C", "3 K"], [1, 2, 3]),
+    ],
+)
+def test_units_that_mean_the_same_are_mixed(
+    tmp_path: Path, head: str, cells: list[str], x: list[float]
+) -> None:
+    text = "".join(f"{i};{cell}\n" for i, cell in enumerate(cells))
+    name = head.partition(" ")[0]
+    assert read(tmp_path / "a.csv", f"t;{head}\n{text}", (name,))[name] == pytest.approx(x)
+
+
+SUMMED = ["n;t;y", "1;1,5;2,5", "2;2,5;3,5", "3;3,5;4"]
+
+
+@pytest.mark.parametrize(
+    ("rows", "lines"),
+    [
+        ([*SUMMED, "Mean;2,5;3,33"], "5"),
+        ([*SUMMED, "Mittelwert:;2,5;3,33"], "5"),
+        ([*SUMMED, "Sum;7,5;10", "Media;2,5;3,33"], "5, 6"),
+        ([*SUMMED, ";;", "Total;7,5;10"], "6"),
+        (["n;t;y", "a;1,5;2,5", "b;2,5;3,5", "c;3,5;4", "Average;2,5;3,33"], "5"),
+        (["t;y;n", "1,5;2,5;", "2,5;3,5;", "3,5;4;", "2,5;3,33;mean value"], "5"),
+    ],
+)
+def test_a_row_of_means_or_sums_is_no_reading(tmp_path: Path, rows: list[str], lines: str) -> None:
+    (tmp_path / "a.csv").write_text("\n".join(rows) + "\n")
+    table = read_columns(tmp_path / "a.csv", needed=("t", "y"), min_rows=2)
+    assert table.columns["y"].tolist() == [2.5, 3.5, 4.0]
+    assert f"what stands below the table was not read (lines {lines})" in table.facts
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        ["n;t;y", "sum;1,5;2,5", "mean;2,5;3,5", "c;3,5;4"],
+        ["n;t;y", "a;1,5;2,5", "mean;2,5;3,5", "b;3,5;4", "mean;3,5;4"],
+        ["n;t;y", "sum;1,5;2,5", "mean;2,5;3,5", "total;3,5;4"],
+    ],
+)
+def test_rows_that_are_called_so_among_others_are_read(tmp_path: Path, rows: list[str]) -> None:
+    found = read(tmp_path / "a.csv", "\n".join(rows) + "\n")
+    assert len(found["y"]) == len(rows) - 1
 
 
 COPIES = [

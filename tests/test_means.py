@@ -170,6 +170,9 @@ def test_a_mistyped_reading_is_told_by_either_door(tmp_path):
         ([1.0, 2.0, 3.0], {"groups": "ab"}, "groups"),
         ([1.0, 2.0, 3.0], {"groups": "abc"}, "groups"),
         ([1.0, 1.0, 3.0, 3.0], {"groups": "aabb"}, "groups"),
+        ([1.0, 2.0, 3.0, 4.0], {"groups": ["a", None, "b", None]}, "groups"),
+        ([1.0, 2.0, 3.0, 4.0], {"groups": ["a", "", "b", ""]}, "groups"),
+        ([1.0, 2.0, 3.0, 4.0], {"groups": [1.0, math.nan, 2.0, math.nan]}, "groups"),
         ([1.0, 2.0], {"u": 0.1, "probability": 1.0}, "probability"),
     ],
 )
@@ -207,6 +210,22 @@ def test_the_command_reads_groups_in_words(tmp_path):
     done = runner().invoke(cli, ["mean", str(file), *choices])
     assert "(10.000097 ± 0.000041) V" in done.output
     assert "Analysis of variance" in (tmp_path / "out/report.md").read_text()
+
+
+def test_groups_are_numbers_or_words():
+    readings = [1.0, 2.0, 3.0, 5.0]
+    found = estim.mean(readings, groups=[1, 1.0, np.float64(2), np.int64(2)])
+    assert found.groups.names == ("1", "2")
+    words = estim.mean(readings, groups=["a", "a", "b", "b"])
+    assert words.best == found.best
+
+
+@pytest.mark.parametrize("blank", ["", "-", "NaN"])
+def test_every_reading_of_a_table_has_its_group(tmp_path, blank):
+    rows = ["day;t", "Mo;1,1", f"{blank};1,2", "Tu;1,4", f"{blank};1,6", f"{blank};"]
+    (tmp_path / "a.csv").write_text("\n".join(rows) + "\n")
+    with pytest.raises(InputError, match=r"a\.csv:3: 'day' must say the group of every reading"):
+        mean_of_table(tmp_path / "a.csv", y="t", group="day")
 
 
 @pytest.mark.parametrize("head", ["period (s)", "period [s]", "period in s"])

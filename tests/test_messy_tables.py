@@ -97,6 +97,76 @@ def test_a_frame_of_pandas_is_read_as_a_table_with_units_and_uncertainties() -> 
     assert fit.status == "ok"
 
 
+NAMESAKES = {"t (s)": [0.0, 1.0], "U (V)": [2.0, 1.0], "U (mV)": [7.0, 8.0], "u_U (V)": [0.5, 0.5]}
+
+
+@pytest.mark.parametrize("framed", [False, True])
+def test_columns_of_one_name_in_two_units_are_two(tmp_path: Path, framed: bool) -> None:
+    if framed:
+        table = read_table(pytest.importorskip("pandas").DataFrame(NAMESAKES))
+    else:
+        lines = [
+            ";".join(map(str, row)) for row in (NAMESAKES, *zip(*NAMESAKES.values(), strict=True))
+        ]
+        (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
+        table = read_table(tmp_path / "a.csv")
+    assert {name: table[name].tolist() for name in NAMESAKES} == NAMESAKES
+    assert table.units == {"t": "s", "U (V)": "V", "U (mV)": "mV", "u_U": "V"}
+    points = table.points("t", "U (V)")
+    assert (points["u_y"].tolist(), points["axes"].y_name) == ([0.5, 0.5], "U")
+    for name, says in (("U", "like two columns"), ("t (ms)", "is no column"), ("W", "no column")):
+        with pytest.raises(InputError, match=says):
+            table[name]
+
+
+@pytest.mark.parametrize(("y", "u"), [("T", "u(T)"), ("V", "u(V)"), ("m (g)", "u(m)")])
+def test_a_symbol_that_is_a_unit_too_has_uncertainties(tmp_path: Path, y: str, u: str) -> None:
+    (tmp_path / "a.csv").write_text(f"x,{y},{u}\n1,2,0.1\n2,3,0.1\n3,4,0.1\n")
+    table = read_table(tmp_path / "a.csv")
+    assert table.points("x", y)["u_y"].tolist() == [0.1] * 3
+    assert table.units[u] == ""
+    frame = pytest.importorskip("pandas").DataFrame({"x": [1.0], y: [2.0], u: [0.1]})
+    assert read_table(frame).points("x", y)["u_y"].tolist() == [0.1]
+
+
+@pytest.mark.parametrize("head", ["T,V,u(T),u(V)", "T (K),V (mL),u(T) (K),u(V)"])
+def test_a_line_has_the_uncertainties_of_two_such_symbols(tmp_path: Path, head: str) -> None:
+    (tmp_path / "a.csv").write_text(f"{head}\n1,2,0.1,0.2\n2,3,0.1,0.2\n3,4.1,0.1,0.2\n")
+    asked = ["line", str(tmp_path / "a.csv"), "--x", "T", "--y", "V", "--figures", "none"]
+    done = runner().invoke(cli, [*asked, "--out", str(tmp_path / "o")], standalone_mode=False)
+    assert done.exception is None, done.exception
+    assert "u_x = u(T)" in done.stdout
+    assert "u_y = u(V)" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("head", "says"),
+    [
+        ("t,L (cm),u_L (mm)", "'u_L' must be in the unit of 'L', cm"),
+        ("t,L,u_L (%)", "'u_L' has a unit, and 'L' states none"),
+    ],
+)
+def test_uncertainties_in_another_unit_are_refused(tmp_path: Path, head: str, says: str) -> None:
+    (tmp_path / "a.csv").write_text(f"{head}\n1,2,1\n2,3,1\n")
+    table = read_table(tmp_path / "a.csv")
+    with pytest.raises(InputError, match=says):
+        table.points("t", "L")
+    with pytest.raises(InputError, match=says):
+        table.uncertainties  # noqa: B018
+    assert table.points("L", "t")["u_y"] is None
+
+
+def test_a_frame_has_the_columns_that_are_asked_for_once() -> None:
+    pandas = pytest.importorskip("pandas")
+    for frame, asked, says in (
+        (pandas.DataFrame(NAMESAKES), ["t", "W"], "'W' is missing"),
+        (pandas.DataFrame(NAMESAKES), ["t", "U"], "'U' occurs twice"),
+        (pandas.DataFrame([[1, 2], [3, 4]], columns=["t", "t"]), None, "'t' occurs twice"),
+    ):
+        with pytest.raises(InputError, match=says):
+            read_table(frame, columns=asked)
+
+
 @pytest.mark.parametrize(
     ("name", "parts"),
     [

@@ -1034,6 +1034,11 @@ NOISE = np.random.default_rng(1)
             "'a.readings' must be finite: [1.0, nan]",
         ),
         (
+            lambda: propagate_linear("a", {"a": [1.85, 1.85, 1.85]}),
+            "'a.readings' are all the same, so that their scatter tells no uncertainty: state it, "
+            "as Input('a', 1.85, u): 1.85",
+        ),
+        (
             lambda: Input.from_readings("a", ["x", "y"]),
             "'a.readings' must be numbers, not text: ['x', 'y']",
         ),

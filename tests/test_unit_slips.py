@@ -14,7 +14,7 @@ from test_newcomer import refused
 
 from estim import AxisNames, fit_curve
 from estim.campaign import load_campaign
-from estim.common import in_unit, is_unit, same_unit
+from estim.common import in_unit, is_unit, same_numbers, same_unit
 from estim.common.errors import InputError
 from estim.reading import name_and_unit
 
@@ -130,6 +130,26 @@ def test_a_number_with_a_unit_of_its_own_leaves_the_unit_open(tmp_path: Path) ->
     load_campaign(
         campaign(tmp_path, tau='{start = 5.0, unit = "cs"}', expression="U*exp(-10*x/tau)")
     )
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "same", "of_differences"),
+    [
+        ("°C", "K", False, True),
+        ("deg", "K", False, True),
+        ("°C", "celsius", True, True),
+        ("C", "A s", True, True),
+        ("Hz", "rad/s", False, False),
+        ("Hz", "1/s", True, True),
+        ("rad/s", "1/s", True, True),
+        ("V", "cts", None, None),
+    ],
+)
+def test_numbers_in_two_units(
+    one: str, other: str, same: bool | None, of_differences: bool | None
+) -> None:
+    assert same_numbers(one, other) is same_numbers(other, one) is same
+    assert same_numbers(one, other, differences=True) is of_differences
 
 
 def test_an_axis_in_another_unit_than_its_header_is_refused(tmp_path: Path) -> None:

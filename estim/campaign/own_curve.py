@@ -44,7 +44,7 @@ from estim.campaign.curve_tables import (
 )
 from estim.campaign.noise_models import NoiseModel
 from estim.campaign.own_curve_run import MAX_ROWS, RunOfCurve, rows_of
-from estim.common import InputError, language, phrase, same_unit
+from estim.common import InputError, language, phrase, same_numbers
 from estim.curves import (
     AxisNames,
     BareFormula,
@@ -218,7 +218,7 @@ class CurveCampaign(Campaign):
             }
             for name, unit in units.items():
                 first, wanted = next(iter(units.items()))
-                if same_unit(unit, wanted) is False:
+                if same_numbers(unit, wanted) is False:
                     raise self.source.error(
                         f"is in {wanted} by the header of run '{first}', in {unit} by that of "
                         f"'{name}': runs that share a parameter need one unit",

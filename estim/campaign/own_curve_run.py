@@ -31,7 +31,7 @@ from estim.campaign.curve_keys import (
 from estim.campaign.curve_tables import axis_of, y_axis
 from estim.campaign.dialect_table import DialectKeys, choices_of, dialect_of
 from estim.campaign.prior_table import PriorKeys, read_source
-from estim.common import Finding, InputError, Kind, phrase, same_unit
+from estim.common import Finding, InputError, Kind, phrase, same_numbers, same_unit
 from estim.curves import (
     MAX_DENSE,
     SIGMA,
@@ -178,8 +178,10 @@ class RunOfCurve:
             ("u_x", self.x, axis_of(self.curve.x)),
         ):
             if key in self.columns:
-                table.require_unit(self.columns[key], of)
-                _require_unit_of_axis(table, self.columns[key], of, axis.unit)
+                if axis.unit == "1" or table.units.get(of):
+                    table.require_unit(self.columns[key], of)
+                else:
+                    _require_unit_of_axis(table, self.columns[key], of, axis.unit)
         return table
 
     def axes_of(self, axes: AxisNames, table: Table) -> AxisNames:
@@ -189,7 +191,7 @@ class RunOfCurve:
         units = []
         for key, axis in (("x", axis_of(self.curve.x)), ("y", y_axis(self.curve))):
             stated = table.units.get(axis.column, "")
-            if axis.unit != "1" and stated and same_unit(axis.unit, stated) is False:
+            if axis.unit != "1" and stated and same_numbers(axis.unit, stated) is False:
                 where = f"the header of {table.file}" if table.header_line else table.file
                 raise self.source.error(
                     f"must be in {stated}, as {where} says; nothing is converted",
@@ -214,10 +216,10 @@ class RunOfCurve:
 
 def _require_unit_of_axis(table: Table, u: str, of: str, unit: str) -> None:
     """Raises InputError where the header states another unit for uncertainties than the campaign
-    for what they are of.
+    for what they are of, and the header does not.
     """
     stated = table.units.get(u, "")
-    if unit != "1" and stated and not table.units.get(of) and same_unit(stated, unit) is False:
+    if stated and same_unit(stated, unit) is False:
         rule = f"must be in the unit that the campaign says of '{of}', {unit}; nothing is converted"
         raise InputError(
             rule, field=u, value=stated, file=table.file, line=table.header_line or None

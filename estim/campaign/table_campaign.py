@@ -351,9 +351,9 @@ def _axes(
     x, y = _axis(x_name, layout), _axis(y_name, layout)
     u_x, u_y = choices.u_x, choices.u_y
     if choices.noise is None:
-        u_y = u_y or uncertainty_of(y.column, layout)
+        u_y = u_y or uncertainty_of(y.column, layout.names)
     if u_x is None and u_y is not None and not (choices.deviation or choices.correlated):
-        u_x = uncertainty_of(x.column, layout)
+        u_x = uncertainty_of(x.column, layout.names)
     return x, y, u_x, u_y
 
 

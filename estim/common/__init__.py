@@ -47,6 +47,7 @@ from estim.common.unit_symbols import (
     is_in_degrees,
     is_unit,
     powers_in,
+    same_numbers,
     same_unit,
 )
 from estim.common.lookalikes import first_alike, forms, same_looks

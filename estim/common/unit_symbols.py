@@ -209,19 +209,45 @@ def same_unit(unit: str, other: str) -> bool | None:
     return any(_same(a, b) for a, b in pairs) if pairs else None
 
 
+def same_numbers(unit: str, other: str, *, differences: bool = False) -> bool | None:
+    """`same_unit` for numbers in these units: Hz, of cycles, is not rad/s; °C is not K, but for
+    `differences`.
+    """
+    zeros = {_has_own_zero(text) for text in (unit, other)}
+    kelvins = all(any(a[1:] == _KELVIN for a in _meanings(text)) for text in (unit, other))
+    shifted = kelvins and len(zeros) > 1 and not differences
+    return False if shifted or _turns(unit, other) else same_unit(unit, other)
+
+
+def _has_own_zero(unit: str) -> bool:
+    return _OF_TEMPERATURE.search(_plain(unit)) is not None
+
+
+def _turns(unit: str, other: str) -> bool:
+    """Whether one of two units counts cycles, and the other angles."""
+    first, second = (
+        {_symbol_of(factor.symbol) for factor in _factors_of(text) or ()} for text in (unit, other)
+    )
+    return any(
+        any(symbol.endswith("Hz") for symbol in cycles) and not angles.isdisjoint(_ANGLES)
+        for cycles, angles in ((first, second), (second, first))
+    )
+
+
 def in_unit(value: float, unit: str, wanted: str) -> float | None:
     """A value in another unit; None where the two are not known to be of one dimension, may mean
-    several, or have zeros of their own.
+    several, have zeros of their own, or are cycles and angles.
     """
     pairs = [(a, b) for a in _meanings(unit) for b in _meanings(wanted) if a[1:] == b[1:]]
     sizes = [a[0] - b[0] for a, b in pairs]
     temperatures = any(a[1:] == _KELVIN for a, _ in pairs) and any(
-        _OF_TEMPERATURE.search(_plain(text)) for text in (unit, wanted)
+        map(_has_own_zero, (unit, wanted))
     )
     if (
         not pairs
         or max(sizes) - min(sizes) > 1e-9
         or temperatures
+        or _turns(unit, wanted)
         or abs(sizes[0]) > math.log(1e300)
     ):
         return None

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError, listed
+from estim.common import InputError, listed, same_numbers
 from estim.curves import AxisNames
 from estim.given_numbers import real_numbers
 from estim.reading import (
@@ -22,16 +22,20 @@ from estim.reading import (
     Dialect,
     bare_name,
     name_and_unit,
+    names_and_units,
     numeric_columns,
+    place_of,
     read_layout,
+    require_unit,
     table_of,
+    uncertainty_of,
 )
 
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """columns : name without its unit -> (n_row,) read-only array.  units : the same -> unit, ""
-    for none.
+    """columns : name -> (n_row,) read-only array; the name has its unit, "U (mV)", only where two
+    columns are called alike without.  units : the same -> unit, "" for none.
 
     notes : how the table was read, and which rows were left out, in words.
     """
@@ -41,36 +45,61 @@ class Columns:
     notes: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> FloatArray:
-        bare = name if name in self.columns else bare_name(name)
-        if bare not in self.columns:
-            raise InputError("is no column", field=name, quoted=listed(list(self.columns)))
-        return self.columns[bare]
+        return self.columns[self._called(name)]
+
+    def _called(self, name: str) -> str:
+        """The key of the column `name`, which may have its unit.  Raises InputError."""
+        if name in self.columns:
+            return name
+        bare, unit = name_and_unit(name)
+        found = [
+            key
+            for key in self.columns
+            if bare_name(key) == bare and (not unit or same_numbers(self.units.get(key, ""), unit))
+        ]
+        if len(found) != 1:
+            rule = "is called like two columns: say its unit too" if found else "is no column"
+            raise InputError(rule, field=name, quoted=listed(found or list(self.columns)))
+        return found[0]
 
     @property
     def uncertainties(self) -> Mapping[str, FloatArray]:
         """Column -> its standard uncertainties, of those that have a column u_NAME or u(NAME)."""
-        return {
-            name: self.columns[u]
-            for name in self.columns
-            for u in (f"u_{name}", f"u({name})")
-            if u in self.columns
-        }
+        found = ((name, self._uncertainties(name)) for name in self.columns)
+        return {name: u for name, u in found if u is not None}
+
+    def _uncertainties(self, name: str) -> FloatArray | None:
+        """Of the column with this key.  Raises InputError where they are in another unit."""
+        u = uncertainty_of(name, [*self.columns])
+        if u is None:
+            return None
+        require_unit(self.units, u, name)
+        return self.columns[u]
 
     def points(self, x: str, y: str) -> dict[str, Any]:
         """Arguments of `fit_curve`: x, y, their uncertainties and the names and units of the axes.
 
         As in the commands, uncertainties of x are taken where y has some too.
         """
-        names = [name if name in self.columns else bare_name(name) for name in (x, y)]
-        known = self.uncertainties
-        units = [self.units.get(name) or "1" for name in names]
+        names = [self._called(name) for name in (x, y)]
+        u_y = self._uncertainties(names[1])
+        words = [word for name in names for word in (bare_name(name), self.units.get(name) or "1")]
         return {
-            "x": self[x],
-            "y": self[y],
-            "u_y": known.get(names[1]),
-            "u_x": known.get(names[0]) if names[1] in known else None,
-            "axes": AxisNames(names[0], units[0], names[1], units[1]),
+            "x": self.columns[names[0]],
+            "y": self.columns[names[1]],
+            "u_y": u_y,
+            "u_x": None if u_y is None else self._uncertainties(names[0]),
+            "axes": AxisNames(*words),
         }
+
+
+def _keys(names: Sequence[str]) -> dict[str, str]:
+    """Name of a column -> that without its unit, where no other is called so."""
+    bare = [short for short, _ in names_and_units(names)]
+    return {
+        name: name if bare.count(short) > 1 else short
+        for name, short in zip(names, bare, strict=True)
+    }
 
 
 def read_table(
@@ -107,10 +136,10 @@ def read_table(
     layout = read_layout(Path(source), replace(dialect, **changes), needed=columns or ())
     names = list(columns or numeric_columns(layout))
     table = table_of(layout, names, 1)
-    bare = {name: bare_name(name) for name in names}
+    keys = _keys(names)
     return Columns(
-        {bare[name]: column for name, column in table.columns.items()},
-        {bare[name]: unit for name, unit in table.units.items()},
+        {keys[name]: column for name, column in table.columns.items()},
+        {keys[name]: unit for name, unit in table.units.items()},
         (*table.facts, *table.warnings),
     )
 
@@ -120,22 +149,27 @@ def _of_frame(frame: Any, columns: Sequence[str] | None) -> Columns:
     one of them are left out.
     """
     stated = frame.attrs.get("units", {})
-    names = [
-        name
-        for name in frame.columns
-        if (columns is None and np.issubdtype(np.asarray(frame[name]).dtype, np.number))
-        or (columns is not None and {str(name), bare_name(str(name))} & {*columns})
-    ]
-    if not names:
+    called = [str(name) for name in frame.columns]
+    places = (
+        [
+            i
+            for i in range(len(called))
+            if np.issubdtype(np.asarray(frame.iloc[:, i]).dtype, np.number)
+        ]
+        if columns is None
+        else [place_of(name, called) for name in columns]
+    )
+    if not places:
         raise InputError("has no column of numbers", field="table", quoted=str(list(columns or ())))
-    table = frame[names].dropna()
-    named = {name: name_and_unit(str(name)) for name in names}
+    table = frame.iloc[:, places].dropna()
+    names = {called[i]: frame.columns[i] for i in places}
+    for name in names:
+        place_of(name, called)  # refuses one that occurs twice
+    keys = _keys(list(names))
+    units = {name: unit for name, (_, unit) in zip(names, names_and_units([*names]), strict=True)}
     left_out = len(frame) - len(table)
     return Columns(
-        {
-            bare: real_numbers(table[name].to_numpy(), str(name))
-            for name, (bare, _) in named.items()
-        },
-        {bare: stated.get(name, unit) for name, (bare, unit) in named.items()},
+        {keys[name]: real_numbers(table[label].to_numpy(), name) for name, label in names.items()},
+        {keys[name]: stated.get(names[name], unit) for name, unit in units.items()},
         (f"{left_out} rows without a value were left out",) if left_out else (),
     )

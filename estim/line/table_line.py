@@ -253,9 +253,9 @@ def straight_line(
 
 
 def _own_uncertainty(name: str, layout: Layout) -> str | None:
-    """The column u_NAME or u(NAME), without its unit, if it is there."""
-    column = uncertainty_of(name, layout)
-    return column and bare_name(column)
+    """The column u_NAME, without its unit, or u(NAME), if it is there."""
+    column = uncertainty_of(name, layout.names)
+    return column if column is None or column.startswith("u(") else bare_name(column)
 
 
 def _with_axes(columns: Columns, layout: Layout) -> Columns:

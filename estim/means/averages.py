@@ -314,6 +314,16 @@ def _unweighted(
     )
 
 
+def _label(group: object) -> str:
+    """The name of a group; 1 and 1.0 are one.  Raises InputError where there is none."""
+    label = str(group).strip()
+    if isinstance(group, int | float | np.number) and label.endswith(".0"):
+        label = label[:-2]
+    if group is None or label in ("", "nan", "NaT", "<NA>"):
+        raise InputError("must name the group of every value", field="groups", value=label)
+    return label
+
+
 def _of_groups(x: FloatArray, groups: Sequence[object], probability: float) -> Mean:
     """u of the mean of the group means is s(means)/sqrt(n_group), with n_group - 1 degrees of
     freedom (GUM H.5.2.5); also for groups of different sizes its square has the right expectation.
@@ -321,7 +331,7 @@ def _of_groups(x: FloatArray, groups: Sequence[object], probability: float) -> M
     s_between^2 = (MS_between - MS_within)/n0, n0 = (n - sum n_j^2/n)/(n_group - 1), the size of
     equal groups (Searle, Casella and McCulloch 1992, Variance Components, 3.6).
     """
-    labels = [str(label) for label in groups]
+    labels = [_label(group) for group in groups]
     names = tuple(dict.fromkeys(labels))
     if len(labels) != x.size:
         raise InputError("must have one for each value", field="groups", value=len(labels))

@@ -14,6 +14,7 @@ from estim.reading import (
     bare_name,
     columns_sentence,
     is_column,
+    is_missing,
     read_layout,
     table_of,
     uncertainty_of,
@@ -57,7 +58,7 @@ def mean_of_table(
         rule = "must be named by --y"
         raise InputError(rule, field="column", quoted=f"there are {listed(bare)}", file=layout.file)
     name = y or bare[0]
-    u = u_y or (None if group else uncertainty_of(name, layout))
+    u = u_y or (None if group else uncertainty_of(name, layout.names))
     errors: FloatArray | float | None = None
     column = ""
     if u is not None:
@@ -78,6 +79,11 @@ def mean_of_table(
             raise InputError(rule, field="--group", value=group, file=layout.file)
         cells = {row.number: row.cells[places[0]] for row in layout.rows}
         groups = [cells[int(line)] for line in table.lines]
+        blank = next((i for i, cell in enumerate(groups) if is_missing(cell)), None)
+        if blank is not None:
+            rule = "must say the group of every reading, not only of the first one in a group"
+            line = int(table.lines[blank])
+            raise InputError(rule, field=group, value=groups[blank], file=layout.file, line=line)
     try:
         found = mean(table.columns[name], errors, groups=groups)
     except InputError as error:

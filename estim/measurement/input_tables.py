@@ -62,11 +62,9 @@ def inputs_of(name: str, table: InputTable) -> tuple[Input, ...]:
     if table.readings is not None:
         others = ("value", *_SIZES, "low", "high", "distribution", "dof", "relative_u_of_u")
         _refuse(table, "readings", *others)
-        base = _named(
-            "readings", lambda: Input.from_readings(name, table.readings or [], unit=table.unit)
-        )
-        value = base.value
-        if not table.components and len(set(table.readings)) == 1:
+        readings = table.readings
+        same = len(readings) > 1 and len(set(readings)) == 1
+        if same and not table.components:
             rule = (
                 "are all the same, so that their scatter tells no uncertainty: state the "
                 "resolution too"
@@ -74,8 +72,17 @@ def inputs_of(name: str, table: InputTable) -> tuple[Input, ...]:
             raise InputError(
                 f"{rule}, as components.resolution = {{half_width = 0.5}}",
                 field="readings",
-                value=table.readings[0],
+                value=readings[0],
             )
+        base = _named(
+            "readings",
+            lambda: (
+                Input(name, readings[0], 0.0, "t", len(readings) - 1.0, table.unit)
+                if same
+                else Input.from_readings(name, readings, unit=table.unit)
+            ),
+        )
+        value = base.value
     else:
         value, u, half = _value(table)
         base = _stated(name, table, value, unit=table.unit, u=u, half_width=half, may_be_exact=True)

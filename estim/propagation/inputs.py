@@ -212,6 +212,13 @@ class Input:
             )
         if not all_finite(sample):
             raise InputError("must be finite", field=f"{name}.readings", value=readings)
+        if np.ptp(sample) == 0.0:
+            rule = "are all the same, so that their scatter tells no uncertainty: state it"
+            raise InputError(
+                f"{rule}, as Input({name!r}, {sample[0]:g}, u)",
+                field=f"{name}.readings",
+                value=float(sample[0]),
+            )
         u = float(sample.std(ddof=1)) / math.sqrt(sample.size)
         return cls(name, float(sample.mean()), u, "t", float(sample.size - 1), unit)
 

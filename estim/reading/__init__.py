@@ -4,7 +4,14 @@ Tracker.
 Read `run` first.  Imports `common` alone.
 """
 
-from estim.reading.csv_table import columns_sentence, read_columns, read_known_columns, table_of
+from estim.reading.cells import is_missing
+from estim.reading.csv_table import (
+    columns_sentence,
+    place_of,
+    read_columns,
+    read_known_columns,
+    table_of,
+)
 from estim.reading.dialect import (
     DIALECT_KEYS,
     PLAIN,
@@ -15,6 +22,7 @@ from estim.reading.dialect import (
     is_column,
     bare_name,
     name_and_unit,
+    names_and_units,
 )
 from estim.reading.input_file import TOML_BYTES, leads_out, read_text, refuse_outside, way_to
 from estim.reading.layout import (
@@ -35,7 +43,7 @@ from estim.reading.run import (
     run_of_table,
 )
 from estim.reading.source import is_table, known_readers, read_suffixes
-from estim.reading.table import UNITS, Table, line_numbers, own_name
+from estim.reading.table import UNITS, Table, line_numbers, own_name, require_unit
 from estim.reading.toml import KeyPath, Places, parse_toml
 from estim.reading.tracker.importing import (
     Choices,

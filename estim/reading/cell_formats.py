@@ -14,9 +14,9 @@ from datetime import date
 from decimal import Decimal
 from itertools import pairwise
 
-from estim.common import InputError, in_unit, is_unit, phrase, same_unit
+from estim.common import InputError, in_unit, is_unit, phrase, same_numbers
 from estim.reading.cells import is_missing, looks_like_a_number
-from estim.reading.dialect import bare_name
+from estim.reading.dialect import bare_name, is_uncertainty
 from estim.reading.table import Layout, line_numbers
 
 _NUMBER = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)"
@@ -80,7 +80,7 @@ def _quantities(table: Layout, place: int, cells: Sequence[tuple[int, str]]) -> 
     name, stated = table.names[place], table.units[place]
     values, errors = dict[int, str](), dict[int, str]()
     converted: dict[str, list[int]] = {}
-    unit, with_u = stated, None
+    unit, with_u, differences = stated, None, is_uncertainty(bare_name(name))
     for number, cell in cells:
         match = _quantity(cell)
         with_this = match is not None and bool(match[3] or match[4])
@@ -96,11 +96,12 @@ def _quantities(table: Layout, place: int, cells: Sequence[tuple[int, str]]) -> 
         _, value, digits, plus_minus, power, _ = match.groups()
         texts = [value + (power or "")]
         if digits:
-            texts.append(_last_digits(value, digits) + (power or ""))
+            texts.append(_last_digits(value, digits, power or ""))
         elif plus_minus:
             texts.append(plus_minus + (power or ""))
-        if unit_here and unit_here != unit and not _same(unit_here, unit):
-            texts = [_converted(text, unit_here, unit, name, number) for text in texts]
+        if unit_here and unit_here != unit and not _same(unit_here, unit, differences):
+            like = "the header says" if stated else "the cells above it"
+            texts = [_converted(text, unit_here, unit, name, number, like) for text in texts]
             converted.setdefault(unit_here, []).append(number)
         values[number] = texts[0]
         if with_u:
@@ -124,7 +125,7 @@ def _quantities(table: Layout, place: int, cells: Sequence[tuple[int, str]]) -> 
     if not with_u:
         return _told(table, *told)
     called = f"u_{bare_name(name)}"
-    if called in table.names:
+    if called in map(bare_name, table.names):
         rule = "has uncertainties in its cells, and a column of their own as well"
         raise InputError(rule, field=name, value=called, line=cells[0][0])
     rows = [
@@ -138,27 +139,25 @@ def _quantities(table: Layout, place: int, cells: Sequence[tuple[int, str]]) -> 
     return _told(table, *told)
 
 
-def _same(unit: str, other: str) -> bool:
-    return same_unit(unit, other) is True and in_unit(1.0, unit, other) in (1.0, None)
+def _same(unit: str, other: str, differences: bool) -> bool:
+    same = same_numbers(unit, other, differences=differences)
+    return same is True and in_unit(1.0, unit, other) in (1.0, None)
 
 
-def _last_digits(value: str, digits: str) -> str:
-    """The uncertainty that (12) says behind 1.234: 12e-3."""
+def _last_digits(value: str, digits: str, power: str) -> str:
+    """The uncertainty that (12) says behind 1.234 and before a power: 12e-3, 12e-6 before e-3."""
     if "." in digits or "," in digits:
-        return digits
-    mantissa, mark, exponent = value.lower().partition("e")
+        return digits + power
+    mantissa, _, exponent = value.lower().partition("e")
     decimals = len(re.split("[.,]", mantissa)[1]) if re.search("[.,]", mantissa) else 0
-    return f"{digits}e{(int(exponent) if mark else 0) - decimals}"
+    return f"{digits}e{int(exponent or 0) + int(power[1:] or 0) - decimals}"
 
 
-def _converted(text: str, unit: str, wanted: str, name: str, number: int) -> str:
+def _converted(text: str, unit: str, wanted: str, name: str, number: int, like: str) -> str:
     factor = in_unit(1.0, unit, wanted)
     if factor is None or re.fullmatch(r"[+-]?[1-9]\d{0,2},\d{3}", text):
         raise InputError(
-            f"must be in {wanted}, as the cells above it",
-            field=name,
-            value=f"{text} {unit}",
-            line=number,
+            f"must be in {wanted}, as {like}", field=name, value=f"{text} {unit}", line=number
         )
     return _without_mark(Decimal(text.replace(",", ".")) * Decimal(repr(factor)))
 

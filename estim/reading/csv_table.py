@@ -23,10 +23,10 @@ from estim.common import (
     listed,
     phrase,
     read_number,
-    same_unit,
+    same_numbers,
 )
 from estim.reading.cells import Row, is_missing, is_spreadsheet_error, looks_like_a_number
-from estim.reading.dialect import PLAIN, Dialect, bare_name, cell_name
+from estim.reading.dialect import PLAIN, Dialect, bare_name, cell_name, names_and_units
 from estim.reading.layout import Layout, cells_differ, numeric_columns, read_layout
 from estim.reading.table import (
     DECIMAL_COMMAS,
@@ -63,7 +63,7 @@ def table_of(
 
 
 def _columns(layout: Layout, needed: Sequence[str], min_rows: int, complete: bool) -> Table:
-    places = [_place_of(name, layout) for name in needed]
+    places = [place_of(name, layout.names, layout.header_line) for name in needed]
     dialect = layout.dialect
     if (
         layout.delimiter == ","
@@ -168,7 +168,7 @@ def read_known_columns(
             raise refused("is missing", name, quoted=f"the header has {listed(list(called))}")
     table = table_of(layout, list(called), min_rows, complete=not stated)
     for name, ours in called.items():
-        if ours in UNITS and same_unit(table.units[name] or UNITS[ours], UNITS[ours]) is False:
+        if ours in UNITS and same_numbers(table.units[name] or UNITS[ours], UNITS[ours]) is False:
             rule = f"must be in {UNITS[ours]}, as its name says; nothing is converted"
             raise refused(rule, name, table.units[name])
     return table.with_columns({called[name]: column for name, column in table.columns.items()})
@@ -178,11 +178,10 @@ def _refused(row: Row, rule: str, field: str, value: object, cell: str = "") -> 
     return InputError(rule, field=field, value=value, line=row.number, quoted=cell)
 
 
-def _place_of(name: str, layout: Layout) -> int:
-    """Where the column `name` is: called just so, or so before its unit.  Raises InputError listing
-    what there is.
+def place_of(name: str, names: Sequence[str], line: int | None = None) -> int:
+    """Where among `names`, on this line, the column `name` is: called just so, or so before its
+    unit.  Raises InputError listing what there is.
     """
-    names, line = layout.names, layout.header_line
     places = [i for i, column in enumerate(names) if column == name] or [
         i for i, column in enumerate(names) if bare_name(column) == name
     ]
@@ -327,10 +326,11 @@ def columns_sentence(read: Sequence[tuple[str, str, str]], unread: Sequence[str]
     """Which columns are what, and which columns of numbers are not read.  read : "x", its column,
     its unit or "1" where none is known.
     """
+    names = names_and_units([column for _, column, _ in read])
     pairs = [
-        f"{key} = {bare_name(column)}{f' ({unit})' if unit not in ('', '1') else ''}"
-        for key, column, unit in read
-        if column
+        f"{key} = {name}{f' ({unit})' if unit not in ('', '1') else ''}"
+        for (key, _, unit), (name, _) in zip(read, names, strict=True)
+        if name
     ]
     columns = phrase("columns: {pairs}", pairs=", ".join(pairs))
     return columns + (

@@ -169,6 +169,17 @@ def name_and_unit(cell: str) -> tuple[str, str]:
     ) else inside
 
 
+def names_and_units(columns: Sequence[str]) -> list[tuple[str, str]]:
+    """`name_and_unit` of each; beside a column T, `u(T)` is the name of its uncertainties, though T
+    is a unit too.
+    """
+    pairs = [name_and_unit(column) for column in columns]
+    own = {f"u({name})" for name, _ in pairs}
+    return [
+        (column, "") if column in own else pair for column, pair in zip(columns, pairs, strict=True)
+    ]
+
+
 def bare_name(column: str) -> str:
     """The name of a column without its unit."""
     return name_and_unit(column)[0]

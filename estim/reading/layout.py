@@ -25,6 +25,7 @@ from estim.reading.dialect import (
     is_column,
     is_uncertainty,
     name_and_unit,
+    names_and_units,
     shown_delimiter,
 )
 from estim.reading.source import read_source
@@ -48,6 +49,11 @@ _NUMBER_FIRST = re.compile(r"(?!1\s*/|10\s*[\^⁻⁰¹²³⁴⁵⁶⁷⁸⁹])[+
 _BEGINS_WITH_A_NUMBER = re.compile(r"\W{0,3}\d")
 _BEGINS_WITH_A_WORD = re.compile(r'\s*"?[^\W\d_]{2}')
 _COMMENT = re.compile(r"comments?", re.IGNORECASE)  # LabVIEW names a column that has no cells
+_OF_SUMS = (
+    "mean average avg median sum total stdev stddev mittelwert mittel summe gesamt durchschnitt "
+    "standardabweichung media promedio mediana suma moyenne somme"
+)
+_SUMS = {*_OF_SUMS.split(), "mean value", "standard deviation", "desviación estándar"}
 _SEPARATORS = re.compile(r"[/*·⋅^ ()\[\]]|[-−]?\d+|[⁻¹²³]+")
 
 
@@ -92,14 +98,18 @@ def read_layout(path: Path, dialect: Dialect = PLAIN, *, needed: Sequence[str] =
     facts = list(source.facts)
     if any(_is_a_row(row, like=split[-1]) for row in ends):
         split += ends
-    elif ends:
+        ends = []
+    if dialect.columns is None and dialect.header is None and _lies(split):
+        split = _turned(split)
+        facts.append(phrase("names of the columns stand in the first cell of each line"))
+    else:
+        split, sums = _without_sums(split)
+        ends = [*sums, *ends]
+    if ends:
         below_it = line_numbers([row.number for row in ends])
         facts.append(
             phrase("what stands below the table was not read (lines {lines})", lines=below_it)
         )
-    if dialect.columns is None and dialect.header is None and _lies(split):
-        split = _turned(split)
-        facts.append(phrase("names of the columns stand in the first cell of each line"))
     split, thousands = _without_thousands(split, dialect)
     facts += thousands
     start = _start(split) if dialect.header is None else int(dialect.header)
@@ -125,8 +135,10 @@ def read_layout(path: Path, dialect: Dialect = PLAIN, *, needed: Sequence[str] =
         raise _no_names(rows[0], delimiter)
     head = facts_of(lines, header_line or rows[0].number)
     units = [
-        _unit_in(unit) or name_and_unit(name)[1]
-        for name, unit in zip(names, [*units, *[""] * len(names)], strict=False)
+        _unit_in(unit) or own
+        for (_, own), unit in zip(
+            names_and_units(names), [*units, *[""] * len(names)], strict=False
+        )
     ]
     layout = Layout(
         str(path),
@@ -159,8 +171,30 @@ def _footer(lines: Lines) -> tuple[Lines, Lines]:
     return (lines[:end], lines[end:]) if words else (lines, [])
 
 
+def _without_sums(rows: list[Row]) -> tuple[list[Row], list[Row]]:
+    """The rows, and those at the end that say themselves to be the mean, the sum and so on of the
+    others, where none of these does.
+    """
+    if not _sum_word(rows[-1]):
+        return rows, []
+    words = [_sum_word(row) for row in rows]
+    end = next((i for i, word in enumerate(words) if word), len(rows))
+    last = words[end:]
+    alone = all(last) and len(set(last)) == len(last) and 2 * end > len(rows)
+    return (rows[:end], rows[end:]) if alone else (rows, [])
+
+
+def _sum_word(row: Row) -> str:
+    """What a row with a value calls itself, if that is a mean, a sum and so on."""
+    words = (cell.strip(" :=").casefold() for cell in row.cells)
+    word = next((word for word in words if word in _SUMS), "")
+    return word if any(map(says_a_value, row.cells)) else ""
+
+
 def _is_a_row(row: Row, *, like: Row) -> bool:
-    """Whether a line below the table has its cells, with a number in one: a mean may be a row."""
+    """Whether a line below the table has its cells, with a number in one: such a line is a row,
+    whatever its first cell is called.
+    """
     return len(_trimmed(row.cells)) == len(_trimmed(like.cells)) and any(
         map(says_a_value, row.cells)
     )
@@ -286,17 +320,13 @@ def value_columns(layout: Layout, errors: Sequence[str | None] = ()) -> tuple[st
     )
 
 
-def uncertainty_of(column: str, layout: Layout) -> str | None:
-    """The column u_NAME or u(NAME) of the uncertainties of `column`, if it is there."""
+def uncertainty_of(column: str, names: Sequence[str]) -> str | None:
+    """The column u_NAME or u(NAME) of the uncertainties of `column`, if it is among `names`."""
     named = {
         written for name in (column, bare_name(column)) for written in (f"u_{name}", f"u({name})")
     }
     return next(
-        (
-            name
-            for name in layout.names
-            if not name.startswith("_") and {name, bare_name(name)} & named
-        ),
+        (name for name in names if not name.startswith("_") and {name, bare_name(name)} & named),
         None,
     )
 

@@ -16,7 +16,7 @@ from typing import Any, Self
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, IntArray
-from estim.common import InputError, phrase, same_unit
+from estim.common import InputError, is_unit, phrase, same_numbers, same_unit
 from estim.reading.cells import Row
 from estim.reading.dialect import Dialect
 from estim.reading.input_file import line_after_comment, lines_of
@@ -46,6 +46,7 @@ DECIMAL_COMMAS = (
     "leave room for the digits behind commas;"
     " separate the cells by semicolons, or write one number with a decimal point, as 0.0"
 )
+_NAME_THEM = "or name the columns without units by --columns (columns = [...] in a campaign)"
 _MAX_LINE = 100_000  # characters
 _MAX_ROWS = 1_000_000
 NOTE = "# warning: "  # what `estim import` found suspicious, kept with the numbers
@@ -89,22 +90,8 @@ class Table:
         return replace(self, columns=MappingProxyType(dict(columns)), **changes)
 
     def require_unit(self, u: str, of: str) -> None:
-        """Raises InputError where the header states one unit for the column `u` of uncertainties,
-        and another for the column that they are of.
-        """
-        stated, wanted = (self.units.get(name, "").strip() for name in (u, of))
-        if stated and wanted and not same_unit(stated, wanted):
-            rule = (
-                f"must be in the unit of '{of}', {self.units[of]}; write it in that unit, or "
-                "name the columns without units by --columns"
-            )
-            raise InputError(
-                f"{rule} (columns = [...] in a campaign)",
-                field=u,
-                value=self.units[u],
-                file=self.file,
-                line=self.header_line or None,
-            )
+        """`require_unit` of two of its columns."""
+        require_unit(self.units, u, of, file=self.file, line=self.header_line or None)
 
     def require(self, name: str, valid: BoolArray, rule: str) -> None:
         """Raises InputError at the first row in which the column `name` is not `valid` (n_row,)."""
@@ -147,6 +134,27 @@ class Layout:
     head: tuple[str, ...] = ()
     first_column: int | None = None
     assumed: tuple[str, ...] = ()
+
+
+def require_unit(
+    units: Mapping[str, str], u: str, of: str, *, file: str | None = None, line: int | None = None
+) -> None:
+    """Raises InputError where `units` has one for the column `u` of uncertainties, and another or
+    none for the column that they are of: 2 % of y is no 2.
+    """
+    stated, wanted = (units.get(name, "").strip() for name in (u, of))
+    if not wanted and is_unit(stated) and same_unit(stated, "1") is False:
+        rule = (
+            f"has a unit, and '{of}' states none: write the uncertainties in the unit of '{of}', "
+            "and state it for both"
+        )
+        if stated != "%":
+            rule += f", {_NAME_THEM}"
+    elif stated and wanted and not same_numbers(stated, wanted, differences=True):
+        rule = f"must be in the unit of '{of}', {units[of]}; write it in that unit, {_NAME_THEM}"
+    else:
+        return
+    raise InputError(rule, field=u, value=units[u], file=file, line=line)
 
 
 def facts_of(rows: Sequence[tuple[int, str]], header_line: int) -> tuple[str, ...]:
