@@ -23,11 +23,15 @@ _NUMBER = re.compile(
     r"[+-]?((\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?|nan|inf|infinity)", re.ASCII | re.IGNORECASE
 )
 
-_SIZE = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:\(\d+(?:[.,]\d*)?\))?(?:[eE][+-]?\d+)?"
+_DIGITS = r"(?:\s*\((?:\d+(?:[.,]\d*)?|[.,]\d+)\))"  # an uncertainty behind its number
+_POWER = r"(?:[eE][+-]?\d+)?"
+_SIZE = rf"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:{_DIGITS}{_POWER}|{_POWER}{_DIGITS}?)"
 _WITH_UNIT = re.compile(
-    rf"(\(?{_SIZE}(?:\s*(?:\+/-|\+-|±)\s*{_SIZE})?\)?)(\s+1/\S.{{0,20}}|\s*[^\s\d.,].{{0,20}})?",
+    rf"(\(?{_SIZE}(?:\s*(?:\+/-|\+-|±)\s*{_SIZE})?(?:\){_POWER})?)"
+    r"(\s+1/\S.{0,20}|\s*[^\s\d.,].{0,20})?",
     re.ASCII,
 )
+_NO_UNIT = re.compile(r"[(\s]+(?!1\s*/)[\d.,]")  # (30) and (30 m), but (1/s) is one
 _WORD = re.compile(r"[^\W\d_][^\d,;]{0,20}")
 _LEAST_POWER = -4  # of ten, of a number that is written without
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -106,7 +110,7 @@ def read_with_unit(source: str | float, *, field: str) -> tuple[Quantity, str]:
     """
     match = _WITH_UNIT.fullmatch(source.strip()) if isinstance(source, str) else None
     unit = (match[2] or "").strip() if match else ""
-    if match is None or not is_unit(unit):
+    if match is None or _NO_UNIT.match(unit) or not is_unit(unit):
         return read_quantity(source, field=field), "1"
     return read_quantity(match[1], field=field), unit
 
@@ -137,10 +141,13 @@ def _read_text(text: str, field: str) -> Quantity:
     from uncertainties import ufloat_fromstr
     from uncertainties.core import NegativeStdDev
 
+    written = _rearranged(text)
+    if not re.search(r"[\d.]\(|\+/?-|±", written):  # "(5)" would get an uncertainty
+        raise InputError(rule, field=field, value=text)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # an uncertainty of 0 is refused below
-            number = ufloat_fromstr(text)
+            number = ufloat_fromstr(written)
     except (ValueError, NegativeStdDev):
         raise InputError(rule, field=field, value=text) from None
     if not number.std_dev > 0.0:
@@ -150,6 +157,13 @@ def _read_text(text: str, field: str) -> Quantity:
             value=text,
         )
     return Quantity(float(number.nominal_value), float(number.std_dev))
+
+
+def _rearranged(text: str) -> str:
+    """ "5000 (30)", "5.0e3(1)" and "(5.0(1))e3" in the order that the library reads."""
+    text = re.sub(r"(?<=[\d.])\s+(?=\([\d.]+\))", "", text)
+    text = re.sub(r"^\(([^()]+\([^()]+\))\)", r"\1", text)
+    return re.sub(r"([eE][+-]?\d+)(\(\d+\))", r"\2\1", text)
 
 
 def format_quantity(value: float, u: float | None = None, *, plus_minus: bool = True) -> str:
