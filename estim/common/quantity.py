@@ -25,13 +25,19 @@ _NUMBER = re.compile(
 
 _DIGITS = r"(?:\s*\((?:\d+(?:[.,]\d*)?|[.,]\d+)\))"  # an uncertainty behind its number
 _POWER = r"(?:[eE][+-]?\d+)?"
-_SIZE = rf"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:{_DIGITS}{_POWER}|{_POWER}{_DIGITS}?)"
+_PLAIN = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)"
+_SIZE = rf"{_PLAIN}(?:{_DIGITS}{_POWER}|{_POWER}{_DIGITS}?)"
 _WITH_UNIT = re.compile(
     rf"(\(?{_SIZE}(?:\s*(?:\+/-|\+-|±)\s*{_SIZE})?(?:\){_POWER})?)"
     r"(\s+1/\S.{0,20}|\s*[^\s\d.,].{0,20})?",
     re.ASCII,
 )
 _NO_UNIT = re.compile(r"[(\s]+(?!1\s*/)[\d.,]")  # (30) and (30 m), but (1/s) is one
+_UNCLEAR = re.compile(
+    rf"\(?\s*({_PLAIN}{_POWER})\s*(?:\+/-|\+-|±)\s*({_PLAIN}{_POWER})\s*(%|‰|pp[mb]\b).{{0,20}}",
+    re.ASCII,
+)
+_SHARES = {"%": 1e-2, "‰": 1e-3, "ppm": 1e-6, "ppb": 1e-9}
 _WORD = re.compile(r"[^\W\d_][^\d,;]{0,20}")
 _LEAST_POWER = -4  # of ten, of a number that is written without
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -108,11 +114,26 @@ def read_with_unit(source: str | float, *, field: str) -> tuple[Quantity, str]:
 
     Raises InputError as `read_quantity` does, and where what stands behind is no unit.
     """
-    match = _WITH_UNIT.fullmatch(source.strip()) if isinstance(source, str) else None
+    match = None
+    if isinstance(source, str):
+        require_clear_share(source, field=field)
+        match = _WITH_UNIT.fullmatch(source.strip())
     unit = (match[2] or "").strip() if match else ""
     if match is None or _NO_UNIT.match(unit) or not is_unit(unit):
         return read_quantity(source, field=field), "1"
     return read_quantity(match[1], field=field), unit
+
+
+def require_clear_share(text: str, *, field: str, line: int | None = None) -> None:
+    """Raises InputError for "9.81 ± 2 %", which people write for (9.81 ± 2) % and for a share of
+    9.81.
+    """
+    if (match := _UNCLEAR.fullmatch(text.strip())) is None:
+        return
+    value, u = (part.replace(",", ".") for part in match.groups()[:2])
+    size = abs(float(value) * float(u)) * _SHARES[match[3]]
+    meant = f'"({value} ± {u}) {match[3]}" or "{value} ± {rounded(size, size, 2)}"'
+    raise InputError(f"must be {meant}, whichever is meant", field=field, value=text, line=line)
 
 
 def _number_words(text: str) -> str:
@@ -134,7 +155,7 @@ def _read_text(text: str, field: str) -> Quantity:
     try:
         return Quantity(read_number(text))
     except ValueError:
-        pass
+        require_clear_share(text, field=field)
     rule = f'must be a number {_number_words(text)}, or read like "4.0 +/- 0.4" or "4.0(4)"'
     if "_" in text or any(mark.isdecimal() and not mark.isascii() for mark in text):
         raise InputError(rule, field=field, value=text)
