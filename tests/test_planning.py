@@ -311,6 +311,15 @@ def test_mistakes_in_a_plan_are_told_with_their_line(tmp_path: Path, more: str, 
         plan(load_campaign(line(tmp_path, more)), ["line"], seed=1)
 
 
+@pytest.mark.parametrize("name", ["muon_binned", "alpha_counts", "muon"])
+def test_there_are_no_plans_for_counts(name: str) -> None:
+    campaign = load_campaign(Path(__file__).resolve().parents[1] / f"data/gallery/{name}.toml")
+    with pytest.raises(
+        InputError, match=r"toml:\d+: 'noise' is that of counts or of single events"
+    ):
+        plan(campaign, list(campaign.tables), seed=1)
+
+
 def test_what_a_curve_lacks_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="estim plan"):
         plan(
