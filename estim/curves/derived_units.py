@@ -22,6 +22,7 @@ Factors = dict[str, Fraction]
 _OF_OWN_ZERO = frozenset({"°C", "°F", "degC", "degF"})
 _TURNED = ("sin", "cos", "tan")
 _ANGLES = ("arcsin", "arccos", "arctan", "asin", "acos", "atan", "arctan2", "atan2")
+_OF_PURE = (*_ANGLES, "exp", "expm1", "log", "ln", "log10", "log2", "log1p", "sinh", "cosh", "tanh")
 _ALIKE = {
     "abs": 0,
     "floor": 0,
@@ -148,6 +149,11 @@ class _Reading:
             return _raised(units[0], ROOTS[name])
         if name in _TURNED or name in ("radians", "degrees"):
             self._check_angle(name, arguments[0], units[0])
+        if name in _OF_PURE and units[0] and _is_other_number(units[0]):
+            raise InputError(
+                f"takes {name} of what is in {_shown(units[0])}, but {name} takes a pure number; "
+                "nothing is converted"
+            )
         if name in _ANGLES or name == "radians":
             return {"rad": Fraction(1)}
         return {"°": Fraction(1)} if name == "degrees" else {} if name in _TURNED else None
@@ -189,6 +195,11 @@ class _Reading:
                 "nothing is converted"
             )
         return first
+
+
+def _is_other_number(unit: Factors) -> bool:
+    """Whether a unit is a number other than 1, as mm/m and %."""
+    return in_unit(1.0, _written(unit), "1") is not None and same_unit(_written(unit), "1") is False
 
 
 def _parts(node: ast.expr, sign: int) -> Iterator[tuple[ast.expr, int]]:
