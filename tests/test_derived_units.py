@@ -68,6 +68,7 @@ def test_the_unit_follows_or_nothing_is_said(formula: str, follows: str) -> None
         ("0.5*m*v**2", "mJ", r"must be in .* "
             r"\(give a number"),
         ("L + d", None, "adds what is in m and what is in mm"),
+        ("L*(1 - eta)", None, "adds 1 and what is in %"),
         ("hypot(L, d)", "m", "compares what is in "
             "m and what is in mm"),
         ("2*p", "rad", "must be in deg"), ("sqrt(L)*sqrt(d)*sqrt(L)/sqrt(d)", "s", "must be in m"),

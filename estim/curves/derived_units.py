@@ -20,6 +20,7 @@ Factors = dict[str, Fraction]
 """A unit: its symbols with their powers; {} for a pure number."""
 
 _OF_OWN_ZERO = frozenset({"°C", "°F", "degC", "degF"})
+_SHARES = frozenset({"%", "‰", "ppm", "ppb"})
 _TURNED = ("sin", "cos", "tan")
 _ANGLES = ("arcsin", "arccos", "arctan", "asin", "acos", "atan", "arctan2", "atan2")
 _OF_PURE = (*_ANGLES, "exp", "expm1", "log", "ln", "log10", "log2", "log1p", "sinh", "cosh", "tanh")
@@ -183,6 +184,10 @@ class _Reading:
             None if number_in_formula(side) is not None else self.of(side) for side in (left, right)
         )
         if first is None or second is None:
+            pure = number_in_formula(left if first is None else right) == 1
+            factors = second if first is None else first
+            if pure and factors and set(factors.values()) == {1} and set(factors) <= _SHARES:
+                raise InputError(f"{what} 1 and what is in {_shown(factors)}; nothing is converted")
             return second if first is None else first
         if not first or not second:
             # a pure number and metres: one of them has a number with a unit of its own
