@@ -35,7 +35,7 @@ def unit(formula: str, stated: str | None = None) -> str:
     [
         ("1/tau", "1/s"), ("4*pi**2/slope", "m/s²"), ("k*A**2/2", "N·cm²/m"), ("sqrt(L**2)", "m"),
         ("p - q", "deg"), ("degrees(r)", "°"),
-        ("radians(p)", "rad"), ("arctan(L/d)", "rad"), ("L*arctan(n)", "m"), ("v/g", "s"),
+        ("radians(p)", "rad"), ("arctan(L/(2*L))", "rad"), ("L*arctan(n)", "m"), ("v/g", "s"),
         ("L/d", "m/mm"), ("sin(r)", "1"), ("-tau", "s"),
         ("log(tau)", "1"), ("exp(-tau)", "1"), ("5*v", "1"), ("v*0.25", "1"), ("2*pi*f", "Hz"),
         ("sqrt(g)", "1"), ("n*L", "1"), ("tau + 5", "s"),
@@ -68,6 +68,7 @@ def test_the_unit_follows_or_nothing_is_said(formula: str, follows: str) -> None
         ("0.5*m*v**2", "mJ", r"must be in .* "
             r"\(give a number"),
         ("L + d", None, "adds what is in m and what is in mm"),
+        ("L*(1 - eta)", None, "adds 1 and what is in %"),
         ("hypot(L, d)", "m", "compares what is in "
             "m and what is in mm"),
         ("2*p", "rad", "must be in deg"), ("sqrt(L)*sqrt(d)*sqrt(L)/sqrt(d)", "s", "must be in m"),
@@ -253,3 +254,15 @@ def test_a_fit_in_python_says_so_too() -> None:
             derived={"time": "c/k"},
             **given,
         )
+
+
+@pytest.mark.parametrize(
+    ("formula", "given"),
+    [("arctan(d/L)", "mm/m"), ("log(d/L)", "mm/m"), ("log(eta)", "%"), ("exp(p)", "deg")],
+)
+def test_a_function_of_a_pure_number_takes_no_other(formula: str, given: str) -> None:
+    name = formula.partition("(")[0]
+    with pytest.raises(InputError, match=f"takes {name} of what is in {given}, but {name} takes"):
+        unit(formula)
+    for fine in ("exp(-tau/T)", "log(L)", "exp(r)", "arctan(L/L)", "exp(-tau*omega)", "log(cts)"):
+        unit(fine)

@@ -255,6 +255,21 @@ def test_two_values_are_compared_with_their_correlation():
         estim.compare_values("9.81(2)", "9.79(2)", r=1.1)
 
 
+def test_a_result_of_few_readings_is_compared_by_its_own_coverage_factor(tmp_path):
+    (tmp_path / "g.csv").write_text("g\n9.70\n9.72\n9.74\n")
+    choices = ["--out", str(tmp_path / "out"), "--figures", "none"]
+    runner().invoke(cli, ["mean", str(tmp_path / "g.csv"), *choices])
+    exact = runner().invoke(cli, ["diff", str(tmp_path / "out"), "9.76"]).output
+    assert "U = k u = 0.050 with k = 4.30 for 2 degrees of freedom" in exact
+    assert "E_n = -0.81: the two values agree" in exact  # -0.04/(4.303*0.02/sqrt(3))
+    u, k = 0.02 / math.sqrt(3.0), stats.t.ppf(0.975, 2.0 * 4.0)  # dof = 2 (1 + 1)^2 for equal u
+    two = estim.compare_values((Quantity(9.72, u), "1", 2.0), (Quantity(9.76, u), "1", math.inf))
+    assert two.dof == pytest.approx(8.0)
+    assert two.e_n == pytest.approx(-0.04 / (k * math.sqrt(2.0) * u))
+    together = runner().invoke(cli, ["diff", str(tmp_path / "out"), "9.76(1)", "--r", "0.5"])
+    assert "with k = 4.30 for 2 degrees" in together.output
+
+
 def test_a_formula_at_the_command_line(tmp_path):
     words = ["propagate", "g = 4*pi**2*L/T**2", "L=0.85(1) m", "T=1.851(3) s"]
     done = runner().invoke(cli, [*words, "--out", str(tmp_path), "--figures", "none"])

@@ -74,6 +74,7 @@ def test_python_reads_what_the_command_reads(tmp_path: Path) -> None:
         (["t,U", "03/05/2024,1", "04/05/2024,2", "05/05/2024,3"], "--dates dmy or mdy"),
         (["t,U", "23:59:59,1", "00:00:00,2", "00:00:01,3"], "goes back"),
         (["t;U", "0;1 V", "1;2", "2;3 V"], "must be written like the cells above it"),
+        (["t,U", "0,2.1 ± 2%", "1,2.2 ± 2%"], r"csv:2: 'U' must be .* or \"2\.1 ± 0\.042\""),
     ],
 )
 def test_what_may_be_read_in_two_ways_is_refused(

@@ -240,6 +240,31 @@ def test_readings_of_a_line_do_what_the_closed_form_says(tmp_path: Path) -> None
         )
 
 
+@pytest.mark.parametrize("stated", ['"5%"', '"5% of y"', "0.1", None])
+def test_half_the_error_of_a_reading_halves_what_it_makes_uncertain(
+    tmp_path: Path, stated: str | None
+) -> None:
+    """Also an error that is a share s of the curve f: its information is 1/(s f)^2 + 2/f^2."""
+    text = LINE.replace("u_y = 0.1\n", f"u_y = {stated}\n" if stated else "")
+    campaign = load_campaign(line(tmp_path, text=text))
+    fit = fit_problem(campaign.problem(["line"]), rng=np.random.default_rng(1))
+    basis = CurveBasis(campaign, ("line",), fit)
+    targets = targets_of(campaign, fit.problem, ["a", "b"])
+    now, half, quarter = (
+        sds_with(basis.outlook(Change("", OTHERWISE, error=error)), {}, targets)
+        for error in (1.0, 0.5, 0.25)
+    )
+    np.testing.assert_allclose([half / now, quarter / now], [[0.5] * 2, [0.25] * 2], rtol=0.01)
+    if stated == '"5%"':
+        x, named = np.arange(10.0), fit.problem.named(fit.values)
+        f = np.ravel(named["a"]) + np.ravel(named["b"]) * x
+        columns = np.array([np.ones(10), x]) / f
+        for sds, share in ((now, 0.05), (half, 0.025), (quarter, 0.0125)):
+            matrix = (1.0 / share**2 + 2.0) * columns @ columns.T
+            exact = np.sqrt(np.diag(np.linalg.inv(matrix)))
+            np.testing.assert_allclose(sds, exact, rtol=1e-4)
+
+
 def test_the_best_place_for_the_slope_of_a_line_is_its_far_end(tmp_path: Path) -> None:
     campaign = load_campaign(line(tmp_path, '[plan]\nfor = ["b"]\n'))
     found = plan(campaign, ["line"], seed=1)
@@ -284,6 +309,15 @@ def test_the_best_place_for_the_slope_of_a_line_is_its_far_end(tmp_path: Path) -
 def test_mistakes_in_a_plan_are_told_with_their_line(tmp_path: Path, more: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
         plan(load_campaign(line(tmp_path, more)), ["line"], seed=1)
+
+
+@pytest.mark.parametrize("name", ["muon_binned", "alpha_counts", "muon"])
+def test_there_are_no_plans_for_counts(name: str) -> None:
+    campaign = load_campaign(Path(__file__).resolve().parents[1] / f"data/gallery/{name}.toml")
+    with pytest.raises(
+        InputError, match=r"toml:\d+: 'noise' is that of counts or of single events"
+    ):
+        plan(campaign, list(campaign.tables), seed=1)
 
 
 def test_what_a_curve_lacks_is_refused(tmp_path: Path) -> None:

@@ -10,7 +10,13 @@ import pytest
 from uncertainties import ufloat_fromstr
 
 from estim import InputError
-from estim.common.quantity import Quantity, format_quantity, format_rounded, read_quantity
+from estim.common.quantity import (
+    Quantity,
+    format_quantity,
+    format_rounded,
+    read_quantity,
+    read_with_unit,
+)
 
 
 @pytest.mark.parametrize(
@@ -27,6 +33,11 @@ from estim.common.quantity import Quantity, format_quantity, format_rounded, rea
         ("1.5(2)e-3", 1.5e-3, 2e-4),
         ("(4.0 +/- 0.4)e2", 400.0, 40.0),
         ("  4.0(4)\n", 4.0, 0.4),
+        ("5000 (30)", 5000.0, 30.0),
+        ("1.5 (0.1)", 1.5, 0.1),
+        ("5.0e3(1)", 5000.0, 100.0),
+        ("1.0e-3(2)", 1e-3, 2e-4),
+        ("(5.0(1))e3", 5000.0, 100.0),
         ("4", 4.0, 0.0),
         ("4e-3", 0.004, 0.0),
         (4, 4.0, 0.0),
@@ -38,6 +49,18 @@ def test_reads_value_and_uncertainty(text, value, u):
     assert quantity.value == pytest.approx(value, rel=1e-14)
     assert quantity.u == pytest.approx(u, rel=1e-12)
     assert quantity.exact == (u == 0.0)
+    if isinstance(text, str):
+        assert read_with_unit(text, field="phi_deg") == (quantity, "1")
+        assert read_with_unit(f"{text.strip()} V", field="phi_deg") == (quantity, "V")
+
+
+@pytest.mark.parametrize(
+    "source", ["5 (30 m)", "5(30 m)", "5 ((30))", "5(3)(2)", "5 ± 1 (2)", "(5)"]
+)
+def test_no_unit_begins_with_digits_in_brackets(source: str) -> None:
+    with pytest.raises(InputError, match=r"^'a' must be a number "):
+        read_with_unit(source, field="a")
+    assert read_with_unit("5 (1/s)", field="a") == (Quantity(5.0), "(1/s)")
 
 
 def test_digits_in_parentheses_belong_to_the_last_digits():

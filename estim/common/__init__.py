@@ -81,6 +81,7 @@ from estim.common.quantity import (
     read_number,
     read_quantity,
     read_with_unit,
+    require_clear_share,
     signed,
     significant,
     with_unit,

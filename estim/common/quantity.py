@@ -23,11 +23,21 @@ _NUMBER = re.compile(
     r"[+-]?((\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?|nan|inf|infinity)", re.ASCII | re.IGNORECASE
 )
 
-_SIZE = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:\(\d+(?:[.,]\d*)?\))?(?:[eE][+-]?\d+)?"
+_DIGITS = r"(?:\s*\((?:\d+(?:[.,]\d*)?|[.,]\d+)\))"  # an uncertainty behind its number
+_POWER = r"(?:[eE][+-]?\d+)?"
+_PLAIN = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)"
+_SIZE = rf"{_PLAIN}(?:{_DIGITS}{_POWER}|{_POWER}{_DIGITS}?)"
 _WITH_UNIT = re.compile(
-    rf"(\(?{_SIZE}(?:\s*(?:\+/-|\+-|±)\s*{_SIZE})?\)?)(\s+1/\S.{{0,20}}|\s*[^\s\d.,].{{0,20}})?",
+    rf"(\(?{_SIZE}(?:\s*(?:\+/-|\+-|±)\s*{_SIZE})?(?:\){_POWER})?)"
+    r"(\s+1/\S.{0,20}|\s*[^\s\d.,].{0,20})?",
     re.ASCII,
 )
+_NO_UNIT = re.compile(r"[(\s]+(?!1\s*/)[\d.,]")  # (30) and (30 m), but (1/s) is one
+_UNCLEAR = re.compile(
+    rf"\(?\s*({_PLAIN}{_POWER})\s*(?:\+/-|\+-|±)\s*({_PLAIN}{_POWER})\s*(%|‰|pp[mb]\b).{{0,20}}",
+    re.ASCII,
+)
+_SHARES = {"%": 1e-2, "‰": 1e-3, "ppm": 1e-6, "ppb": 1e-9}
 _WORD = re.compile(r"[^\W\d_][^\d,;]{0,20}")
 _LEAST_POWER = -4  # of ten, of a number that is written without
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -104,11 +114,26 @@ def read_with_unit(source: str | float, *, field: str) -> tuple[Quantity, str]:
 
     Raises InputError as `read_quantity` does, and where what stands behind is no unit.
     """
-    match = _WITH_UNIT.fullmatch(source.strip()) if isinstance(source, str) else None
+    match = None
+    if isinstance(source, str):
+        require_clear_share(source, field=field)
+        match = _WITH_UNIT.fullmatch(source.strip())
     unit = (match[2] or "").strip() if match else ""
-    if match is None or not is_unit(unit):
+    if match is None or _NO_UNIT.match(unit) or not is_unit(unit):
         return read_quantity(source, field=field), "1"
     return read_quantity(match[1], field=field), unit
+
+
+def require_clear_share(text: str, *, field: str, line: int | None = None) -> None:
+    """Raises InputError for "9.81 ± 2 %", which people write for (9.81 ± 2) % and for a share of
+    9.81.
+    """
+    if (match := _UNCLEAR.fullmatch(text.strip())) is None:
+        return
+    value, u = (part.replace(",", ".") for part in match.groups()[:2])
+    size = abs(float(value) * float(u)) * _SHARES[match[3]]
+    meant = f'"({value} ± {u}) {match[3]}" or "{value} ± {rounded(size, size, 2)}"'
+    raise InputError(f"must be {meant}, whichever is meant", field=field, value=text, line=line)
 
 
 def _number_words(text: str) -> str:
@@ -130,17 +155,20 @@ def _read_text(text: str, field: str) -> Quantity:
     try:
         return Quantity(read_number(text))
     except ValueError:
-        pass
+        require_clear_share(text, field=field)
     rule = f'must be a number {_number_words(text)}, or read like "4.0 +/- 0.4" or "4.0(4)"'
     if "_" in text or any(mark.isdecimal() and not mark.isascii() for mark in text):
         raise InputError(rule, field=field, value=text)
     from uncertainties import ufloat_fromstr
     from uncertainties.core import NegativeStdDev
 
+    written = _rearranged(text)
+    if not re.search(r"[\d.]\(|\+/?-|±", written):  # "(5)" would get an uncertainty
+        raise InputError(rule, field=field, value=text)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # an uncertainty of 0 is refused below
-            number = ufloat_fromstr(text)
+            number = ufloat_fromstr(written)
     except (ValueError, NegativeStdDev):
         raise InputError(rule, field=field, value=text) from None
     if not number.std_dev > 0.0:
@@ -150,6 +178,13 @@ def _read_text(text: str, field: str) -> Quantity:
             value=text,
         )
     return Quantity(float(number.nominal_value), float(number.std_dev))
+
+
+def _rearranged(text: str) -> str:
+    """ "5000 (30)", "5.0e3(1)" and "(5.0(1))e3" in the order that the library reads."""
+    text = re.sub(r"(?<=[\d.])\s+(?=\([\d.]+\))", "", text)
+    text = re.sub(r"^\(([^()]+\([^()]+\))\)", r"\1", text)
+    return re.sub(r"([eE][+-]?\d+)(\(\d+\))", r"\2\1", text)
 
 
 def format_quantity(value: float, u: float | None = None, *, plus_minus: bool = True) -> str:
@@ -288,9 +323,9 @@ def difference(a: Quantity, b: Quantity, *, correlation: float = 0.0) -> Quantit
     return Quantity(a.value - b.value, math.sqrt(square))
 
 
-def e_n(a: Quantity, b: Quantity, *, correlation: float = 0.0) -> float:
-    """E_n = (a - b)/U with the expanded uncertainty U = 2 u(a - b) (ISO 13528); |E_n| <= 1 means
+def e_n(a: Quantity, b: Quantity, *, correlation: float = 0.0, k: float = 2.0) -> float:
+    """E_n = (a - b)/U with the expanded uncertainty U = k u(a - b) (ISO 13528); |E_n| <= 1 means
     agreement.
     """
     apart = difference(a, b, correlation=correlation)
-    return apart.value / (2.0 * apart.u) if apart.u > 0.0 else math.nan
+    return apart.value / (k * apart.u) if apart.u > 0.0 else math.nan

@@ -20,8 +20,10 @@ Factors = dict[str, Fraction]
 """A unit: its symbols with their powers; {} for a pure number."""
 
 _OF_OWN_ZERO = frozenset({"°C", "°F", "degC", "degF"})
+_SHARES = frozenset({"%", "‰", "ppm", "ppb"})
 _TURNED = ("sin", "cos", "tan")
 _ANGLES = ("arcsin", "arccos", "arctan", "asin", "acos", "atan", "arctan2", "atan2")
+_OF_PURE = (*_ANGLES, "exp", "expm1", "log", "ln", "log10", "log2", "log1p", "sinh", "cosh", "tanh")
 _ALIKE = {
     "abs": 0,
     "floor": 0,
@@ -148,6 +150,11 @@ class _Reading:
             return _raised(units[0], ROOTS[name])
         if name in _TURNED or name in ("radians", "degrees"):
             self._check_angle(name, arguments[0], units[0])
+        if name in _OF_PURE and units[0] and _is_other_number(units[0]):
+            raise InputError(
+                f"takes {name} of what is in {_shown(units[0])}, but {name} takes a pure number; "
+                "nothing is converted"
+            )
         if name in _ANGLES or name == "radians":
             return {"rad": Fraction(1)}
         return {"°": Fraction(1)} if name == "degrees" else {} if name in _TURNED else None
@@ -177,6 +184,10 @@ class _Reading:
             None if number_in_formula(side) is not None else self.of(side) for side in (left, right)
         )
         if first is None or second is None:
+            pure = number_in_formula(left if first is None else right) == 1
+            factors = second if first is None else first
+            if pure and factors and set(factors.values()) == {1} and set(factors) <= _SHARES:
+                raise InputError(f"{what} 1 and what is in {_shown(factors)}; nothing is converted")
             return second if first is None else first
         if not first or not second:
             # a pure number and metres: one of them has a number with a unit of its own
@@ -189,6 +200,11 @@ class _Reading:
                 "nothing is converted"
             )
         return first
+
+
+def _is_other_number(unit: Factors) -> bool:
+    """Whether a unit is a number other than 1, as mm/m and %."""
+    return in_unit(1.0, _written(unit), "1") is not None and same_unit(_written(unit), "1") is False
 
 
 def _parts(node: ast.expr, sign: int) -> Iterator[tuple[ast.expr, int]]:

@@ -6,17 +6,22 @@ import math
 from dataclasses import dataclass
 
 from estim.common import InputError, Quantity, behind, difference, e_n, read_with_unit, rounded
+from estim.distributions import student_quantile
 
 
 @dataclass(frozen=True)
 class TwoValues:
     """difference : first minus second.  unit : of both, "1" for none.  e_n : the difference in
-    units of its expanded uncertainty U = 2 u.
+    units of its expanded uncertainty U = k u.
+
+    dof : effective degrees of freedom of u.  k : 2, or as large as they ask for.
     """
 
     difference: Quantity
     unit: str
     e_n: float
+    dof: float = math.inf
+    k: float = 2.0
 
     @property
     def agree(self) -> bool:
@@ -27,20 +32,25 @@ class TwoValues:
         apart = self.difference
         u, expanded = (
             rounded(size, apart.u, 2, beside=apart.value) + behind(self.unit)
-            for size in (apart.u, 2.0 * apart.u)
+            for size in (apart.u, self.k * apart.u)
         )
         shown = rounded(apart.value, apart.u, 2) + behind(self.unit)
+        k = "2" if self.k == 2.0 else f"{self.k:.2f} for {self.dof:.3g} degrees of freedom"
         told = "agree" if self.agree else "do not agree"
         return (
-            f"difference: {shown}, u = {u}, U = k u = {expanded} with k = 2\n"
+            f"difference: {shown}, u = {u}, U = k u = {expanded} with k = {k}\n"
             f"E_n = {self.e_n:.2f}: the two values {told} (|E_n| <= 1)"
         )
 
 
 def compare_values(
-    first: str | tuple[Quantity, str], second: str | tuple[Quantity, str], *, r: float = 0.0
+    first: str | tuple[Quantity, str] | tuple[Quantity, str, float],
+    second: str | tuple[Quantity, str] | tuple[Quantity, str, float],
+    *,
+    r: float = 0.0,
 ) -> TwoValues:
-    """The difference of two values in text, "9.81(2) m/s²", or as quantities with their units.
+    """The difference of two values in text, "9.81(2) m/s²", or as quantities with their units and,
+    where they are few, the degrees of freedom of their uncertainties.
 
     first, second : the two, of independent errors unless `r` says otherwise.
     r : correlation of their errors.  Raises InputError where the units differ, and where nothing is
@@ -51,19 +61,34 @@ def compare_values(
     difference: 0.060 m/s², u = 0.022 m/s², U = k u = 0.045 m/s² with k = 2
     E_n = 1.34: the two values do not agree (|E_n| <= 1)
     """
-    (a, unit), (b, other) = (
-        read_with_unit(given, field=field) if isinstance(given, str) else given
+    (a, unit, dof), (b, other, dof_b) = (
+        (*read_with_unit(given, field=field), math.inf)
+        if isinstance(given, str)
+        else given
+        if len(given) == 3
+        else (*given, math.inf)
         for field, given in (("first", first), ("second", second))
     )
     if unit != other:
         raise InputError(f"must be in {unit}, as the first", field="second", value=other)
     if not abs(r) <= 1.0:
         raise InputError("must be between -1 and 1", field="r", value=r)
-    apart, score = difference(a, b, correlation=r), e_n(a, b, correlation=r)
+    apart = difference(a, b, correlation=r)
+    dof = min(dof, dof_b) if r else _effective_dof(a.u, dof, b.u, dof_b)
+    # 95 %, as in other results; 2 is as large as for 60 degrees of freedom
+    k = max(2.0, float(student_quantile(0.975, dof)))
+    score = e_n(a, b, correlation=r, k=k)
     if math.isnan(score):
         raise InputError(
             "has no uncertainty, so that nothing tells whether the values agree",
             field="difference",
             value=apart.value,
         )
-    return TwoValues(apart, unit, score)
+    return TwoValues(apart, unit, score, dof, k)
+
+
+def _effective_dof(u: float, dof: float, u_b: float, dof_b: float) -> float:
+    """Those of a difference (Welch-Satterthwaite, GUM eq. G.2b)."""
+    whole = math.hypot(u, u_b)
+    inverse = (u / whole) ** 4 / dof + (u_b / whole) ** 4 / dof_b if whole > 0.0 else 0.0
+    return 1.0 / inverse if inverse > 0.0 else math.inf

@@ -108,8 +108,10 @@ def _errors_times(
     runs, inferred = [], set[str]()
     for run in problem.runs:
         scale, noise = run.noise.size.sigma, run.noise
-        if scale.parameter is None:
-            smaller: Any = noise  # every noise of readings has a `sigma`
+        smaller: Any = noise  # every noise of readings has a `sigma`
+        if noise.share:
+            noise = replace(smaller, share=factor * noise.share)
+        elif scale.parameter is None:
             noise = replace(smaller, sigma=Scale(factor * scale.value))
         else:
             inferred.add(scale.parameter)

@@ -14,7 +14,7 @@ from datetime import date
 from decimal import Decimal
 from itertools import pairwise
 
-from estim.common import InputError, in_unit, is_unit, phrase, same_numbers
+from estim.common import InputError, in_unit, is_unit, phrase, require_clear_share, same_numbers
 from estim.reading.cells import is_missing, looks_like_a_number
 from estim.reading.dialect import bare_name, is_uncertainty
 from estim.reading.table import Layout, line_numbers
@@ -82,6 +82,7 @@ def _quantities(table: Layout, place: int, cells: Sequence[tuple[int, str]]) -> 
     converted: dict[str, list[int]] = {}
     unit, with_u, differences = stated, None, is_uncertainty(bare_name(name))
     for number, cell in cells:
+        require_clear_share(cell, field=name, line=number)
         match = _quantity(cell)
         with_this = match is not None and bool(match[3] or match[4])
         unit_here = match[6].strip("[]() ") if match is not None and match[6] else ""

@@ -73,8 +73,9 @@ def compare_results(first: Mapping[str, Any], second: Mapping[str, Any]) -> Resu
     return ResultPair(tuple(_inputs(first, second)), tuple(both), tuple(others), lost, gained)
 
 
-def only_estimate(record: Mapping[str, Any]) -> tuple[Quantity, str]:
-    """The one estimate of a decoded `result.json`, the recommended one of a mean, and its unit.
+def only_estimate(record: Mapping[str, Any]) -> tuple[Quantity, str, float]:
+    """The one estimate of a decoded `result.json`, the recommended one of a mean, its unit, and the
+    degrees of freedom of its uncertainty.
 
     Raises InputError where it has several, or none.
     """
@@ -88,7 +89,7 @@ def only_estimate(record: Mapping[str, Any]) -> tuple[Quantity, str]:
             field="result",
             quoted=listed(sorted(names)),
         )
-    return Quantity(*found[0].value), found[0].unit or "1"
+    return Quantity(*found[0].value), found[0].unit or "1", found[0].dof
 
 
 def _root(where: str) -> str:
@@ -102,13 +103,14 @@ def _within(where: str, places: Sequence[str]) -> bool:
 @dataclass(frozen=True)
 class _Estimate:
     """name : for people.  place : where it stands in the record.  value : with its standard
-    deviation or standard uncertainty.
+    deviation or standard uncertainty.  dof : inf where none are stated.
     """
 
     name: str
     place: str
     unit: str
     value: tuple[float, float]
+    dof: float
 
 
 def estimates(record: Mapping[str, Any]) -> Iterator[_Estimate]:
@@ -122,7 +124,10 @@ def _estimates(name: str, place: str, unit: str, node: object) -> Iterator[_Esti
         return
     unit = node["unit"] if isinstance(node.get("unit"), str) else unit
     if (value := estimate_in(node)) is not None:
-        yield _Estimate(name, place, unit, value)
+        dof = node.get("dof")
+        if not isinstance(dof, (int, float)) or not dof > 0.0:
+            dof = math.inf
+        yield _Estimate(name, place, unit, value, dof)
         return
     for key, inner in node.items():
         shown = name if key in _LAYERS else f"{name}.{key}" if name else key
