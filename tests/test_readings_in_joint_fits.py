@@ -12,7 +12,7 @@ import pytest
 from joint_runs import READ_AT as X
 from joint_runs import U_OFFSET, U_TILT, U_Y, readings
 
-from estim import load_campaign
+from estim import DataSet, fit_curves, load_campaign
 from estim.calibration.experiment import PointDesign
 from estim.calibration.trial import Engine, TrialPlan, _experiment, posterior_draws
 from estim.checks.diagnosis import _counting_alike
@@ -214,3 +214,28 @@ def test_ranks_of_joint_fits_are_those_of_truths_that_are_read_anew() -> None:
             assert abs(after.prior.centre - value) < 4.0 * U_TILT
         else:
             assert after.prior == before.prior
+
+
+def test_an_own_amplitude_of_counts_leaves_the_shared_lifetime_where_it_is(
+    rng: np.random.Generator,
+) -> None:
+    """Under flat weights of N the density of tau is that of the conditional likelihood divided by
+    the sum of the curve, once for each run: 16 runs of 16 events pull tau by a standard deviation.
+    """
+    x, n_run = np.arange(0.25, 10.0, 0.5), 16
+    runs = {
+        f"r{k}": DataSet(x, rng.poisson(4.0 * np.exp(-x / 2.0)).astype(float), noise="poisson")
+        for k in range(n_run)
+    }
+    fit = fit_curves("N*exp(-x/tau)", runs, shared=["tau"]).fit
+    tau = float(fit.values[list(fit.names).index("tau")])
+    measure = fit.measure
+    assert measure is not None
+    step = 1e-4
+    low, high = (np.log(np.sum(np.exp(-x / t))) for t in (tau - step, tau + step))
+    assert measure.slope == pytest.approx([n_run * (high - low) / (2.0 * step)], rel=0.03)
+    assert measure.felt > 0.5
+    # of readings with errors Jeffreys' prior says that, and of one run the usual limits hold
+    assert (
+        fit_curves("N*exp(-x/tau)", dict([*runs.items()][:1]), shared=["tau"]).fit.measure is None
+    )

@@ -185,7 +185,7 @@ def _counting_alike(fit: Fit) -> list[Finding]:
     true values would show.
     """
     measure = fit.measure
-    if measure is None or not measure.felt > _ALIKE:
+    if measure is None or not fit.problem.readings or not measure.felt > _ALIKE:
         return []
     return [Finding(Kind.RUNS_COUNT_ALIKE, size=measure.felt, numbers={"runs": measure.n_run})]
 

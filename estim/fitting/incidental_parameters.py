@@ -15,6 +15,9 @@ the other parameters of the run integrated out.  The noise and spreads between r
 set the size of errors, and there it is flat weights that are right.  To first order log m is linear
 about the fit; its curvature, some (u/reading)^2, does not grow with the number of runs.
 
+The same holds for what is unstated of single runs that count (an own amplitude beside a common
+lifetime), whose priors are flat.
+
 One prior for all runs says how true values are distributed, and is integrated as it is.  Where
 nothing is shared, m = 1.
 
@@ -43,15 +46,15 @@ def measure_of(
     jeffreys: JeffreysPrior | None = None,
 ) -> Measure | None:
     """The measure about the fit `values` (n_par,) of covariance `cov`, together with `jeffreys`;
-    None where there are no readings nor that, or nothing is shared.
+    None where there are neither incidental parameters nor that, or nothing is shared.
     """
     problem = posterior.problem
-    uses, readings = uses_of(problem.runs), problem.readings
+    uses, incidental = uses_of(problem.runs), problem.incidental
     shared = np.array(
         [i for i, p in enumerate(problem.parameters) if uses[p.name] > 1 and not p.between],
         dtype=np.int64,
     )
-    if not (readings or jeffreys) or not shared.size:
+    if not (incidental or jeffreys) or not shared.size:
         return None
     root = np.linalg.cholesky(cov[np.ix_(shared, shared)])
     held = [
@@ -65,14 +68,14 @@ def measure_of(
     off = np.linalg.solve(root, (tried[:, shared] - values[shared]).T).T
     points = np.vstack([values, tried])
     rooms = np.zeros(len(points))
-    if readings:
-        rooms += [_log_room(posterior, point, readings) for point in points]
+    if incidental:
+        rooms += [_log_room(posterior, point, incidental) for point in points]
     if jeffreys is not None:
         rooms -= jeffreys.exact(problem.named(points))
     seen = np.isfinite(rooms[1:])
     slope = np.linalg.lstsq(off[seen], rooms[0] - rooms[1:][seen], rcond=None)[0]
     influence = np.max(np.abs(root @ slope) / np.linalg.norm(root, axis=1))
-    n_run = sum(not run.curve_parameters.isdisjoint(readings) for run in problem.runs)
+    n_run = sum(not run.curve_parameters.isdisjoint(incidental) for run in problem.runs)
     return Measure(
         shared,
         values[shared],
@@ -83,14 +86,14 @@ def measure_of(
     )
 
 
-def _log_room(posterior: Posterior, values: FloatArray, readings: frozenset[str]) -> float:
+def _log_room(posterior: Posterior, values: FloatArray, incidental: frozenset[str]) -> float:
     """log V at `values` (n_par,)."""
     problem, named, room = posterior.problem, posterior.problem.named(values), 0.0
     uses, slopes = uses_of(problem.runs), posterior.prior_slopes(values)
     for likelihood, columns in zip(posterior.likelihoods, problem.columns, strict=True):
         indices = columns[[uses[problem.names[i]] == 1 for i in columns]]
         names = [problem.names[i] for i in indices]
-        other = [name not in readings for name in names]
+        other = [name not in incidental for name in names]
         root = likelihood.whitened(named, names).root
         information = root.T @ root + np.diag(slopes[indices] ** 2)
         room += 0.5 * float(

@@ -138,6 +138,15 @@ class Problem:
         )
 
     @cached_property
+    def incidental(self) -> frozenset[str]:
+        """`readings`, and of counts what is unstated of single runs, whose prior is flat."""
+        if not any(run.noise.counted is not None for run in self.runs):
+            return self.readings
+        uses = uses_of(self.runs)
+        unstated = (p.name for p, free in zip(self.parameters, self.unstated, strict=True) if free)
+        return self.readings | {name for name in unstated if uses[name] == 1}
+
+    @cached_property
     def unstated(self) -> BoolArray:
         """(n_par,) whether nothing is stated of a parameter of a curve, but at most one limit."""
         return np.array(
