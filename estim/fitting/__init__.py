@@ -45,7 +45,7 @@ from estim.fitting.optimum import (
     refit_with_noise,
     with_other_modes,
 )
-from estim.fitting.error_sizes import ErrorSizes, error_sizes, held
+from estim.fitting.degrees_of_freedom import ErrorSizes, error_sizes, held
 from estim.fitting.profile import Contour, ProfileInterval, contour, profile_intervals
 from estim.levenberg_marquardt import Start, minima
 from estim.fitting.profile_search import ProfileSearch, search_of

@@ -36,9 +36,9 @@ from estim.common import (
     phrase,
 )
 from estim.distributions import student_quantile, student_tail
+from estim.fitting.degrees_of_freedom import ErrorSizes, held
 from estim.fitting.derived import LOPSIDED
 from estim.fitting.edges import edge_of
-from estim.fitting.error_sizes import ErrorSizes, held
 from estim.fitting.least_squares import Fit
 from estim.fitting.open_ends import side_left_open, vague
 from estim.fitting.optimum import Optimum

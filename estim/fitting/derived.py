@@ -18,7 +18,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import PROBABILITIES, Label
 from estim.distributions import student_quantile
-from estim.fitting.error_sizes import STATED, ErrorSizes
+from estim.fitting.degrees_of_freedom import STATED, ErrorSizes
 from estim.problem import Derived, Observations
 
 # relative difference of a half interval from a standard deviation, or from t of them, beyond which

@@ -24,7 +24,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import PROBABILITIES, InputError, behind, later, percentage, phrase
 from estim.distributions import student_quantile
-from estim.fitting.error_sizes import STATED, ErrorSizes
+from estim.fitting.degrees_of_freedom import STATED, ErrorSizes
 from estim.fitting.least_squares import Fit
 from estim.fitting.profile_paths import crossing, dips, returns, walk
 from estim.fitting.profile_search import ProfileSearch, search_of
