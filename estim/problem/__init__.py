@@ -30,6 +30,8 @@ from estim.problem.likelihood import (
     n_draws,
     some_draws,
     reading_sd,
+    shift_of,
+    spread_of,
 )
 from estim.problem.noise import (
     STENCILS,
