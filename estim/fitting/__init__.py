@@ -42,7 +42,6 @@ from estim.fitting.optimum import (
     Optimum,
     find_optimum,
     fit_optimum,
-    refit_with_noise,
     with_other_modes,
 )
 from estim.fitting.profile import Contour, ProfileInterval, contour, dof_of_size, profile_intervals

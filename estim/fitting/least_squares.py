@@ -10,7 +10,6 @@ More than 16 independent runs are fit run by run (`estim.fitting.arrowhead`), no
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -152,7 +151,6 @@ def fit_least_squares(
     rng: np.random.Generator,
     n_start: int = 8,
     start: FloatArray | None = None,
-    further: Sequence[FloatArray] = (),
     hopeless: float = math.inf,
 ) -> Fit:
     """The posterior mode of `problem`, from the best of `n_start` starts.
@@ -160,7 +158,6 @@ def fit_least_squares(
     rng : of the starts that are drawn.
     start : (n_par,) where to start first; the centre of the priors if None.  The other starts are
         draws of the priors.
-    further : (n_par,) each, starts beside these.
     hopeless : mean square of the whitened residuals after the first rounds, beyond which the rest
         of the search is not worth its time.
 
@@ -182,7 +179,7 @@ def fit_least_squares(
             field="parameters",
         )
     drawn = (problem.prior_draw(rng) for _ in range(n_start - 1))
-    starts = np.vstack([problem.start() if start is None else start, *drawn, *further])
+    starts = np.vstack([problem.start() if start is None else start, *drawn])
     begun = [(start, problem.linearised(start)) for start in starts]
     begun = [
         (start, posterior) for start, posterior in begun if all_finite(posterior.residuals(start))
