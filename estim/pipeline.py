@@ -61,7 +61,7 @@ from estim.common import (
 )
 from estim.curve_fitting import CurveFit
 from estim.explanation import Candidate, Explanation, Outcome, explain
-from estim.fitting import Fit, fit_problem, refit_with_noise
+from estim.fitting import Fit, fit_problem
 from estim.problem import JeffreysPrior, Problem, folded
 from estim.sampling import (
     MAX_PARAMETERS,
@@ -219,7 +219,6 @@ def analyse(
     store: PieceStore | None = None,
     marginal: bool | None = None,
     complete: str = "",
-    beside: Sequence[Fit] = (),
 ) -> Analysis:
     """The joint analysis of `runs` of a campaign; the same seed gives the same numbers.  Raises
     InputError.
@@ -251,9 +250,8 @@ def analyse(
         else campaign.problem(runs, noise=noise, usual=True)
     )
     _logged(progress)(0, phrase("fit"))
-    near = refit_with_noise(problem, beside, rng=stream(seed, Stream.FIT))
     with campaign.placing(problem):
-        fit = near or fit_problem(problem, rng=stream(seed, Stream.FIT))
+        fit = fit_problem(problem, rng=stream(seed, Stream.FIT))
     kept = None if store is None else store.given(campaign.digests(runs), noise, complete)
     analysis = analyse_fit(
         fit, seed=seed, target=target, progress=progress, store=kept, marginal=marginal

@@ -4,6 +4,7 @@ a spread that is known is found again.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +14,9 @@ from test_contracts import BODY
 
 from estim.checks import check_consistency
 from estim.common import InputError
-from estim.curves.rolling import PhaseCurve, RollingMotion
-from estim.curves.varying import VaryingCurve, VaryingMotion
+from estim.curves.rolling import PhaseCurve
 from estim.fitting.least_squares import Fit, fit_least_squares
+from estim.problem import Points
 from estim.sampling.marginal import sample_marginal
 from estim.words import tell
 
@@ -25,29 +26,20 @@ VARIES = "between_runs = {gamma = 0.02}\n"
 
 
 def test_a_run_has_the_curve_of_its_own_value() -> None:
-    curve = VaryingCurve(PhaseCurve(False), ("gamma", "phi"))
-    varied = BODY | {
-        "gamma spread": 0.02,
-        "gamma shift": -1.5,
-        "phi spread": 0.01,
-        "phi shift": 0.7,
-    }
+    own = {"gamma spread": 0.02, "gamma shift": -1.5, "phi spread": 0.01, "phi shift": 0.7}
+    varied, names = BODY | own, [*BODY, *own]
+    points = Points(PhaseCurve(False), X, X, dict(zip(names, names, strict=True)))
     plain = BODY | {"gamma": BODY["gamma"] - 0.03, "phi": BODY["phi"] + 0.007}
-    assert curve.value(X, varied) == pytest.approx(PhaseCurve(False).value(X, plain), rel=1e-12)
-    assert curve.time_derivative(X, varied, 2) == pytest.approx(
-        PhaseCurve(False).time_derivative(X, plain, 2), rel=1e-12
-    )
-    gradient = curve.local(X, varied).gradient
-    for name in ("gamma", "gamma spread", "gamma shift", "phi spread", "phi shift", "kappa"):
+    assert points.bind(varied) == pytest.approx(plain)
+    assert points.value(varied) == pytest.approx(PhaseCurve(False).value(X, plain), rel=1e-12)
+    gradient = points.gradient(varied, names)
+    for i, name in enumerate(names):
         low, high = (
-            np.ravel(curve.value(X, varied | {name: varied[name] + step})) for step in (-1e-6, 1e-6)
+            np.ravel(points.value(varied | {name: varied[name] + step})) for step in (-1e-6, 1e-6)
         )
-        assert np.ravel(gradient[name]) == pytest.approx((high - low) / 2e-6, rel=1e-5, abs=1e-8)
-    motion = VaryingMotion(RollingMotion(False, 0.3, False), ("gamma", "phi"))
-    assert motion.end(varied) == pytest.approx(motion.motion.end(plain))
-    assert motion.derived(varied)["slope"].values == pytest.approx(
-        motion.motion.derived(plain)["slope"].values
-    )
+        assert gradient[:, i] == pytest.approx((high - low) / 2e-6, rel=1e-5, abs=1e-8)
+    stated = replace(points, arguments={**points.arguments, "gamma": BODY["gamma"]})
+    assert stated.gradient(varied, [*own]) == pytest.approx(gradient[:, -len(own) :], rel=1e-12)
 
 
 def simulated(folder: Path, gammas: tuple[float, ...], shared: str):

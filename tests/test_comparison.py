@@ -14,9 +14,8 @@ from test_noise import CAMPAIGN, POSITIONS, SIGMA, TIMES
 from estim.campaign import Campaign, load_campaign
 from estim.checks.cross_validation import difference, leave_one_out
 from estim.common.errors import InputError
-from estim.fitting import fit_problem, optimum
+from estim.fitting import fit_problem
 from estim.fitting.least_squares import fit_least_squares
-from estim.fitting.optimum import refit_with_noise
 from estim.reports.comparison import _verdict
 from estim.sampling.certificate import certify
 from estim.sampling.chain import Target
@@ -238,40 +237,9 @@ def test_exact_covariance_predicts_frames_better_than_naive_independence(tmp_pat
     assert evidence[0] > evidence[1] + 3.0
 
 
-def test_robust_noise_is_fit_from_where_the_plain_fit_ended_as_from_afar(tmp_path, rng):
-    """Two bad frames pull the plain fit away; from there, and from the centre of the priors, robust
-    noise has its mode all the same.
-    """
-    columns = speeds()
-    columns["v_m_s"] = columns["v_m_s"] + 0.01 * rng.standard_normal(columns["x_m"].size)
-    columns["v_m_s"][[9, 21]] += [0.4, -0.3]
-    pattern = campaign(tmp_path, "sigma_v_m_s = 0.01", columns)
-    plain, *robust = (
-        pattern.problem(["r"], noise=candidate.table) for candidate in pattern.noise_models("r")
-    )
-    known = fit_problem(plain, rng=rng)
-    for problem in robust:
-        near, afar = refit_with_noise(problem, [known], rng=rng), fit_problem(problem, rng=rng)
-        assert (near.n_start, afar.n_start) == (2, 8)
-        apart = np.abs(near.values - afar.values) / np.sqrt(np.diag(afar.cov))
-        assert np.max(apart[: known.values.size]) < 0.01
-        assert near.posterior.log_density(near.values[None])[0] == pytest.approx(
-            afar.posterior.log_density(afar.values[None])[0], abs=1e-3
-        )
-        moved = known.values - near.values[: known.values.size]
-        # it had some way to go
-        assert np.max(np.abs(moved) / np.sqrt(np.diag(afar.cov))[: known.values.size]) > 1.0
-    other = campaign(
-        tmp_path, "sigma_v_m_s = 0.01", {name: column[3:] for name, column in columns.items()}
-    )
-    assert refit_with_noise(other.problem(["r"]), [known], rng=rng) is None  # other points
-
-
 @pytest.mark.slow
-def test_robust_noise_has_the_further_optima_of_a_search_from_afar(tmp_path, monkeypatch):
-    """Two frames of five a third too fast: the plain fit explains nothing, and where it ended is no
-    word on how many optima other noise has.
-    """
+def test_robust_noise_has_optima_that_plain_noise_has_not(tmp_path):
+    """Two frames of five a third too fast: the plain fit explains nothing, and has one optimum."""
     rng, columns = np.random.default_rng(1), speeds()
     n = columns["x_m"].size
     columns["v_m_s"] = columns["v_m_s"] + 0.01 * rng.standard_normal(n)
@@ -280,15 +248,5 @@ def test_robust_noise_has_the_further_optima_of_a_search_from_afar(tmp_path, mon
     plain, *robust = (
         pattern.problem(["r"], noise=candidate.table) for candidate in pattern.noise_models("r")
     )
-    fits = [fit_problem(plain, rng=rng)]
-    fits.append(refit_with_noise(robust[0], fits, rng=np.random.default_rng(1)))
-    near, afar = (
-        refit_with_noise(robust[1], fits, rng=np.random.default_rng(1)),
-        fit_problem(robust[1], rng=np.random.default_rng(1)),
-    )
-    assert len(near.others) == len(afar.others) > 0
-    assert near.posterior.log_density(near.values[None])[0] == pytest.approx(
-        afar.posterior.log_density(afar.values[None])[0], abs=0.01
-    )
-    monkeypatch.setattr(optimum, "MAX_PARAMETERS", 0)  # without scans
-    assert len(refit_with_noise(robust[1], fits, rng=np.random.default_rng(1)).others) == 0
+    assert len(fit_problem(plain, rng=rng).others) == 0
+    assert len(fit_problem(robust[1], rng=np.random.default_rng(1)).others) > 0

@@ -40,12 +40,8 @@ SMALL = prior_grid(0.7, scales=(0.8, 1.0, 1.4), n_amplitude=5)
 
 def _whole(mixture, residuals):
     """(n_obs, n_obs) the precision in the unit of the observations."""
-    back, precision = mixture.deviation.turned_back, mixture.precision(residuals)
-    whole = (
-        precision.white * np.eye(residuals.size)
-        + precision.span @ precision.core @ precision.span.T
-    )
-    return back(back(whole).T)
+    back = mixture.deviation.turned_back
+    return back(back(mixture.pulls(np.eye(residuals.size), residuals)).T)
 
 
 def two_shapes(n: int) -> tuple[Shape, ...]:

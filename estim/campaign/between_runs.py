@@ -10,14 +10,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import cast
 
 from estim.campaign.campaign_file import RunTable
 from estim.campaign.levels import Levels
 from estim.campaign.quantities import QuantityKind
 from estim.common import Notation, phrase
-from estim.curves import VaryingCurve, VaryingMotion, shift_of, spread_of
-from estim.problem import HalfNormal, Normal, Observations, Parameter, SpeedCurve
+from estim.problem import HalfNormal, Normal, Observations, Parameter, shift_of, spread_of
 
 KEY = "between_runs"
 
@@ -121,13 +119,7 @@ def _of_spread(spread: Spread) -> Parameter:
 def _varying(run: Observations, own: Mapping[str, Spread]) -> Observations:
     further = {spread_of(quantity): spread.name for quantity, spread in own.items()}
     further |= {shift_of(quantity): f"{quantity}_shift[{run.name}]" for quantity in own}
-    quantities = tuple(own)
-    return replace(
-        run,
-        curve=VaryingCurve(cast(SpeedCurve, run.curve), quantities),
-        motion=VaryingMotion(run.body, quantities),
-        arguments=MappingProxyType({**run.arguments, **further}),
-    )
+    return replace(run, arguments=MappingProxyType({**run.arguments, **further}))
 
 
 def _said_by(run: RunTable, kind: QuantityKind) -> bool:

@@ -62,4 +62,3 @@ from estim.curves.derived import (
     seek,
     unit_that_follows,
 )
-from estim.curves.varying import VaryingCurve, VaryingMotion, shift_of, spread_of

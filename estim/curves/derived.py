@@ -20,7 +20,6 @@ from estim.arrays import Named
 from estim.common import InputError, Notation, same_looks
 from estim.curves.derived_units import unit_that_follows as unit_that_follows
 from estim.curves.formula import Formula, check_names, evaluate, read_formula
-from estim.curves.varying import own_values, shift_of
 from estim.problem import Derived
 
 _OF_LEVEL = re.compile(r"([^\W\d]\w*)\[([^\[\]]*)\]")
@@ -71,14 +70,12 @@ class SoughtQuantity:
         """Its values where `known` has scalars or (n_draw, 1) of every name; None where it lacks
         one.  nan where the formula has no value.
         """
-        varied = [name for name in known if shift_of(name) in known]
-        values = own_values(known, varied) if varied else known
-        if any(written not in values for written in self.symbols.values()):
+        if any(written not in known for written in self.symbols.values()):
             return None
         result = evaluate(
             self.formula.tree,
             {
-                symbol: np.asarray(values[written], dtype=float)
+                symbol: np.asarray(known[written], dtype=float)
                 for symbol, written in self.symbols.items()
             },
         )

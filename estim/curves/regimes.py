@@ -13,7 +13,6 @@ import numpy as np
 
 from estim.arrays import FloatArray, Named
 from estim.curves.rolling import body_of
-from estim.curves.varying import own_values, shift_of
 from estim.model import range_of_release, release_for_turn, release_that_rolls_on, turning_point
 
 
@@ -35,7 +34,7 @@ class Borders:
 
 def borders_of(arguments: Named, phi: FloatArray, *, ramp_end: float) -> Borders:
     """The borders at true tilts phi (n_phi,) rad.  ramp_end : m from the release."""
-    body, motion = body_of(_own(arguments))
+    body, motion = body_of(arguments)
     resistance = motion["rolling_resistance"]
     lowest, highest = range_of_release(body.gamma, phi, rolling_resistance=resistance)
     on = release_that_rolls_on(body.gamma, phi, rolling_resistance=resistance)
@@ -50,7 +49,7 @@ def turning_contours(arguments: Named, phi: FloatArray, stops: FloatArray) -> Fl
     """(n_draw, n_stop, n_phi) rad, from where the body stops after `stops` (n_stop,) m at true
     tilts phi (n_phi,); nan where from nowhere.
     """
-    body, motion = body_of(_own(arguments))
+    body, motion = body_of(arguments)
     radius, gamma, resistance = (
         np.atleast_2d(value)[..., None]
         for value in (body.radius, body.gamma, motion["rolling_resistance"])
@@ -64,7 +63,7 @@ def steepest_tilt(arguments: Named) -> FloatArray:
 
     phi = asin(gamma/sqrt(1 + c_rr^2)) - atan(c_rr)
     """
-    body, motion = body_of(_own(arguments))
+    body, motion = body_of(arguments)
     resistance = np.asarray(motion["rolling_resistance"], dtype=float)
     return np.atleast_2d(
         np.arcsin(np.minimum(body.gamma / np.hypot(1.0, resistance), 1.0)) - np.arctan(resistance)
@@ -77,7 +76,7 @@ def farthest_stop(arguments: Named, phi: FloatArray) -> FloatArray:
 
     0 where it sets off from none, inf where it may roll on for ever.
     """
-    body, motion = body_of(_own(arguments))
+    body, motion = body_of(arguments)
     resistance = motion["rolling_resistance"]
     lowest, _ = range_of_release(body.gamma, phi, rolling_resistance=resistance)
     # rad, from an angle at which it would stay
@@ -90,7 +89,7 @@ def stop_of(arguments: Named) -> FloatArray:
     """(n_draw, 1) m from the release of a run to its turning point; 0 where it does not set off,
     inf where it rolls on for ever.
     """
-    body, motion = body_of(_own(arguments))
+    body, motion = body_of(arguments)
     return np.atleast_2d(
         turning_point(
             body,
@@ -105,10 +104,5 @@ def placed(arguments: Named) -> tuple[FloatArray, FloatArray]:
     """(true tilt, true angle of release) of a run, rad, (n_draw, 1) each: its readings with the
     common zero errors.
     """
-    _, motion = body_of(_own(arguments))
+    _, motion = body_of(arguments)
     return np.atleast_2d(motion["phi"]), np.atleast_2d(motion["theta0"])
-
-
-def _own(arguments: Named) -> Named:
-    varied = [name for name in arguments if shift_of(name) in arguments]
-    return own_values(arguments, varied) if varied else arguments

@@ -17,7 +17,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.deviation.mixture import Mixture
 from estim.deviation.residuals import Residuals
-from estim.problem import Likelihood, Linear, Named, Points, Root, StackedPoints
+from estim.problem import Likelihood, Linear, Named, Points, Root, StackedPoints, rooted
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,14 +68,11 @@ class MixtureErrors(Likelihood):
         return np.asarray(slopes - stretch * np.outer(z[0], turning @ gradient))
 
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-        """With the precision Q that the components have together at the point, d log L/dr = -Q
-        r.
-        """
-        raw = self.raw(named)[0]
-        precision, whiten = self.mixture.precision(raw), self.mixture.deviation.whiten
-        return -precision.root_times(whiten(self.gradient(named, names).T)).T, precision.root_times(
-            whiten(raw)
-        )
+        """With the precision Q that the components have together at the point (`Mixture.pulls`)."""
+        raw, whiten = self.raw(named)[0], self.mixture.deviation.whiten
+        slopes = whiten(self.gradient(named, names).T)
+        pulls = self.mixture.pulls(slopes, raw)
+        return rooted(pulls @ slopes.T, pulls @ whiten(raw), raw.size)
 
     def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
         """Of errors with the covariance that the components have together at the point."""

@@ -21,7 +21,6 @@ from scipy.linalg import solve_triangular
 from estim.arrays import FloatArray
 from estim.deviation.components import Deviation, Family
 from estim.deviation.linearised import Linearised
-from estim.deviation.precision import Precision
 from estim.deviation.terms import Terms, Weight, terms_of
 from estim.problem import Root, beside
 
@@ -109,11 +108,6 @@ class Mixture:
         """(n_obs, n_dir) the bases of all families side by side."""
         return np.hstack([family.basis for family in self.deviation.families])
 
-    @cached_property
-    def _span(self) -> FloatArray:
-        """(n_obs, n) orthonormal columns, in which everything but white noise lies."""
-        return np.linalg.qr(np.hstack([self._directions, self.columns]))[0]
-
     def _precisions(self, residuals: FloatArray) -> Iterator[tuple[float, FloatArray, FloatArray]]:
         """white, D (n_obs, n), M (n, n) of each family: of whitened observations, its precision
         white + D M D^T weighed by the shares of its components at residuals (n_obs,).
@@ -125,28 +119,24 @@ class Mixture:
             middle[np.diag_indices(len(gain))] += gain
             yield float(white), np.hstack([family.basis, self.columns]), middle
 
-    def precision(self, residuals: FloatArray) -> Precision:
-        """Q with d log L/dr = -Q r at residuals (n_obs,), of whitened observations.
+    def pulls(self, rows: FloatArray, residuals: FloatArray) -> FloatArray:
+        """Rows (n, n_obs) of whitened observations times Q with d log L/dr = -Q r at residuals
+        (n_obs,).
 
         Least squares weighted by Q, taken anew at its own result until nothing moves, ends at a
         maximum of the likelihood.
         """
-        span, total, core = self._span, 0.0, np.zeros((self._span.shape[1],) * 2)
+        pulls = np.zeros_like(rows)
         for white, directions, middle in self._precisions(residuals):
-            lying = span.T @ directions
-            total += white
-            core += lying @ middle @ lying.T
-        return Precision(total, span, core)
+            pulls += white * rows + rows @ directions @ middle @ directions.T
+        return pulls
 
     def pull(self, residuals: FloatArray) -> FloatArray:
         """(n_obs,) Q r of the same Q at residuals (n_obs,), in the unit of the observations: minus
         the slope of `log_likelihood`.
         """
         z = self.deviation.whiten(residuals)
-        pull = np.zeros_like(z)
-        for white, directions, middle in self._precisions(residuals):
-            pull += white * z + directions @ (middle @ (z @ directions))
-        return self.deviation.turned_back(pull)
+        return self.deviation.turned_back(self.pulls(z[None], residuals)[0])
 
     def variances(self, residuals: FloatArray) -> FloatArray:
         """(n_obs,) of the errors at residuals (n_obs,): the diagonal of the sum of the C_k by their

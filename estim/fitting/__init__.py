@@ -42,7 +42,6 @@ from estim.fitting.optimum import (
     Optimum,
     find_optimum,
     fit_optimum,
-    refit_with_noise,
     with_other_modes,
 )
 from estim.fitting.degrees_of_freedom import ErrorSizes, error_sizes, held

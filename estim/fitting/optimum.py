@@ -489,62 +489,6 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
     return replace(fit, others=far_apart(fit.values, ranked, scale))
 
 
-def refit_with_noise(
-    problem: Problem, fits: Sequence[Fit], *, rng: np.random.Generator
-) -> Fit | None:
-    """The mode of a problem with another noise than that of a fit to the same points: nothing has
-    to be sought from afar again.
-
-    It is sought from all optima of that of `fits` which has the points and the curve of `problem`.
-    Where that fit has one optimum, and explains the points by the noise that was stated, another
-    noise has no other; elsewhere the centre of the priors is a start too, and scans look for
-    further ones.  None where none has, or where a curve lacks something, whose noise
-    is no other noise alone.
-    """
-    known = next(
-        (
-            fit
-            for fit in fits
-            if fit.success and not fit.singular and _same_curves(fit.problem, problem)
-        ),
-        None,
-    )
-    if known is None or any(run.force or run.lacks is not None for run in problem.runs):
-        return None
-    places = [_placed(problem, known.names, place) for place in (known.values, *known.others)]
-    # p-value from which a fit explains its points
-    if known.p_value > 0.01 and not len(known.others):
-        return fit_least_squares(problem, rng=rng, n_start=1, start=places[0])
-    fit = fit_least_squares(problem, rng=rng, n_start=1, further=places)
-    return scanned_fit(fit, rng=rng)
-
-
-def _same_curves(a: Problem, b: Problem) -> bool:
-    """Whether two problems have the same points, and the same unknowns but for those of the
-    noise.
-    """
-    if set(a.names) - a.noise_names != set(b.names) - b.noise_names or len(a.runs) != len(b.runs):
-        return False
-    return all(
-        np.array_equal(p.x, q.x) and np.array_equal(p.y, q.y)
-        for p, q in zip(a.runs, b.runs, strict=True)
-    )
-
-
-def _placed(problem: Problem, names: Sequence[str], values: FloatArray) -> FloatArray:
-    """(n_par,) a place of another problem in this one, what it does not know at the centre of its
-    prior.
-    """
-    known = dict(zip(names, values.tolist(), strict=True))
-    noise = problem.noise_names
-    return np.array(
-        [
-            v if n in noise else known[n]
-            for n, v in zip(problem.names, problem.start().tolist(), strict=True)
-        ]
-    )
-
-
 def with_other_modes(fit: Fit, best: Optimum, rng: np.random.Generator) -> Fit:
     """A fit with the other optima of the search: those that hold more than next to nothing of the
     posterior, noise parameters refitted.

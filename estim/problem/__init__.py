@@ -20,6 +20,7 @@ from estim.problem.curve import (
 )
 from estim.problem.events import BINOMIAL, POISSON, Counted, Counts, Events, Law, counted_words
 from estim.problem.differences import used_columns
+from estim.problem.errors_in_x import rooted
 from estim.problem.likelihood import (
     Likelihood,
     Noise,
@@ -30,6 +31,8 @@ from estim.problem.likelihood import (
     n_draws,
     some_draws,
     reading_sd,
+    shift_of,
+    spread_of,
 )
 from estim.problem.noise import (
     STENCILS,

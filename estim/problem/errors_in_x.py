@@ -317,7 +317,7 @@ class LatentErrors(Likelihood):
         common = (
             slopes_in_x(values, abscissas.spread[0])[..., None] * abscissas.common[0][:, None, :]
         )
-        of_curve = at_nodes.gradients_of(local, names, 1)[0][back].reshape(*shape, -1)
+        of_curve = at_nodes.gradients_of(local, named, names, 1)[0][back].reshape(*shape, -1)
         gradients = np.concatenate([of_curve, common], axis=-1)
         with np.errstate(all="ignore"):
             of_mean, of_variance = predictive_slopes(values, gradients)

@@ -125,7 +125,7 @@ class EventErrors(CountErrors):
         local = self._rates.local_rate(times, self.points.bind(named))
         there = replace(self.points, x=times)
         return np.broadcast_to(local.value, (1, times.size))[0], there.gradients_of(
-            local, names, 1
+            local, named, names, 1
         )[0]
 
     def _by_cell(self, of_events: FloatArray) -> FloatArray:

@@ -36,8 +36,11 @@ Ends = Mapping[str, tuple[Named, Named, float]]
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Points (x, y), (n_obs,) each, and the curve they lie about; arguments : argument of the curve
-    -> parameter name, or a fixed number.
+    """Points (x, y), (n_obs,) each, and the curve they lie about.
+
+    arguments : argument of the curve -> parameter name, or a fixed number.  Of an argument that
+        varies between runs it names the mean, and `spread_of` and `shift_of` it what this run
+        deviates by:  mean + spread * shift.
     """
 
     curve: Curve
@@ -51,11 +54,17 @@ class Points:
         return (self,)
 
     def bind(self, named: Named) -> dict[str, ArrayLike]:
-        """Arguments of the curve for parameter values."""
-        return {
+        """Arguments of the curve for parameter values; of what varies between runs, this run's
+        own.
+        """
+        values = {
             a: named[source] if isinstance(source, str) else source
             for a, source in self.arguments.items()
         }
+        for name in [name for name in values if shift_of(name) in values]:
+            spread, shift = (np.asarray(values.pop(part(name))) for part in (spread_of, shift_of))
+            values[name] = values[name] + spread * shift
+        return values
 
     def value(self, named: Named) -> FloatArray:
         """(n_draw, n_obs) the curve at the points."""
@@ -70,7 +79,7 @@ class Points:
     def square_gradient(self, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n) its derivatives, for single values."""
         return self.gradients_of(
-            cast(SquaredCurve, self.curve).local_square(self.x, self.bind(named)), names, 1
+            cast(SquaredCurve, self.curve).local_square(self.x, self.bind(named)), named, names, 1
         )[0]
 
     def slope(self, named: Named) -> FloatArray:
@@ -83,19 +92,35 @@ class Points:
         """(n_draw, n_obs, n) derivatives of the curve in the parameters `names`; 0 in those that it
         does not have.
         """
-        return self.gradients_of(self.curve.local(self.x, self.bind(named)), names, n_draw)
+        return self.gradients_of(self.curve.local(self.x, self.bind(named)), named, names, n_draw)
 
-    def gradients_of(self, local: LocalCurve, names: Sequence[str], n_draw: int) -> FloatArray:
+    def gradients_of(
+        self, local: LocalCurve, named: Named, names: Sequence[str], n_draw: int
+    ) -> FloatArray:
         """The same from the curve with its derivatives."""
         gradients = np.zeros((n_draw, self.x.size, len(names)))
-        for argument, source in self.arguments.items():
-            if source in names:
-                gradients[:, :, names.index(str(source))] += local.gradient[argument]
+        for argument in self.bind(named):
+            mean, spread, shift = (
+                self.arguments.get(part)
+                for part in (argument, spread_of(argument), shift_of(argument))
+            )
+            for source, other in ((mean, 1.0), (spread, shift), (shift, spread)):
+                if source in names:
+                    by = np.asarray(named[other] if isinstance(other, str) else other)
+                    gradients[:, :, names.index(str(source))] += local.gradient[argument] * by
         return gradients
 
     def gradient(self, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n) the same for single values."""
         return self.gradients(named, names, 1)[0]
+
+
+def spread_of(argument: str) -> str:
+    return f"{argument} spread"
+
+
+def shift_of(argument: str) -> str:
+    return f"{argument} shift"
 
 
 def n_draws(named: Named) -> int:

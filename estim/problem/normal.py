@@ -262,7 +262,7 @@ class GaussianErrors(Likelihood):
         local = self.points.curve.local(self.points.x, self.points.bind(named))
         variance = np.broadcast_to(self._diagonal(named), (n_draw, self.shift.size))
         sd = np.sqrt(variance)
-        jacobian = self.points.gradients_of(local, names, n_draw)
+        jacobian = self.points.gradients_of(local, named, names, n_draw)
         for k in range(len(names)):
             jacobian[:, :, k] = self.form.turned(jacobian[:, :, k]) / sd
         spread = self.size.slopes(self.form.spectrum, named, names, n_draw) / variance[:, :, None]

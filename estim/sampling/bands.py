@@ -183,17 +183,7 @@ def moved_on(
 def central_intervals(
     values: FloatArray, probabilities: Sequence[float]
 ) -> tuple[FloatArray, dict[float, FloatArray]]:
-    """(n_x,) medians of (n_draw, n_x) values, and probability -> (2, n_x) ends of the intervals,
-    from one sort; as `numpy.quantile`.
-    """
-    levels = np.array([0.5, *(0.5 + half for p in probabilities for half in (-0.5 * p, 0.5 * p))])
-    ordered = np.array(values.T, order="C")
-    ordered.sort(axis=1)
-    ordered[np.isnan(ordered[:, -1])] = np.nan
-    place = levels * (values.shape[0] - 1)
-    below = np.minimum(place.astype(int), max(values.shape[0] - 2, 0))
-    above = np.minimum(below + 1, values.shape[0] - 1)
-    median, *ends = (
-        ordered[:, below] + (place - below) * (ordered[:, above] - ordered[:, below])
-    ).T
+    """(n_x,) medians of (n_draw, n_x) values, and probability -> (2, n_x) ends of the intervals."""
+    levels = [0.5, *(0.5 + half for p in probabilities for half in (-0.5 * p, 0.5 * p))]
+    median, *ends = np.quantile(values, levels, axis=0)
     return median, {p: np.array(ends[2 * k : 2 * k + 2]) for k, p in enumerate(probabilities)}

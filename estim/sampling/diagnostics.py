@@ -33,7 +33,10 @@ class Mixing:
 
 
 def mixing_of(draws: FloatArray) -> Mixing:
-    """How well draws (n_ensemble, n_step, n_walker, n_par) mix."""
+    """How well draws (n_ensemble, n_step, n_walker, n_par) mix; of an odd number of steps without
+    the first, so that two halves hold all.
+    """
+    draws = draws[:, draws.shape[1] % 2 :]
     each = np.array([_mixing(draws[..., i]) for i in range(draws.shape[-1])])
     return Mixing(*np.ascontiguousarray(each.T))
 
@@ -97,44 +100,27 @@ def _integrated(series: FloatArray) -> float:
 
 def _mixing(draws: FloatArray) -> tuple[float, float, float]:
     """R-hat, and effective sizes in bulk and tails, of one parameter's draws (n_ensemble, n_step,
-    n_walker); nan where they are too few.
+    n_walker), n_step even; nan where they are too few.
     """
     n_ensemble, n_step, n_walker = draws.shape
     flat = draws.ravel()
-    if np.isnan(flat).any():
+    if np.isnan(flat).any() or n_step * n_walker < _LEAST_STEPS:
         return math.nan, math.nan, math.nan
     order = np.argsort(flat)
     ordered = flat[order]
     scores = _normal_scores(order, ordered).reshape(draws.shape)
     rhat = math.nan
-    if n_ensemble > 1 and n_step * n_walker >= _LEAST_STEPS:
-        halves = _halves(draws.reshape(n_ensemble, -1))
-        if halves.size == flat.size:
-            whole, folded = scores, _folded_scores(order, ordered)
-        else:  # a draw in the middle belongs to neither half
-            order_there = np.argsort(halves.ravel())
-            ordered_there = halves.ravel()[order_there]
-            whole = _normal_scores(order_there, ordered_there)
-            folded = _folded_scores(order_there, ordered_there)
+    if n_ensemble > 1:
+        folded = _folded_scores(order, ordered)
         with np.errstate(divide="ignore", invalid="ignore"):  # nan where no walker moved
             rhat = max(
-                _split_r_hat(values.reshape(halves.shape))
-                for values in (_halves(whole.reshape(n_ensemble, -1)), folded)
+                _split_r_hat(_halves(values.reshape(n_ensemble, -1))) for values in (scores, folded)
             )
     if n_step < _LEAST_STEPS:
         return rhat, math.nan, math.nan
-    chains = _chains(draws)
-    if n_step % 2 == 0:
-        ranked = _halves(_chains(scores))
-    else:  # the step in the middle belongs to neither half
-        halves = _halves(chains)
-        order = np.argsort(halves.ravel())
-        ranked = _normal_scores(order, halves.ravel()[order]).reshape(halves.shape)
-    tails = [
-        _size(_halves(chains <= ordered[int(p * (flat.size - 1))]).astype(float))
-        for p in (_LOW, _HIGH)
-    ]
-    return rhat, _size(ranked), min(tails)
+    below = (_chains(draws) <= ordered[int(p * (flat.size - 1))] for p in (_LOW, _HIGH))
+    tails = [_size(_halves(one).astype(float)) for one in below]
+    return rhat, _size(_halves(_chains(scores))), min(tails)
 
 
 def _normal_scores(order: IntArray, ordered: FloatArray) -> FloatArray:

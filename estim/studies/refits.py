@@ -121,7 +121,6 @@ def compare_noise(
                 progress=progress,
                 noise=model.table,
                 store=store,
-                beside=[refit.analysis.fit for refit in refits],
             )
         refits.append(refit_of(model.name, model.words, analysis))
     return beside_the_best(refits)

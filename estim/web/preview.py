@@ -179,13 +179,6 @@ def _start(file: Path, fields: Mapping[str, str]) -> tuple[dict[str, float], byt
     problem = campaign.problem(campaign.run_names)
     (run,) = problem.runs
     values = dict(zip(problem.names, problem.start().tolist(), strict=True))
-
-    def arguments() -> dict[str, float]:
-        return {
-            name: values[source] if isinstance(source, str) else source
-            for name, source in run.arguments.items()
-        }
-
     linear = [
         p.name
         for p in problem.parameters
@@ -193,12 +186,12 @@ def _start(file: Path, fields: Mapping[str, str]) -> tuple[dict[str, float], byt
     ]
     linear = [name for name in linear if name in run.curve_parameters]
     if linear:
-        local = run.curve.local(run.x, arguments())
+        local = run.curve.local(run.x, run.bind(values))
         gradient = [np.broadcast_to(local.gradient[name], local.value.shape)[0] for name in linear]
         step = np.linalg.lstsq(np.transpose(gradient), run.y - local.value[0], rcond=None)[0]
         values |= {name: values[name] + float(by) for name, by in zip(linear, step, strict=True)}
     grid = np.linspace(run.x[0], run.x[-1], 400)
-    curve = run.curve.value(grid, arguments())[0]
+    curve = run.curve.value(grid, run.bind(values))[0]
     axes = (run.x_name, run.x_unit, run.x), (run.y_name, run.y_unit, run.y)
     x, y = (_Column(name, "" if unit == "1" else unit, points) for name, unit, points in axes)
     shown = {name: values[name] for name in problem.names if name in run.curve_parameters}
