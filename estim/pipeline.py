@@ -372,8 +372,14 @@ def _drawn(
         )
         return Certified(chain, None, no_comparison(fit.names, Finding(Kind.NOT_SAMPLED)))
     if marginal if marginal is not None else _through_marginal(fit):
-        chain, comparison = marginal_chain(fit, target=target, rng=rng, progress=progress)
-        return Certified(chain, None, comparison)
+        try:
+            chain, comparison = marginal_chain(fit, target=target, rng=rng, progress=progress)
+            return Certified(chain, None, comparison)
+        except NumericalError:
+            # a chain needs no integral over a run's own parameters
+            if marginal:
+                raise
+            rng = stream(seed, Stream.CHAIN)
     density = folded(fit.sampled, fit.symmetry, fit.values)
     if problem.n_par <= most:
         return certified_chain(

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray, IntArray
-from estim.common import InputError
+from estim.arrays import BoolArray, FloatArray, IntArray
+from estim.common import InputError, NumericalError
 from estim.fitting import Fit
 from estim.problem import NormalErrors, Observations, Posterior, Prior
 from estim.sampling.importance import log_sum_exp
@@ -30,10 +30,13 @@ _ROWS = 512  # rows of a block: its arrays stay in the cache
 _LOG_2PI = math.log(2.0 * math.pi)
 _REACH = 4.0  # standard deviations of s within which the quadratic terms are used
 _N_REFINE, _WIDER = 10, 1.5
-# error of polynomials from which modes are sought at each draw, and by how many steps
-_ROUGH, _N_STEP = 0.1, 3
-_LONGEST_STEP, _FROM_AFAR = 3.0, 100.0  # conditional standard deviations
+# error of polynomials from which modes are sought at each draw, and by how many steps at most
+_ROUGH, _MOST_STEP = 0.1, 10
+# conditional standard deviations: the longest step, steps that are watched, and that end a search
+_LONGEST_STEP, _FROM_AFAR, _WATCHED, _SETTLED = 3.0, 100.0, 1.0, 0.05
+_MOST_HALVING, _LEAST_EIGENVALUE = 8, 1e-12
 _NOT_NORMAL = "must have plain normal noise for a marginal over runs: use the sampler"
+_LOST = "the marginal over runs finds no values of a run's own parameters: use the sampler"
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +77,7 @@ class RunTerm:
 
     def log_joint(self, shared: FloatArray, own: FloatArray) -> FloatArray:
         """(n_draw,) log p(y | s, l) + log p(l): likelihood of the run and priors of its own
-        parameters; -inf outside these.
+        parameters; -inf outside these, and where the curve is not a number.
         """
         log_p = np.zeros(shared.shape[0])
         for i, prior in enumerate(self.own_priors):
@@ -83,12 +86,13 @@ class RunTerm:
         for block in _blocks(rows.shape[0]):
             inside = np.flatnonzero(np.isfinite(log_p[block])) + block.start
             if inside.size:
-                log_p[inside] += self.posterior.log_likelihood(rows[inside])
-        return log_p
+                with np.errstate(all="ignore"):
+                    log_p[inside] += self.posterior.log_likelihood(rows[inside])
+        return np.where(np.isnan(log_p), -np.inf, log_p)
 
     def around(self, shared: FloatArray, expansion: Expansion) -> tuple[FloatArray, FloatArray]:
         """Mode (n_draw, n_own) and root (n_draw, n_own, n_own) of the covariance of its own
-        parameters at shared (n_draw, n_shared).
+        parameters at shared (n_draw, n_shared); not a number where none is found.
 
         Where polynomials miss the modes by too much they are only where steps to the modes begin:
         own values that vary between runs follow their spread by no polynomial.
@@ -96,10 +100,53 @@ class RunTerm:
         mode, root = expansion.at(shared)
         if not expansion.rough:
             return mode, root
-        for _ in range(_N_STEP):
-            step, information = _gauss_newton(self, shared, mode, longest=_FROM_AFAR)
-            mode = _inside(mode + step, self.own_priors)
-        return mode, np.linalg.cholesky(np.linalg.inv(information))
+        mode = self._allowed(shared, _inside(mode, self.own_priors))
+        informations = np.empty_like(root)
+        moving = np.arange(len(mode))
+        for _ in range(_MOST_STEP):
+            step, information = _gauss_newton(
+                self, shared[moving], mode[moving], longest=_FROM_AFAR
+            )
+            length = np.sqrt(np.einsum("nk,nkl,nl->n", step, information, step))
+            informations[moving] = information
+            mode[moving] = self._uphill(shared[moving], mode[moving], step, length)
+            moving = moving[length > _SETTLED]
+            if not moving.size:
+                break
+        return mode, covariance_roots(informations)
+
+    def _allowed(self, shared: FloatArray, own: FloatArray) -> FloatArray:
+        """Own parameters (n_draw, n_own), those of no density in the place of others: the centres
+        of stated ones, the fit of the others.
+        """
+        lost = np.flatnonzero(np.isneginf(self.log_joint(shared, own)))
+        if lost.size:
+            fit = self.centre[self.own]
+            safe = [
+                p.centre if math.isfinite(p.sd) else at
+                for p, at in zip(self.own_priors, fit, strict=True)
+            ]
+            own = own.copy()
+            own[lost] = _inside(np.asarray(safe), self.own_priors)
+        return own
+
+    def _uphill(
+        self, shared: FloatArray, own: FloatArray, step: FloatArray, length: FloatArray
+    ) -> FloatArray:
+        """Own parameters (n_draw, n_own) after a step, halved as long as a long one leads down."""
+        moved = _inside(np.where(np.isfinite(step), own + step, own), self.own_priors)
+        watched = np.flatnonzero(length > _WATCHED)
+        if not watched.size:
+            return moved
+        least = self.log_joint(shared[watched], own[watched])
+        for _ in range(_MOST_HALVING):
+            down = ~(self.log_joint(shared[watched], moved[watched]) >= least)
+            watched, least = watched[down], least[down]
+            if not watched.size:
+                return moved
+            moved[watched] = 0.5 * (own[watched] + moved[watched])
+        moved[watched] = own[watched]
+        return moved
 
     def log_marginal(self, shared: FloatArray, expansion: Expansion, *, n_node: int) -> FloatArray:
         """(n_draw,) m(s) at shared (n_draw, n_shared), with `n_node` Gauss-Hermite nodes along each
@@ -114,7 +161,8 @@ class RunTerm:
         repeated = np.repeat(shared, nodes.shape[0], axis=0)
         log_p = self.log_joint(repeated, points.reshape(repeated.shape[0], k)).reshape(n_draw, -1)
         terms = log_p + log_weights + 0.5 * np.sum(nodes**2, axis=1)
-        return log_sum_exp(terms, axis=1) + log_volume(root) + 0.5 * k * _LOG_2PI
+        log_m = log_sum_exp(terms, axis=1) + log_volume(root) + 0.5 * k * _LOG_2PI
+        return np.where(np.isnan(log_m), -np.inf, log_m)
 
     def draw_own(
         self, shared: FloatArray, expansion: Expansion, rng: np.random.Generator
@@ -161,20 +209,14 @@ class Expansion:
     coefficients : (n_feature, n_out) of 1, z_i, z_i z_j.
     n_own : own parameters; out of a row come their mode, then the lower triangular root of their
         covariance (logarithms on its diagonal).
-    error : how far the polynomials miss the modes they were fit to, conditional standard deviations
-        (root mean square, worst parameter).
+    rough : whether the polynomials do no more than say where to begin.
     """
 
     centre: FloatArray
     whiten: FloatArray
     coefficients: FloatArray
     n_own: int
-    error: float
-
-    @property
-    def rough(self) -> bool:
-        """Whether the polynomials do no more than say where to begin."""
-        return self.error > _ROUGH
+    rough: bool
 
     def at(self, shared: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Mode (n_draw, n_own) and root (n_draw, n_own, n_own) of the covariance at shared (n_draw,
@@ -244,7 +286,7 @@ def expand(term: RunTerm, shared: FloatArray, start: FloatArray) -> Expansion:
     step, information = _gauss_newton(term, shared, modes)
     modes = _inside(modes + step, term.own_priors)
     k = term.own.size
-    root = np.linalg.cholesky(np.linalg.inv(information))
+    root = covariance_roots(information)
     diagonal = np.arange(k)
     log_p = term.log_joint(shared, modes) + log_volume(root)
     root[:, diagonal, diagonal] = np.log(root[:, diagonal, diagonal])
@@ -257,6 +299,8 @@ def expand(term: RunTerm, shared: FloatArray, start: FloatArray) -> Expansion:
     # from this fall of log m(s) on, a point counts as excluded
     weight = np.exp(0.125 * np.maximum(log_p - np.nanmax(log_p), -20.0))[:, None]
     usable = np.all(np.isfinite(out), axis=1) & (weight[:, 0] > 0.0)
+    if np.count_nonzero(usable) < features.shape[1]:
+        raise NumericalError(_LOST, at=term.run.name)
     coefficients = np.linalg.lstsq(
         weight[usable] * features[usable], weight[usable] * out[usable], rcond=None
     )[0]
@@ -264,7 +308,8 @@ def expand(term: RunTerm, shared: FloatArray, start: FloatArray) -> Expansion:
         -out[usable][:, k:][:, _diagonal_places(k)]
     )
     error = np.sqrt(np.average(miss**2, axis=0, weights=weight[usable, 0] ** 2))
-    return Expansion(centre, whiten, coefficients, k, float(np.max(error, initial=0.0)))
+    # conditional standard deviations, root mean square
+    return Expansion(centre, whiten, coefficients, k, bool(np.max(error, initial=0.0) > _ROUGH))
 
 
 def _diagonal_places(k: int) -> IntArray:
@@ -290,30 +335,54 @@ def _gauss_newton(
     term: RunTerm, shared: FloatArray, own: FloatArray, *, longest: float = _LONGEST_STEP
 ) -> tuple[FloatArray, FloatArray]:
     """The step (n_point, n_own) towards the mode of the own parameters, and their information
-    (n_point, n_own, n_own).
+    (n_point, n_own, n_own); not numbers where the curve is none or leaves one undetermined.
     """
     k = term.own.size
     steps, informations = np.empty_like(own), np.empty((own.shape[0], k, k))
     for block in _blocks(own.shape[0]):
         named = term.posterior.problem.named(term.rows(shared[block], own[block]))
-        residuals, _, jacobian, spread = term.normal.opened(
-            named, [term.posterior.names[i] for i in term.own]
-        )
-        gradient = np.einsum("nok,no->nk", jacobian, residuals) + 0.5 * np.einsum(
-            "nok,no->nk", spread, residuals**2 - 1.0
-        )
-        information = np.einsum("nok,nol->nkl", jacobian, jacobian) + 0.5 * np.einsum(
-            "nok,nol->nkl", spread, spread
-        )
+        with np.errstate(all="ignore"):  # far away a curve may overflow
+            residuals, _, jacobian, spread = term.normal.opened(
+                named, [term.posterior.names[i] for i in term.own]
+            )
+            gradient = np.einsum("nok,no->nk", jacobian, residuals) + 0.5 * np.einsum(
+                "nok,no->nk", spread, residuals**2 - 1.0
+            )
+            information = np.einsum("nok,nol->nkl", jacobian, jacobian) + 0.5 * np.einsum(
+                "nok,nol->nkl", spread, spread
+            )
         for i, prior in enumerate(term.own_priors):
             pull, slope = prior.residual(own[block, i]), prior.residual_slope(own[block, i])
             gradient[:, i] -= pull * slope
             information[:, i, i] += slope**2
+        unusable = ~(np.all(np.isfinite(gradient), axis=1) & _definite(information))
+        gradient[unusable], information[unusable] = np.nan, np.nan
         step = np.linalg.solve(information, gradient[..., None])[..., 0]
         length = np.sqrt(np.maximum(np.einsum("nk,nk->n", gradient, step), 0.0))
         steps[block] = step * np.minimum(1.0, longest / np.maximum(length, 1e-300))[:, None]
         informations[block] = information
     return steps, informations
+
+
+def _definite(information: FloatArray) -> BoolArray:
+    """(n,) whether information matrices (n, n_own, n_own) can be inverted."""
+    sound = np.all(np.isfinite(information), axis=(1, 2))
+    size = np.sqrt(np.diagonal(information, axis1=1, axis2=2))
+    sound &= np.all((size > 1e-150) & (size < 1e150), axis=1)
+    unit = information[sound] / (size[sound][:, :, None] * size[sound][:, None, :])
+    if unit.shape[1] > 1:
+        sound[sound] = np.linalg.eigvalsh(unit)[:, 0] > _LEAST_EIGENVALUE
+    return np.asarray(sound)
+
+
+def covariance_roots(information: FloatArray) -> FloatArray:
+    """Lower triangular roots (n, n_own, n_own) of the inverses of information matrices; not a
+    number where there is none.
+    """
+    roots = np.full_like(information, np.nan)
+    sound = np.all(np.isfinite(information), axis=(1, 2))
+    roots[sound] = np.linalg.cholesky(np.linalg.inv(information[sound]))
+    return roots
 
 
 def _inside(own: FloatArray, priors: tuple[Prior, ...]) -> FloatArray:

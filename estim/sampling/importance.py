@@ -140,17 +140,18 @@ def spread(values: FloatArray, log_weights: FloatArray) -> float:
 def difference(
     shared: FloatArray, log_marginal: FloatArray, log_all: FloatArray
 ) -> tuple[float, float]:
-    """Largest difference of a mean by two sets of weights of the same draws, in standard
-    deviations, and its Monte-Carlo error.
+    """Largest difference of a mean or a standard deviation by two sets of weights of the same
+    draws, in standard deviations, and its Monte-Carlo error.
     """
     if kish_ess(log_marginal) < 2.0 or kish_ess(log_all) < 2.0:
         return math.inf, math.inf
     a, b = np.exp(log_marginal - log_sum_exp(log_marginal)), np.exp(log_all)
-    mean_a, mean_b = a @ shared, b @ shared
-    sd = np.sqrt(a @ (shared - mean_a) ** 2)
+    mean = a @ shared
+    z = (shared - mean) / np.sqrt(a @ (shared - mean) ** 2)
+    # a larger standard deviation is a larger mean of z^2/2
+    z = np.hstack([z, 0.5 * z**2])
+    mean_a, mean_b = a @ z, b @ z
     # both means come from the same draws: only what differs between the weights scatters
-    u = np.sqrt(
-        np.sum((a[:, None] * (shared - mean_a) - b[:, None] * (shared - mean_b)) ** 2, axis=0)
-    )
-    worst = int(np.argmax(np.abs(mean_b - mean_a) / sd))
-    return float(abs(mean_b - mean_a)[worst] / sd[worst]), float(u[worst] / sd[worst])
+    u = np.sqrt(np.sum((a[:, None] * (z - mean_a) - b[:, None] * (z - mean_b)) ** 2, axis=0))
+    worst = int(np.argmax(np.abs(mean_b - mean_a)))
+    return float(abs(mean_b - mean_a)[worst]), float(u[worst])

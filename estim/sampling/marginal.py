@@ -9,7 +9,9 @@ the weights Pareto-smoothed; then every run's own parameters are drawn given the
 Two things can be wrong, and each is checked.  The proposal may miss the marginal: k-hat of its
 weights tells.  The runs' own parameters may not be normal given the shared ones: on some of the
 draws the weights in ALL dimensions are computed, in which nothing is approximated, and both sets of
-weights must give the same answer (a choice of several nodes removes most of a difference).
+weights must give the same means and standard deviations (a choice of several nodes removes most of
+a difference).  Before that, polynomials that stand for the modes of the runs are held against steps
+to these, far into the tails: draws of a density that they have cut short would not show it.
 
 Priors with hard edges: sampled parameters are only checked against their support.  A run's own
 parameter that comes close to such an edge is no normal variable and is sampled with the shared
@@ -46,6 +48,7 @@ from estim.words import tell
 
 _LEAST_ESS = 400.0
 _MOST_SAMPLED = 12
+_N_TRIED = 400  # places where polynomials are held against steps to the modes
 
 
 @dataclass(frozen=True)
@@ -54,11 +57,13 @@ class MarginalOptions:
     dimensions.
     n_node : Gauss-Hermite nodes along each own parameter of a run; 1 is Laplace's approximation, 5
         leaves no visible error.
+    wide : whether a quarter of the draws comes from three times as far around.
     """
 
     n_draw: int = 8000
     n_check: int = 4000
     n_node: int = 1
+    wide: bool = False
 
     def __post_init__(self) -> None:
         for name, value, least in (
@@ -82,8 +87,8 @@ class MarginalPosterior:
     log_evidence, u_log_evidence : log p(y) and its Monte-Carlo error, by the marginal.
     k_hat_all, ess_all, log_evidence_all : of the smoothed weights in all dimensions for the sampled
         parameters of the first draws.
-    shift : largest difference between the means of a sampled parameter by the two sets of weights,
-        posterior standard deviations.
+    shift : largest difference between the means, or standard deviations, of a sampled parameter by
+        the two sets of weights, posterior standard deviations.
     refined : runs whose own parameters were not normal enough given the shared ones and were
         brought to their exact distribution.
     trusted : whether the draws may be used.
@@ -152,6 +157,8 @@ def sample_marginal(
     weight = fit.measure_of_shared
     target = Marginal(fit.problem, columns, terms, weight)
     proposal, target = _adapt(fit, target, rng, progress)
+    if options.wide:
+        proposal = proposal.widened()
     shared = proposal.draw(rng, options.n_draw)
     log_beside, by_run = target.terms_at(shared, n_node=options.n_node, progress=progress)
     log_proposal = proposal.log_density(shared)
@@ -170,8 +177,10 @@ def sample_marginal(
         if progress is not None:
             progress(0, phrase("own parameters of run {k} of {n}", k=number, n=len(terms)))
         given, own_columns = target.given(term, shared), term.columns[term.own]
-        own_draws, log_q = term.draw_own(given, expansion, rng)
-        excess = term.log_joint(given[first], own_draws[first]) - log_q[first]
+        # where a draw of the shared ones has no weight, the fit
+        own_draws = np.tile(term.centre[term.own], (options.n_draw, 1))
+        own_draws[inside], log_q = term.draw_own(given[inside], expansion, rng)
+        excess = term.log_joint(given[first], own_draws[first]) - log_q[: first.size]
         raw_all[first] += excess
         # spread of a run's log weights above which its own parameters are no normal variables: a
         # shift of 0.08 of their sd
@@ -182,6 +191,7 @@ def sample_marginal(
     if fit.jeffreys is not None:
         owed = fit.jeffreys.exact(fit.problem.named(draws[inside])) - _log(weight, draws[inside])
         owed += _log(fit.measure, draws[inside])
+        owed = np.where(np.isnan(owed), -np.inf, owed)
         raw[inside] += owed
         raw_all[first] += owed[: first.size]
     log_weights, k_hat, log_evidence = pareto_smoothed(raw)
@@ -280,6 +290,9 @@ def _adapt(
         ]
         target = replace(target, expansions=expansions)
         proposal = adapt_proposal(target, mean, cov, rng=rng, n_round=1000)
+    careful = target.with_steps(proposal.widened().draw(rng, _N_TRIED))
+    if [e.rough for e in careful.expansions] != [e.rough for e in target.expansions]:
+        target, proposal = careful, adapt_proposal(careful, mean, cov, rng=rng, n_round=1000)
     return proposal, target
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from estim.common import Finding, Kind
+from estim.common import Finding, Kind, NumericalError
 from estim.fitting import Fit
 from estim.sampling.certificate import Agreement, no_comparison
 from estim.sampling.chain import Chain, Convergence, Progress, Target
@@ -25,19 +25,25 @@ def marginal_chain(
     """Independent draws of a joint posterior by `estim.sampling.marginal`, and what exact weights
     in all dimensions say of them.
 
-    Where Laplace's approximation moves a parameter, the runs are integrated by 5 x 5 nodes.
+    Where Laplace's approximation moves a parameter, the runs are integrated by 5 x 5 nodes, and
+    where the proposal misses a tail, some of the draws come from far around.
 
     Raises InputError where noise is not normal or too much is shared, NumericalError where the fit
-    leaves something undetermined.
+    leaves something undetermined or a run's own parameters cannot be integrated out.
     """
     n_draw = int(max(8000, 2.5 * target.ess))
-    marginal = sample_marginal(
-        fit, rng=rng, options=MarginalOptions(n_draw=n_draw), progress=progress
-    )
-    if not marginal.trusted:
+    try:
         marginal = sample_marginal(
-            fit, rng=rng, options=MarginalOptions(n_draw=n_draw, n_node=5), progress=progress
+            fit, rng=rng, options=MarginalOptions(n_draw=n_draw), progress=progress
         )
+        if not marginal.trusted:
+            wide = not marginal.k_hat < K_HAT_LIMIT
+            options = MarginalOptions(n_draw=n_draw, n_node=5, wide=wide)
+            marginal = sample_marginal(fit, rng=rng, options=options, progress=progress)
+    except np.linalg.LinAlgError as error:
+        raise NumericalError(
+            f"the marginal over runs cannot be computed ({error}): use the sampler"
+        ) from error
     # no more draws than the weights are worth: their number then is their effective size
     n_kept = max(_N_CHAIN * 10, int(min(marginal.ess, n_draw)) // _N_CHAIN * _N_CHAIN)
     draws = rng.permutation(marginal.resampled(n_kept, rng=rng)).reshape(
