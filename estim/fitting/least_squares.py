@@ -29,7 +29,7 @@ from estim.fitting.relaxation import LEAST_SHARE, Held, settle_by_runs
 from estim.problem import JeffreysPrior, Measure, Posterior, Problem, Symmetry
 
 _MAX_ROUNDS = 60
-_FEW_ROUNDS, _ROUGH_ROUNDS = 6, 4
+_FEW_ROUNDS = 6
 _SETTLED = 1e-4  # of a standard deviation, between two rounds
 # relative steps at which a search of the curve ends: at the mode, and to see where a start leads
 _EXACT, _ROUGH = 1e-12, 1e-6
@@ -189,11 +189,7 @@ def fit_least_squares(
             "the fit cannot start: the curve is not defined at the starting values, nor at "
             "draws of the priors"
         )
-    reached = [
-        _settle(start, posterior, max_rounds=_ROUGH_ROUNDS, hasty=True, tolerance=_ROUGH)
-        for start, posterior in begun
-    ]
-    rough = [end for end in reached if not math.isnan(end[2])]
+    rough = _rough_ends(begun)
     if not rough:
         raise _no_curvature(*begun[0])
     objective = np.array(
@@ -266,18 +262,57 @@ def _no_curvature(values: FloatArray, posterior: Posterior) -> NumericalError:
     )
 
 
-def _inverse(matrix: FloatArray) -> FloatArray:
-    """(n_par, n_par) inverse of an information matrix, of what it says something of, whatever the
-    units of its parameters.
+def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
+    """Where each start leads in a few rounds, without those that meet no curvature; starts that the
+    first round leads together go on as one.
+    """
+    places: list[tuple[FloatArray, _End]] = []
+    ends = []
+    for start, begun in starts:
+        values, posterior, moved = _settle(start, begun, max_rounds=1, tolerance=_ROUGH)
+        if math.isnan(moved):
+            continue
+        scale = _spread(information(posterior, values), posterior.problem)
+        # standard deviations, after one round: nearer ends go on as one
+        near = (end for place, end in places if float(np.max(np.abs(values - place) / scale)) < 0.2)
+        twin = next(near, None)
+        if twin is None:
+            twin = (values, posterior, moved)
+            if moved >= _SETTLED:
+                more = 3
+                twin = _settle(values, posterior, max_rounds=more, hasty=True, tolerance=_ROUGH)
+            places.append((values, twin))
+        ends.append(twin)
+    return [end for end in ends if not math.isnan(end[2])]
+
+
+def _inverse(matrix: FloatArray, problem: Problem) -> FloatArray:
+    """(n_par, n_par) inverse of an information matrix of the problem, of what it says something of,
+    whatever the units of its parameters.
     """
     units = diagonal_scale(matrix)
-    inverse = np.linalg.pinv(matrix / np.outer(units, units), hermitian=True)
+    scaled = matrix / np.outer(units, units)
+    try:
+        root = np.linalg.inv(np.linalg.cholesky(scaled)) if many(problem) else None
+    except np.linalg.LinAlgError:
+        root = None
+    inverse = np.linalg.pinv(scaled, hermitian=True) if root is None else root.T @ root
     return np.asarray(inverse / np.outer(units, units))
 
 
-def _spread(matrix: FloatArray) -> FloatArray:
+def _condition(matrix: FloatArray, inverse: FloatArray, problem: Problem) -> float:
+    """Ratio of the largest to the smallest eigenvalue of an information matrix; of that of many
+    runs a bound, where it is no large one.
+    """
+    bound = (
+        float(np.linalg.norm(matrix, 1) * np.linalg.norm(inverse, 1)) if many(problem) else math.inf
+    )
+    return bound if bound < _ILL else float(np.linalg.cond(matrix))
+
+
+def _spread(matrix: FloatArray, problem: Problem) -> FloatArray:
     """(n_par,) standard deviations from an information matrix, inf for what it says nothing of."""
-    scale = np.sqrt(np.diag(_inverse(matrix)))
+    scale = np.sqrt(np.diag(_inverse(matrix, problem)))
     return np.where(scale > 0.0, scale, np.inf)
 
 
@@ -295,7 +330,7 @@ def _curved(posterior: Posterior, values: FloatArray) -> FloatArray | None:
     derivatives.
     """
     matrix = information(posterior, values)
-    return _spread(matrix) if all_finite(matrix) else None
+    return _spread(matrix, posterior.problem) if all_finite(matrix) else None
 
 
 def _settle(
@@ -452,8 +487,8 @@ def _describe(
         raise _no_curvature(values, posterior)
     spread = diagonal_scale(matrix)
     scaled = matrix / np.outer(spread, spread)
-    inverse = _inverse(scaled)
-    singular = float(np.linalg.cond(scaled)) > _ILL
+    inverse = _inverse(scaled, problem)
+    singular = _condition(scaled, inverse, problem) > _ILL
     cov = inverse / np.outer(spread, spread)
     curvature = np.sqrt(np.diag(cov))
     sds = np.full(problem.n_par, np.nan) if singular else curvature.copy()
