@@ -364,3 +364,30 @@ def test_intervals_beside_a_jitter_hold_what_they_say_and_those_without_do_not()
     for share, p in zip(held[0] / n, (0.68, 0.95), strict=True):
         assert abs(share - p) < 4.0 * (p * (1.0 - p) / n) ** 0.5 + 0.03
     assert held[1, 1] / n < 0.75
+
+
+@pytest.mark.statistics
+def test_what_few_readings_in_several_sets_share_is_held_as_often_as_it_says() -> None:
+    """Three sets of five points, each with an unknown size of its errors.  What the curvature at
+    the mode says, as if these sizes were known, holds it too rarely.
+    """
+    rng, x, n = np.random.default_rng(3), np.linspace(-2.0, 2.0, 5), 60
+    inside = {0.68: 0, 0.95: 0}
+    by_curvature, n_ok = 0, 0
+    for _ in range(n):
+        sets = {}
+        for name in "pqr":
+            errors = rng.uniform(0.1, 0.5) * rng.standard_normal(5)
+            sets[name] = DataSet(x, rng.standard_normal() + 2.0 * x + errors, 0.01, jitter=True)
+        fit = fit_curves("a + b*x", sets, shared=["b"])
+        if fit.status != "ok":
+            continue
+        n_ok += 1
+        for p, (low, high) in ((p, fit.intervals["b"][p]) for p in inside):
+            inside[p] += low < 2.0 < high
+        curvature = float(fit.fit.sds[list(fit.fit.names).index("b")])
+        by_curvature += abs(fit.values["b"] - 2.0) < 1.959964 * curvature
+    assert n_ok > 0.9 * n
+    for p, count in inside.items():
+        assert abs(count / n_ok - p) < 3.0 * np.sqrt(p * (1.0 - p) / n_ok)
+    assert by_curvature / n_ok < 0.95 - 3.0 * np.sqrt(0.95 * 0.05 / n_ok)
