@@ -441,6 +441,8 @@ def test_a_row_of_means_or_sums_is_no_reading(tmp_path: Path, rows: list[str], l
         ["n;t;y", "sum;1,5;2,5", "mean;2,5;3,5", "c;3,5;4"],
         ["n;t;y", "a;1,5;2,5", "mean;2,5;3,5", "b;3,5;4", "mean;3,5;4"],
         ["n;t;y", "sum;1,5;2,5", "mean;2,5;3,5", "total;3,5;4"],
+        ["level;t;y", "baja;1,5;2,5", "alta;2,5;3,5", "media;9,5;4"],
+        ["t;y;n", "1,5;2,5;", "2,5;3,5;", "3,5;4;sum"],
     ],
 )
 def test_rows_that_are_called_so_among_others_are_read(tmp_path: Path, rows: list[str]) -> None:

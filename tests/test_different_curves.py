@@ -4,6 +4,7 @@ hand.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -15,6 +16,7 @@ from scipy.stats import t as student_t
 
 from estim import AxisNames, DataSet, EventTimes, Poisson, fit_curve, fit_curves, sample_curve
 from estim.common import InputError
+from estim.fitting import error_sizes
 
 EXACT = {"xatol": 1e-8, "fatol": 1e-10, "maxiter": 40000, "maxfev": 40000}
 # SYNTHETIC: current and temperature of a wire that its current heats
@@ -310,7 +312,11 @@ def test_each_instrument_has_its_jitter() -> None:
     sds = curvature_sds(lambda p: minus(p, fit.values["jitter[j]"]), best.x, np.full(8, 1e-3))
     values = np.array([fit.values[name] for name in order])
     assert np.abs(values - best.x) / sds == pytest.approx(0, abs=0.01)
-    assert [fit.sds[name] for name in order] == pytest.approx(sds, rel=0.02)
+    names = list(fit.fit.names)
+    assert [fit.fit.sds[names.index(name)] for name in order] == pytest.approx(sds, rel=0.02)
+    # a little wider than the curvature: the sizes of the errors are from the same residuals
+    wider = np.array([fit.sds[name] for name in order[:6]]) / sds[:6]
+    assert np.all((wider > 1.005) & (wider < 1.1))
     # the one without any is found small, by the profile of the same likelihood
     low, high = fit.intervals["jitter[j]"][0.95]
     assert low == 0.0
@@ -318,7 +324,14 @@ def test_each_instrument_has_its_jitter() -> None:
         minimize(lambda p, at=at: minus(p, at), best.x, method="BFGS").fun
         for at in (fit.values["jitter[j]"], high)
     ]
-    assert 2.0 * (rise[1] - rise[0]) == pytest.approx(1.96**2, abs=0.2)
+    sizes = error_sizes(fit.held)
+    shares = sizes.shares(np.eye(len(names))[[names.index("jitter[j]")]])
+    dof = sizes.degrees_of_freedom(shares)
+    n = DAYS["j"].size
+    assert n - 6 < float(dof[0]) < n
+    assert 2.0 * (rise[1] - rise[0]) == pytest.approx(
+        n * math.log1p(student_t.ppf(0.975, float(dof[0])) ** 2 / float(dof[0])), abs=0.2
+    )
 
 
 @pytest.mark.slow

@@ -321,6 +321,14 @@ def test_intervals_hold_what_they_say_and_those_without_the_correlations_do_not(
     assert blind / n < 0.8
 
 
+def test_a_vertical_line_has_every_slope_beside_an_error_of_a_scale() -> None:
+    upright = fit_line([1.0] * 4, [1.0, 2.0, 3.0, 4.0], u_x=0.1, u_y=0.1)
+    for scales in ([], [Common("y", 0.02, relative=True)]):
+        assert with_scales(upright, scales) is upright
+        interval = slope_with_scales(slope_interval(upright), upright.slope, 1.96, scales)
+        assert interval[:2] == (-np.inf, np.inf)
+
+
 @pytest.mark.statistics
 @pytest.mark.parametrize("axis", ["x", "y"])
 def test_intervals_beside_an_error_of_a_scale_hold_what_they_say(axis: str) -> None:

@@ -100,7 +100,7 @@ def test_data_sets_that_share_nothing_have_the_intervals_that_they_have_alone(
     }
     alone = fit_curve("a + b*x", **few, jitter=True)
     apart = fit_curves("a + b*x", sets, shared=[])
-    for name in ("a", "b"):
+    for name in ("a", "b", "jitter"):
         assert apart.sds[f"{name}[few]"] == pytest.approx(alone.sds[name], rel=1e-6)
         for p, ends in apart.intervals[f"{name}[few]"].items():
             assert ends == pytest.approx(alone.intervals[name][p], rel=1e-5)

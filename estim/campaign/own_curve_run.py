@@ -31,7 +31,7 @@ from estim.campaign.curve_keys import (
 from estim.campaign.curve_tables import axis_of, y_axis
 from estim.campaign.dialect_table import DialectKeys, choices_of, dialect_of
 from estim.campaign.prior_table import PriorKeys, read_source
-from estim.common import Finding, InputError, Kind, phrase, same_numbers, same_unit
+from estim.common import Finding, InputError, Kind, phrase, same_numbers
 from estim.curves import (
     MAX_DENSE,
     SIGMA,
@@ -219,7 +219,7 @@ def _require_unit_of_axis(table: Table, u: str, of: str, unit: str) -> None:
     for what they are of, and the header does not.
     """
     stated = table.units.get(u, "")
-    if stated and same_unit(stated, unit) is False:
+    if stated and same_numbers(stated, unit, differences=True) is False:
         rule = f"must be in the unit that the campaign says of '{of}', {unit}; nothing is converted"
         raise InputError(
             rule, field=u, value=stated, file=table.file, line=table.header_line or None

@@ -54,8 +54,8 @@ class Columns:
         bare, unit = name_and_unit(name)
         found = [
             key
-            for key in self.columns
-            if bare_name(key) == bare and (not unit or same_numbers(self.units.get(key, ""), unit))
+            for key, (short, _) in zip(self.columns, names_and_units([*self.columns]), strict=True)
+            if short == bare and (not unit or same_numbers(self.units.get(key, ""), unit))
         ]
         if len(found) != 1:
             rule = "is called like two columns: say its unit too" if found else "is no column"
@@ -161,6 +161,7 @@ def _of_frame(frame: Any, columns: Sequence[str] | None) -> Columns:
     )
     if not places:
         raise InputError("has no column of numbers", field="table", quoted=str(list(columns or ())))
+    places = list(dict.fromkeys(places))
     table = frame.iloc[:, places].dropna()
     names = {called[i]: frame.columns[i] for i in places}
     for name in names:

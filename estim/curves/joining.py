@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError, same_unit
+from estim.common import InputError, same_numbers
 from estim.curves.count_data import Counting
 from estim.curves.curve_problem import AxisNames, CurveProblem, require_points
 from estim.curves.derived import SoughtQuantity, check_derived_names, in_units, seek
@@ -161,7 +161,7 @@ def join(
             )
             if first.unit == "1":
                 by_name[first.name] = replace(first, unit=p.unit)
-            elif p.unit != "1" and same_unit(p.unit, first.unit) is False:
+            elif p.unit != "1" and same_numbers(p.unit, first.unit) is False:
                 raise InputError(
                     f"is shared, but in {first.unit} for one data set and in {p.unit} for '{name}'",
                     field=p.name,

@@ -85,4 +85,11 @@ def error_sizes(fit: Fit) -> ErrorSizes:
     informations = np.stack(fit.posterior.informations(fit.values))
     n_par = np.einsum("ij,gji->g", cov, informations)
     dof = np.where(inferred, np.maximum(n_obs - n_par, 1.0), np.inf)
-    return ErrorSizes(dof, np.where(inferred, n_obs, np.inf), cov @ informations @ cov, cov)
+    parts = cov @ informations @ cov
+    # what is unknown of the errors is told by the groups that have it
+    for i in set(range(len(fit.names))) - set(of_curve):
+        name = fit.names[i]
+        having = [any(name in run.noise.parameters for run in group.runs) for group in groups]
+        cov[i, i] = 1.0
+        parts[having, i, i] = 1.0 / max(sum(having), 1)
+    return ErrorSizes(dof, np.where(inferred, n_obs, np.inf), parts, cov)

@@ -15,8 +15,8 @@ the other parameters of the run integrated out.  The noise and spreads between r
 set the size of errors, and there it is flat weights that are right.  To first order log m is linear
 about the fit; its curvature, some (u/reading)^2, does not grow with the number of runs.
 
-The same holds for what is unstated of single runs that count (an own amplitude beside a common
-lifetime), whose priors are flat.
+Where some runs count, the same holds for what is unstated of single runs (an own amplitude beside a
+common lifetime): the priors are flat there.
 
 One prior for all runs says how true values are distributed, and is integrated as it is.  Where
 nothing is shared, m = 1.

@@ -98,6 +98,8 @@ def profile_intervals(
     sizes : of the errors; where they were estimated, the ends are quantiles of Student's t.
     """
     indices = [_index(fit, name) for name in (fit.names if names is None else names)]
+    if not indices:
+        return ()
     shares = sizes.shares(np.eye(len(fit.names))[indices])
     dof = sizes.degrees_of_freedom(shares)
     ends = {

@@ -15,7 +15,7 @@ from itertools import combinations, product
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.problem import Flat, Problem, Symmetry
+from estim.problem import Flat, Problem, Symmetry, own_values
 
 TURNS = (0.5, 1.0, math.pi, 2.0 * math.pi, 180.0, 360.0)
 # looked at; where a curve takes one set of parameters at a time
@@ -203,7 +203,9 @@ class _Found:
                         sum(k * here[b] for b, k in combined.items()) + shift
                     )
             with np.errstate(all="ignore"):
-                curves = np.broadcast_to(run.curve.value(x, rows), (len(maps) + 1, x.size))
+                curves = np.broadcast_to(
+                    run.curve.value(x, own_values(rows)), (len(maps) + 1, x.size)
+                )
                 size = np.max(np.abs(curves[0]))
                 same &= (
                     np.max(np.abs(curves[1:] - curves[0]), axis=1) <= limit * size

@@ -35,7 +35,7 @@ def slope_interval(
     """The slopes around the best one with t^2 < k^2, where t = score/sqrt(information) at that
     slope.
 
-    At the true slope t is exactly standard normal (see ``angle.profile``).  Where the scale
+    At the true slope t is exactly standard normal (see ``angle_profile.profile``).  Where the scale
     comes from the residuals (convention "scaled") t^2/[(S - t^2)/(n - 2)] is exactly the square of
     Student's t with n - 2 degrees of freedom.  At the best slope the information is York's
     1/u_slope^2: York's "estimate -+ k u" is the linear approximation of this set.  Only the

@@ -4,8 +4,8 @@ and y (ISO/TS 28037, clauses 9 and 10).
 With V the covariance matrix (2 n_obs, 2 n_obs) of the errors of x, then of y, the errors across a
 line of angle theta have the covariance C = cos^2 V_yy - sin cos (V_xy + V_yx) + sin^2 V_xx, and S =
 d^T C^-1 d is what least squares over all true abscissas leave (generalised distance regression).
-The formulas are those of `angle.profile` and of `regression`, with matrices in place of sums over
-points.
+The formulas are those of `angle_profile.profile` and of `regression`, with matrices in place of
+sums over points.
 """
 
 from __future__ import annotations

@@ -12,11 +12,12 @@ What to use when:
   ("correlated", ISO/TS 28037 clauses 9 and 10).
 
 ``u_x``, ``u_y`` are standard uncertainties (one sd) of the readings of each point, independent
-between points.  An error common to all points is part of ``cov`` (`joint_errors`); scatter beyond
-the stated uncertainties is for ``posterior.py``.
+between points.  An error of the zero of an axis is part of ``cov`` (`joint_covariance`), one of
+its scale is added to the result (`stated_errors`); scatter beyond the stated uncertainties is for
+``posterior.py``.
 
-All three methods are one computation, described in ``angle.py``; it needs no starting values
-and cannot diverge.
+All three methods are one computation, described in ``angle_profile.py``; it needs no starting
+values and cannot diverge.
 
 Standard errors: ``fit.standard_errors`` holds every convention in print, ``CONVENTIONS`` names
 their papers.  For errors in both variables "propagated" is recommended: it holds its probability in

@@ -105,6 +105,8 @@ def with_scales(fit: LineFit, common: Sequence[Common]) -> LineFit:
     One of y multiplies the whole line, one of x its slope, and neither moves the best line.  As
     covariances of readings they would (Peelle's pertinent puzzle).
     """
+    if not math.isfinite(fit.slope):
+        return fit
     errors = {
         name: _with_scales(error, fit.intercept, fit.slope, common)
         for name, error in fit.standard_errors.items()
@@ -132,9 +134,10 @@ def slope_with_scales(
     interval: SlopeInterval, slope: float, k: float, common: Sequence[Common]
 ) -> SlopeInterval:
     """The interval of the slope, each side as wide as both errors together."""
-    u = abs(slope) * math.hypot(*(scale.u for scale in common if scale.relative))
-    if u == 0.0:
+    scales = [scale.u for scale in common if scale.relative]
+    if not scales or not math.isfinite(slope):
         return interval
+    u = abs(slope) * math.hypot(*scales)
     return interval._replace(
         low=slope - math.hypot(slope - interval.low, k * u),
         high=slope + math.hypot(interval.high - slope, k * u),

@@ -31,6 +31,7 @@ from estim.problem.likelihood import (
     n_draws,
     some_draws,
     reading_sd,
+    own_values,
     shift_of,
     spread_of,
 )

@@ -17,7 +17,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Protocol, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -61,10 +61,7 @@ class Points:
             a: named[source] if isinstance(source, str) else source
             for a, source in self.arguments.items()
         }
-        for name in [name for name in values if shift_of(name) in values]:
-            spread, shift = (np.asarray(values.pop(part(name))) for part in (spread_of, shift_of))
-            values[name] = values[name] + spread * shift
-        return values
+        return own_values(values)
 
     def value(self, named: Named) -> FloatArray:
         """(n_draw, n_obs) the curve at the points."""
@@ -121,6 +118,16 @@ def spread_of(argument: str) -> str:
 
 def shift_of(argument: str) -> str:
     return f"{argument} shift"
+
+
+def own_values(values: dict[str, Any]) -> dict[str, Any]:
+    """Arguments of a curve with this run's own value, mean + spread * shift, of those that vary
+    between runs.
+    """
+    for name in [name for name in values if shift_of(name) in values]:
+        spread, shift = (np.asarray(values.pop(part(name))) for part in (spread_of, shift_of))
+        values[name] = values[name] + spread * shift
+    return values
 
 
 def n_draws(named: Named) -> int:

@@ -139,7 +139,9 @@ class Problem:
 
     @cached_property
     def incidental(self) -> frozenset[str]:
-        """`readings`, and of counts what is unstated of single runs, whose prior is flat."""
+        """`readings`, and where some runs count, what is unstated of single runs, whose priors are
+        flat there.
+        """
         if not any(run.noise.counted is not None for run in self.runs):
             return self.readings
         uses = uses_of(self.runs)

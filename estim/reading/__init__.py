@@ -23,6 +23,7 @@ from estim.reading.dialect import (
     bare_name,
     name_and_unit,
     names_and_units,
+    uncertainty_of,
 )
 from estim.reading.input_file import TOML_BYTES, leads_out, read_text, refuse_outside, way_to
 from estim.reading.layout import (
@@ -31,7 +32,6 @@ from estim.reading.layout import (
     is_called,
     numeric_columns,
     read_layout,
-    uncertainty_of,
     value_columns,
 )
 from estim.reading.run import (

@@ -16,7 +16,7 @@ from itertools import pairwise
 
 from estim.common import InputError, in_unit, is_unit, phrase, require_clear_share, same_numbers
 from estim.reading.cells import is_missing, looks_like_a_number
-from estim.reading.dialect import bare_name, is_uncertainty
+from estim.reading.dialect import bare_name, is_uncertainty, uncertainty_of
 from estim.reading.table import Layout, line_numbers
 
 _NUMBER = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)"
@@ -126,9 +126,9 @@ def _quantities(table: Layout, place: int, cells: Sequence[tuple[int, str]]) -> 
     if not with_u:
         return _told(table, *told)
     called = f"u_{bare_name(name)}"
-    if called in map(bare_name, table.names):
+    if (column := uncertainty_of(name, table.names)) is not None:
         rule = "has uncertainties in its cells, and a column of their own as well"
-        raise InputError(rule, field=name, value=called, line=cells[0][0])
+        raise InputError(rule, field=name, value=column, line=cells[0][0])
     rows = [
         row._replace(cells=[*row.cells[: len(table.names)], errors.get(row.number, "")])
         if len(row.cells) >= len(table.names) and not any(row.cells[len(table.names) :])

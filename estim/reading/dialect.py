@@ -206,6 +206,16 @@ def is_uncertainty(name: str) -> bool:
     return match is not None and not (match[1] and is_unit(match[1]))
 
 
+def uncertainty_of(column: str, names: Sequence[str]) -> str | None:
+    """The column u_NAME or u(NAME) of the uncertainties of `column`, if it is among `names`."""
+    named = {
+        written for name in (column, bare_name(column)) for written in (f"u_{name}", f"u({name})")
+    }
+    found = [name for name in names if not name.startswith("_") and {name, bare_name(name)} & named]
+    # of two that are called alike without their units, the one in this unit
+    return next((name for name in found if name in named), found[0] if found else None)
+
+
 def shown_delimiter(*lines: str) -> str:
     """What separates the cells of rows of data, by these alone: tabs, semicolons and bars always
     do, commas unless in numbers of the last.

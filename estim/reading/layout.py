@@ -5,9 +5,11 @@ above them.
 from __future__ import annotations
 
 import csv
+import math
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from statistics import fmean, median, stdev
 
 from estim.common import InputError, in_its_file, is_unit, phrase
 from estim.reading.cell_formats import in_plain_numbers, says_a_value
@@ -181,7 +183,32 @@ def _without_sums(rows: list[Row]) -> tuple[list[Row], list[Row]]:
     end = next((i for i, word in enumerate(words) if word), len(rows))
     last = words[end:]
     alone = all(last) and len(set(last)) == len(last) and 2 * end > len(rows)
+    alone = alone and all(_sums_up(row, rows[:end]) for row in rows[end:])
     return (rows[:end], rows[end:]) if alone else (rows, [])
+
+
+def _sums_up(row: Row, above: Sequence[Row]) -> bool:
+    """Whether a row that calls itself a mean, a sum and so on says so where other rows have a
+    number, or has such a number of one column, to 1 %: else the word may be a label.
+    """
+    for i, cell in enumerate(row.cells):
+        column = [other.cells[i] for other in above if i < len(other.cells)]
+        numbers = [value for text in column if (value := _plain_number(text)) is not None]
+        if cell.strip(" :=").casefold() in _SUMS and 2 * len(numbers) >= len(column) > 0:
+            return True
+        value = _plain_number(cell)
+        if value is not None and len(numbers) > 1:
+            known = (fmean(numbers), math.fsum(numbers), median(numbers), stdev(numbers))
+            if any(abs(value - sum_) <= 0.01 * abs(sum_) for sum_ in known):
+                return True
+    return False
+
+
+def _plain_number(text: str) -> float | None:
+    try:
+        return float(text.strip().replace(",", "."))
+    except ValueError:
+        return None
 
 
 def _sum_word(row: Row) -> str:
@@ -313,21 +340,12 @@ def value_columns(layout: Layout, errors: Sequence[str | None] = ()) -> tuple[st
     """The columns of numbers that are not called as uncertainties, nor named as such in
     `errors`.
     """
+    own = {f"u({name})" for name, _ in names_and_units(layout.names)}
     return tuple(
         name
         for name in numeric_columns(layout)
-        if not is_uncertainty(bare_name(name)) and not {name, bare_name(name)} & {*errors}
-    )
-
-
-def uncertainty_of(column: str, names: Sequence[str]) -> str | None:
-    """The column u_NAME or u(NAME) of the uncertainties of `column`, if it is among `names`."""
-    named = {
-        written for name in (column, bare_name(column)) for written in (f"u_{name}", f"u({name})")
-    }
-    return next(
-        (name for name in names if not name.startswith("_") and {name, bare_name(name)} & named),
-        None,
+        if not (is_uncertainty(bare_name(name)) or name in own)
+        and not {name, bare_name(name)} & {*errors}
     )
 
 
