@@ -2,9 +2,9 @@
 
 A flat prior is one of how the curve was written: that of the constant `a` of a*exp(-E/x), known to
 a factor 3, favours large ones, and moves E by a standard deviation; that of log(a) does not.
-Jeffreys' prior is the same for both.  It is computed at some places around the fit, and a
-polynomial of second degree through its logarithm stands for it; where none is good enough, far from
-the fit, and with many parameters, it is computed at every draw.
+Jeffreys' prior (`estim.problem.prior_measures`) is the same for both.  It is computed at some
+places around the fit, and a polynomial of second degree through its logarithm stands for it; where
+none is good enough, far from the fit, and with many parameters, it is computed at every draw.
 
 Counts keep flat priors, those of the usual limits of a rate where hardly any were seen, and so do
 parameters with limits on both sides, which state a uniform prior.

@@ -1,5 +1,5 @@
 """One side of a profile: the walk outward from the mode, where it crosses a level, and the valleys
-beside it.  Tasks of `descent`.
+beside it.  Tasks of `run_descents`.
 """
 
 from __future__ import annotations

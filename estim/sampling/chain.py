@@ -95,7 +95,7 @@ class Chain:
 
     draws : (n_ensemble, n_step, n_walker, n_par) after burn-in.
     log_density : (n_ensemble, n_step, n_walker).
-    n_burn : steps discarded.
+    n_burn : steps of warm-up, discarded.
     acceptance : (n_ensemble,) mean share of accepted moves; stuck : walkers that never moved.
     mixing : how well these draws mix, where that was asked already.
     """
@@ -189,7 +189,7 @@ def sample_posterior(
             # too short whatever else is said: on at once to the length that is asked for
             wanted = long_enough
         else:
-            n_burn = _n_burn(n_step, tau, sure=share > _LEAST_SHARE)
+            n_burn = _warm_up_steps(n_step, tau, sure=share > _LEAST_SHARE)
             mixing = mixing_of(draws[:, n_burn:])
             convergence = _check_convergence(
                 mixing, target, n_step=n_step, tau=tau, tau_before=tau_before
@@ -253,8 +253,8 @@ def _n_walker(n_par: int, target: Target) -> int:
     return n_walker + n_walker % 2
 
 
-def _n_burn(n_step: int, tau: float, *, sure: bool) -> int:
-    """Steps to discard; fewer where the walkers started from draws of a proposal that can be
+def _warm_up_steps(n_step: int, tau: float, *, sure: bool) -> int:
+    """Steps of warm-up (burn-in) to discard; fewer where the walkers started from draws of a proposal that can be
     trusted.
     """
     if not math.isfinite(tau):
