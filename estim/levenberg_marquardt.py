@@ -1,9 +1,9 @@
 """Batched minimisation between bounds by Levenberg-Marquardt steps, from many points at once.
 
-What is minimised is an `ObjectiveFunction`, with its gradient and a positive Hessian: J^T r and
-J^T J of least squares, or those of the logarithm of a density.  Each is asked for once, at all
-points that are on their way.  A parameter that a step would take beyond its bound is held there,
-and the others make the best of it.
+What is minimised is an `ObjectiveFunction`, with its gradient and a positive semidefinite Hessian:
+J^T r and J^T J of least squares, or those of minus the logarithm of a density.  Each is computed in
+one call for all points that are still descending.  A parameter that a step would take beyond its
+bound is held there, and the step of the others is computed anew.
 
 `run_descents` runs tasks that ask for one descent after the other (a path, whose next point depends
 on the last).  `LeastSquares` is a sum of squares, which `descend` minimises from many points.
@@ -400,7 +400,7 @@ class _Descents:
         )
         self.steps[now] += 1
         stuck = now[(self.damping[now] > _MOST_DAMPING) | (self.steps[now] >= self.max_steps)]
-        # promised fall of a minimum below which no step leads, or not soon
+        # predicted decrease below which a point that no step improves counts as a minimum
         self.converged[stuck], self.going[stuck] = self.predicted[stuck] < 1e-4, False
 
     def _started(self, now: Indices, objectives: FloatArray) -> None:
@@ -412,15 +412,15 @@ class _Descents:
         self.going[nowhere[~elsewhere]] = False
 
     def _surveyed(self, which: Indices) -> None:
-        """The gradients and hessians at `which`, those of which end that are promised next to
-        nothing.
+        """Gradients and Hessians at `which`; descents whose predicted decrease is small enough
+        end here.
         """
         if not which.size:
             return
         points, outdated = self.points[which], self.outdated[which]
         gradients, hessians = self.function.derivatives(points, which, outdated)
         if not np.all(outdated):
-            # of a reach: two gradients closer than that teach nothing of a hessian
+            # of a reach: gradients at points closer than that say nothing about the Hessian
             learned = _learned(
                 self.hessians[which],
                 points - self.known[which],
@@ -491,7 +491,7 @@ def bounded_steps(
 
 
 def _predicted(steps: FloatArray, gradients: FloatArray, hessians: FloatArray) -> FloatArray:
-    """(n,) by how much steps (n, n_par) go down."""
+    """(n,) decrease that is predicted for steps (n, n_par)."""
     return -np.sum(steps * gradients, axis=1) - 0.5 * np.einsum(
         "ki,kij,kj->k", steps, hessians, steps
     )
@@ -500,8 +500,8 @@ def _predicted(steps: FloatArray, gradients: FloatArray, hessians: FloatArray) -
 def _learned(
     hessians: FloatArray, steps: FloatArray, changes: FloatArray, telling: FloatArray
 ) -> FloatArray:
-    """Curvatures (n, n_par, n_par) with what changes of the gradient along steps (n, n_par) say of
-    them: BFGS, damped (Powell) to stay positive.
+    """Hessians (n, n_par, n_par) updated by the changes of the gradient along steps (n, n_par):
+    BFGS, damped (Powell) to stay positive definite.
     """
     with np.errstate(all="ignore"):
         before = np.einsum("kij,kj->ki", hessians, steps)

@@ -210,8 +210,8 @@ def same_unit(unit: str, other: str) -> bool | None:
 
 
 def same_numbers(unit: str, other: str, *, differences: bool = False) -> bool | None:
-    """`same_unit` for numbers in these units: Hz, of cycles, is not rad/s; °C is not K, but for
-    `differences`.
+    """`same_unit` for numbers in these units: Hz counts cycles and is not rad/s; °C is not K,
+    except for `differences`.
     """
     zeros = {_has_own_zero(text) for text in (unit, other)}
     kelvins = all(any(a[1:] == _KELVIN for a in _meanings(text)) for text in (unit, other))

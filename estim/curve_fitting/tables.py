@@ -58,7 +58,7 @@ class Columns:
             if short == bare and (not unit or same_numbers(self.units.get(key, ""), unit))
         ]
         if len(found) != 1:
-            rule = "is called like two columns: say its unit too" if found else "is no column"
+            rule = "is the name of two columns: give the unit too" if found else "is no column"
             raise InputError(rule, field=name, quoted=listed(found or list(self.columns)))
         return found[0]
 

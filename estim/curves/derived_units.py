@@ -152,7 +152,7 @@ class _Reading:
             self._check_angle(name, arguments[0], units[0])
         if name in _OF_PURE and units[0] and _is_other_number(units[0]):
             raise InputError(
-                f"takes {name} of what is in {_shown(units[0])}, but {name} takes a pure number; "
+                f"takes {name} of what is in {_shown(units[0])}, but {name} needs unit 1; "
                 "nothing is converted"
             )
         if name in _ANGLES or name == "radians":

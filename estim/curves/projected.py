@@ -70,7 +70,7 @@ class ProjectedCurve:
 
     @cached_property
     def function(self) -> LeastSquares:
-        """What descents in the drawn parameters go down."""
+        """The sum of squares as a function of the drawn parameters, which descents minimise."""
         return LeastSquares(
             lambda points, _which: self.left(points),
             np.array([scale.low for scale in self.scales]),

@@ -229,7 +229,7 @@ def _down(
         return []
     points = np.array(starts)
     first = search.squares(points)
-    # promised fall of the squares at which a descent ends
+    # predicted decrease of the squares at which a descent ends
     ends, _, _ = search.function.descend(points, ftol=1e-8, max_steps=steps)
     after = search.squares(ends)
     lower = (after < first)[:, None]

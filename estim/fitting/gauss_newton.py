@@ -11,7 +11,7 @@ from estim.fitting.fisher_scoring import step_between
 from estim.fitting.separable import RESOLVED, SeparableSearch
 
 _NO_STEP = 1e-6  # standard deviations
-# promised fall of the sum of squares at which a descent ends; Fisher scoring follows the rough one
+# predicted decrease of the squares at which a descent ends; Fisher scoring follows the rough one
 _CLOSELY, _ROUGHLY, _MOST_STEPS = 1e-11, 1e-3, 100
 
 End = tuple[FloatArray, float]  # values (n_par,) and their sum of squares

@@ -15,8 +15,8 @@ the other parameters of the run integrated out.  The noise and spreads between r
 set the size of errors, and there it is flat weights that are right.  To first order log m is linear
 about the fit; its curvature, some (u/reading)^2, does not grow with the number of runs.
 
-Where some runs count, the same holds for what is unstated of single runs (an own amplitude beside a
-common lifetime): the priors are flat there.
+Where the data of some runs are counts, the same holds for parameters of single runs that have no
+stated prior (an amplitude of each run beside a common lifetime): their priors are flat.
 
 One prior for all runs says how true values are distributed, and is integrated as it is.  Where
 nothing is shared, m = 1.

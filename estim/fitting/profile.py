@@ -389,7 +389,7 @@ def _grid(
             )
             instead = near.values.copy()
             values[[i, j]] = instead[[i, j]] = target
-            # fall still promised at a point of a contour grid, good enough for a figure
+            # predicted decrease left at a point of a contour grid, good enough for a figure
             starts.append(Start(values, (i, j), near, instead, tolerance=1e-4))
         done |= zip(rings[ring], minima(search, starts), strict=True)
     for cell, point in done.items():

@@ -102,8 +102,9 @@ def stated_covariance(
 def with_scales(fit: LineFit, common: Sequence[Common]) -> LineFit:
     """`fit` with the errors of scales that all points share.
 
-    One of y multiplies the whole line, one of x its slope, and neither moves the best line.  As
-    covariances of readings they would (Peelle's pertinent puzzle).
+    An error of the scale of y is a common factor of intercept and slope, one of x a factor of the
+    slope.  Both widen the uncertainties and leave the best line where it is.  As covariances of
+    the readings they would move it (Peelle's pertinent puzzle).
     """
     if not math.isfinite(fit.slope):
         return fit
@@ -133,7 +134,7 @@ def _with_scales(
 def slope_with_scales(
     interval: SlopeInterval, slope: float, k: float, common: Sequence[Common]
 ) -> SlopeInterval:
-    """The interval of the slope, each side as wide as both errors together."""
+    """The interval of the slope, each side combined in quadrature with k u of the scales."""
     scales = [scale.u for scale in common if scale.relative]
     if not scales or not math.isfinite(slope):
         return interval

@@ -14,7 +14,8 @@ class TwoValues:
     """difference : first minus second.  unit : of both, "1" for none.  e_n : the difference in
     units of its expanded uncertainty U = k u.
 
-    dof : effective degrees of freedom of u.  k : 2, or as large as they ask for.
+    dof : effective degrees of freedom of u.  k : coverage factor, 2 or that of Student's t for
+        95 %, whichever is larger.
     """
 
     difference: Quantity

@@ -18,7 +18,7 @@ the axle, v = R u':
 | symbol | name in code | unit | meaning | on the way back |
 |---|---|---|---|---|
 | E0 | release_energy | 1 | kinetic energy at release; negative: what a body at rest lacks | |
-| m | moment | 1 | resisting moment / (M g R), which bodies of different mass share | changes sign |
+| m | moment | 1 | resisting moment / (M g R), see `moment_ratio` | changes sign |
 | c_N | load_resistance | 1 | rolling resistance by the load that the ramp feels | changes sign |
 | k_1 | viscous_drag | 1/s | force k_1 M v against the motion | changes sign |
 | k_2 | quadratic_drag | 1/m | force k_2 M v^2, k_2 = c_w A rho_air/(2 M) | changes sign |

@@ -139,8 +139,8 @@ class Problem:
 
     @cached_property
     def incidental(self) -> frozenset[str]:
-        """`readings`, and where some runs count, what is unstated of single runs, whose priors are
-        flat there.
+        """`readings`, and where the data of some runs are counts, also the parameters of single
+        runs that have no stated prior, which is then flat.
         """
         if not any(run.noise.counted is not None for run in self.runs):
             return self.readings

@@ -101,7 +101,7 @@ def _quantities(table: Layout, place: int, cells: Sequence[tuple[int, str]]) -> 
         elif plus_minus:
             texts.append(plus_minus + (power or ""))
         if unit_here and unit_here != unit and not _same(unit_here, unit, differences):
-            like = "the header says" if stated else "the cells above it"
+            like = "the header says" if stated else "the cells above it are"
             texts = [_converted(text, unit_here, unit, name, number, like) for text in texts]
             converted.setdefault(unit_here, []).append(number)
         values[number] = texts[0]

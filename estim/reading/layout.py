@@ -174,8 +174,8 @@ def _footer(lines: Lines) -> tuple[Lines, Lines]:
 
 
 def _without_sums(rows: list[Row]) -> tuple[list[Row], list[Row]]:
-    """The rows, and those at the end that say themselves to be the mean, the sum and so on of the
-    others, where none of these does.
+    """The rows, and those at the end that are labelled as the mean, the sum and so on of the
+    others, where no other row is.
     """
     if not _sum_word(rows[-1]):
         return rows, []
@@ -212,7 +212,7 @@ def _plain_number(text: str) -> float | None:
 
 
 def _sum_word(row: Row) -> str:
-    """What a row with a value calls itself, if that is a mean, a sum and so on."""
+    """The label of a row with a value, if it says mean, sum and so on."""
     words = (cell.strip(" :=").casefold() for cell in row.cells)
     word = next((word for word in words if word in _SUMS), "")
     return word if any(map(says_a_value, row.cells)) else ""

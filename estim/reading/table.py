@@ -140,7 +140,7 @@ def require_unit(
     units: Mapping[str, str], u: str, of: str, *, file: str | None = None, line: int | None = None
 ) -> None:
     """Raises InputError where `units` has one for the column `u` of uncertainties, and another or
-    none for the column that they are of: 2 % of y is no 2.
+    none for the column that they are of: 2 % of y is not 2.
     """
     stated, wanted = (units.get(name, "").strip() for name in (u, of))
     if not wanted and is_unit(stated) and same_unit(stated, "1") is False:

@@ -14,10 +14,10 @@ Chains and draws.  Walkers of one ensemble move by each other, so `chain` is an 
 compares ensembles, as ours does.  `draw` runs through the earlier half of an ensemble's draws, then
 the later, and within each half walker by walker in the order of the steps.  So the two halves into
 which ArviZ splits a chain are the halves in time, and draws that follow each other belong to one
-walker: R-hat is exactly ours (of an odd number of steps ours leaves out the first), and effective
-sample sizes are ours to some ten per cent.  (Step by step, with neighbours from different walkers,
-ArviZ would find no autocorrelation and take every draw for an independent one.)  The coordinates
-`step` and `walker` tell where a draw comes from.
+walker: for an even number of steps R-hat is exactly ours (for an odd number ours leaves out the
+first step), and effective sample sizes agree with ours to about ten per cent.  (Step by step, with
+neighbours from different walkers, ArviZ would find no autocorrelation and take every draw for an
+independent one.)  The coordinates `step` and `walker` tell where a draw comes from.
 """
 
 from __future__ import annotations

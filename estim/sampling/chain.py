@@ -254,8 +254,8 @@ def _n_walker(n_par: int, target: Target) -> int:
 
 
 def _warm_up_steps(n_step: int, tau: float, *, sure: bool) -> int:
-    """Steps of warm-up (burn-in) to discard; fewer where the walkers started from draws of a proposal that can be
-    trusted.
+    """Steps of warm-up (burn-in) to discard; fewer where the walkers started from draws of a
+    proposal that can be trusted.
     """
     if not math.isfinite(tau):
         return n_step // 2

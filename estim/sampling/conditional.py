@@ -36,7 +36,7 @@ _ROUGH, _MOST_STEP = 0.1, 10
 _LONGEST_STEP, _FROM_AFAR, _WATCHED, _SETTLED = 3.0, 100.0, 1.0, 0.05
 _MOST_HALVING, _LEAST_EIGENVALUE = 8, 1e-12
 _NOT_NORMAL = "must have plain normal noise for a marginal over runs: use the sampler"
-_LOST = "the marginal over runs finds no values of a run's own parameters: use the sampler"
+_LOST = "the marginal over runs finds no mode of a run's own parameters: use the sampler"
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,8 +116,8 @@ class RunTerm:
         return mode, covariance_roots(informations)
 
     def _allowed(self, shared: FloatArray, own: FloatArray) -> FloatArray:
-        """Own parameters (n_draw, n_own), those of no density in the place of others: the centres
-        of stated ones, the fit of the others.
+        """Own parameters (n_draw, n_own); where their density is zero, replaced by the centres of
+        their stated priors, and by the fit where no prior is stated.
         """
         lost = np.flatnonzero(np.isneginf(self.log_joint(shared, own)))
         if lost.size:

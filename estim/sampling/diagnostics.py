@@ -33,8 +33,8 @@ class Mixing:
 
 
 def mixing_of(draws: FloatArray) -> Mixing:
-    """How well draws (n_ensemble, n_step, n_walker, n_par) mix; of an odd number of steps without
-    the first, so that two halves hold all.
+    """How well draws (n_ensemble, n_step, n_walker, n_par) mix.  Of an odd number of steps the
+    first is left out, so that the two halves are equally long.
     """
     draws = draws[:, draws.shape[1] % 2 :]
     each = np.array([_mixing(draws[..., i]) for i in range(draws.shape[-1])])

@@ -10,8 +10,8 @@ Two things can be wrong, and each is checked.  The proposal may miss the margina
 weights tells.  The runs' own parameters may not be normal given the shared ones: on some of the
 draws the weights in ALL dimensions are computed, in which nothing is approximated, and both sets of
 weights must give the same means and standard deviations (a choice of several nodes removes most of
-a difference).  Before that, polynomials that stand for the modes of the runs are held against steps
-to these, far into the tails: draws of a density that they have cut short would not show it.
+a difference).  Before that, the polynomials for the modes of the runs are compared with modes found
+by steps, far into the tails: draws of a density that they have cut short would not show it.
 
 Priors with hard edges: sampled parameters are only checked against their support.  A run's own
 parameter that comes close to such an edge is no normal variable and is sampled with the shared
@@ -48,7 +48,7 @@ from estim.words import tell
 
 _LEAST_ESS = 400.0
 _MOST_SAMPLED = 12
-_N_TRIED = 400  # places where polynomials are held against steps to the modes
+_N_TRIED = 400  # points where polynomials are compared with steps to the modes
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class MarginalOptions:
     dimensions.
     n_node : Gauss-Hermite nodes along each own parameter of a run; 1 is Laplace's approximation, 5
         leaves no visible error.
-    wide : whether a quarter of the draws comes from three times as far around.
+    wide : whether a quarter of the draws comes from a proposal three times as wide.
     """
 
     n_draw: int = 8000

@@ -42,10 +42,10 @@ class Marginal:
         return shared[:, np.searchsorted(self.columns, term.columns[term.shared])]
 
     def with_steps(self, points: FloatArray) -> Marginal:
-        """With steps to the modes of all runs at each draw where polynomials would bend the density
-        over `points` (n_point, n_sampled), tails and all.
+        """With steps to the modes of all runs at each draw, if polynomials would distort the
+        density at `points` (n_point, n_sampled), which reach into the tails.
 
-        Runs miss in the same places, so that a little of each adds up.
+        The errors of the runs occur at the same points, so that small ones add up.
         """
         points = points[np.isfinite(self.log_prior(points))]
         careful = replace(self, expansions=[replace(e, rough=True) for e in self.expansions])
