@@ -115,7 +115,7 @@ def test_columns_of_one_name_in_two_units_are_two(tmp_path: Path, framed: bool) 
     assert table.units == {"t": "s", "U (V)": "V", "U (mV)": "mV", "u_U": "V"}
     points = table.points("t", "U (V)")
     assert (points["u_y"].tolist(), points["axes"].y_name) == ([0.5, 0.5], "U")
-    for name, says in (("U", "name of two columns"), ("t (ms)", "is no column"), ("W", "no column")):
+    for name, says in (("U", "of two columns"), ("t (ms)", "is no column"), ("W", "no column")):
         with pytest.raises(InputError, match=says):
             table[name]
 
