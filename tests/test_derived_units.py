@@ -262,7 +262,7 @@ def test_a_fit_in_python_says_so_too() -> None:
 )
 def test_a_function_of_a_pure_number_takes_no_other(formula: str, given: str) -> None:
     name = formula.partition("(")[0]
-    with pytest.raises(InputError, match=f"takes {name} of what is in {given}, but {name} takes"):
+    with pytest.raises(InputError, match=f"takes {name} of what is in {given}, but {name} needs"):
         unit(formula)
     for fine in ("exp(-tau/T)", "log(L)", "exp(r)", "arctan(L/L)", "exp(-tau*omega)", "log(cts)"):
         unit(fine)
