@@ -16,6 +16,7 @@ from estim import fit_curve
 from estim.campaign import load_campaign
 from estim.cli.commands import cli
 from estim.common.errors import InputError
+from estim.common.kinds import Status
 from estim.deviation.components import diagonalise
 from estim.deviation.generic import correlated_shapes, deviation_shapes, relative_grid
 from estim.deviation.kernels import root, without_mean
@@ -24,7 +25,10 @@ from estim.deviation.residual_part import see_deviation
 from estim.fitting import fit_problem
 from estim.fitting.discrepancy import fit_discrepancy
 from estim.fitting.optimum import fit_optimum
+from estim.pipeline import analyse
 from estim.problem.observations import Discrepancy
+from estim.reports.curve_figures import phase_figure
+from estim.sampling import Target
 
 LINE = """title = "a line with a wave"
 kind = "synthetic"
@@ -238,6 +242,16 @@ def test_where_nothing_is_missing_the_size_of_the_errors_is_that_of_the_residual
     assert fit.sigma == pytest.approx(plain.sigma, rel=0.1)
     assert fit.sds["b"] < 2.5 * plain.sds["b"]
     assert "P(amplitude > 0)" in fit.notes[-1]
+
+
+@pytest.mark.parametrize("keys", ["deviation = 0.05", ""])
+def test_the_legend_says_what_the_band_of_a_new_reading_leaves_out(folder, keys):
+    draws = Target(ess=1000.0)
+    analysis = analyse(load_campaign(asked(folder, keys)), ["first"], seed=1, target=draws)
+    ok = replace(analysis, diagnosis=replace(analysis.diagnosis, status=Status.OK))
+    (legend,) = phase_figure(ok).legends
+    words = "a new distance s without the deviation, 95 %" if keys else "a new distance s, 95 %"
+    assert words in [text.get_text() for text in legend.get_texts()]
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,7 @@ def phase_figure(analysis: Analysis) -> Figure:
     for (ax, low), i in zip(pairs, drawn, strict=True):
         run, bands, residuals = analysis.problem.runs[i], analysis.bands[i], all_residuals[i]
         if trusted:
-            _draw_bands(ax, bands, phrase(run.words.new, y=run.y_name))
+            _draw_bands(ax, bands, _new_reading(analysis, run, bands))
             label = phrase("posterior median")
         else:
             label = phrase(
@@ -153,6 +153,16 @@ def _curve(analysis: Analysis, run: Observations, bands: Bands, x: FloatArray) -
     if analysis.diagnosis.ok:
         return np.interp(x, bands.x, bands.median)
     return curve_draws(analysis.problem, run, x, analysis.fit.values[None, :])[0][0]
+
+
+def _new_reading(analysis: Analysis, run: Observations, bands: Bands) -> str:
+    """What the outer band is of, which is without what the curve lacks unless it is `completed`."""
+    new = phrase(run.words.new, y=run.y_name)
+    lacks = [deviation.run for deviation in analysis.fit.deviations]
+    lacks += [name for force in analysis.fit.forces for name in force.runs]
+    if bands.completed or run.name not in lacks:
+        return new
+    return phrase("{new} without the deviation", new=new)
 
 
 def _draw_bands(ax: Axes, bands: Bands, new: str = "", *, less: FloatArray | float = 0.0) -> None:
