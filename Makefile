@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 CAMPAIGN := data/replica/campaign.toml
 OUT ?= out/replica
 
-.PHONY: report test statistics lint reports gallery bench coverage docs site lock clean
+.PHONY: report test test-long lint reports gallery bench coverage docs site lock clean
 
 report: $(VENV)/.installed
 	$(BIN)/estim reanalyse $(CAMPAIGN) --out $(OUT)
@@ -14,11 +14,11 @@ report: $(VENV)/.installed
 
 # PYTHONDONTWRITEBYTECODE, where it is set, has every worker rewrite all tests and every process that they start compile all modules
 test: $(VENV)/.installed
-	PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal -m "not statistics"
+	PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal -m "not slow and not statistics"
 
-# studies by repeated sampling: coverage of intervals, p-values of the tests, simulation-based calibration
-statistics: $(VENV)/.installed
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal -m statistics
+# the others: tests of more than two seconds, and studies by repeated sampling (coverage of intervals, p-values of the tests, simulation-based calibration)
+test-long: $(VENV)/.installed
+	PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal -m "slow or statistics"
 
 # the rendered report that the repository shows; a test compares it with a new one
 reports: $(VENV)/.installed

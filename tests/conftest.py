@@ -63,7 +63,7 @@ BODIES = [
 def reanalysed(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Reanalysis:
-    """The replica reanalysed as `estim reanalyse --seed 2` does: both bodies in `make statistics`;
+    """The replica reanalysed as `estim reanalyse --seed 2` does: both bodies in `make test-long`;
     one of them in `make test`, of a quarter of the effective draws.
 
     The other body goes the same way with the same numbers.  One process has it (`REANALYSED`).
@@ -150,20 +150,10 @@ def pytest_collection_finish() -> None:
     gc.set_threshold(10_000, 20, 20)
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What is slow is done with stand-ins in `make test`, and with real files in `make
-    statistics`.
-    """
-    for item in items:
-        if item.get_closest_marker("slow") and "real files" in item.name:
-            item.add_marker("statistics")
-
-
 def pytest_terminal_summary(
     terminalreporter: pytest.TerminalReporter, config: pytest.Config
 ) -> None:
-    if config.option.markexpr == "statistics":
+    if config.option.markexpr == "slow or statistics":
         count = sum(path.is_file() for path in REAL.rglob("*"))
         terminalreporter.write_line(
             f"real files of the program Tracker, read beside their stand-ins: {count} ({REAL})"

@@ -56,6 +56,7 @@ def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_fit_writes_report_json_and_figures(fitted: Path) -> None:
     report = (fitted / "out" / "report.md").read_text()
     assert "SYNTHETIC" in report.splitlines()[2]

@@ -113,6 +113,7 @@ def written(folder: Path) -> dict[str, bytes]:
 
 
 # which ends a process at once where nobody handles it, and that no shell ignores
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGTERM])
 def test_signal_in_the_middle_of_a_chain_ends_with_130_and_one_line(
     endless: subprocess.Popen[str], tmp_path: Path, number: int
@@ -187,6 +188,7 @@ def test_folder_that_cannot_be_written_is_known_before_sampling(
     assert err.count("\n") == 1
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn", "few_draws")
 def test_second_fit_into_the_same_folder_is_refused_while_the_first_lives(
     endless: subprocess.Popen[str], fit: RunFit, tmp_path: Path

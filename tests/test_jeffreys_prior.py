@@ -125,6 +125,7 @@ def test_faster_oscillations_through_the_same_points_count_for_nothing() -> None
         assert 0.5 * (high - low) == pytest.approx(fit.sds[name], rel=0.2)
 
 
+@pytest.mark.slow
 def test_sets_far_from_normal_are_not_sampled_through_what_they_share() -> None:
     """An own constant known to a factor: the marginal had a third of the width of E, and `ok`."""
     start = {"a": 2e6, "E": 4000.0, "c": 1.0}

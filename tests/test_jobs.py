@@ -173,6 +173,7 @@ for delay in (0.001, 0.002, 0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.1):
 """
 
 
+@pytest.mark.slow
 def test_an_interrupt_right_after_many_were_handed_over_ends_the_work() -> None:
     """`as_completed` of the standard library, interrupted while it starts, leaves the futures
     locked for ever.

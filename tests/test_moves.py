@@ -44,7 +44,7 @@ CASES = {
     "bounded half-normal": (half_normal(3), student(np.full(3, 0.8), 0.5 * np.eye(3))),
     "two modes": (bimodal(2), both_modes(2)),
 }
-# by the whole sampler; the others in `make statistics`
+# by the whole sampler; the others in `make test-long`
 SAMPLED = ("normal, wrong centre", "banana", "bounded half-normal", "two modes")
 
 

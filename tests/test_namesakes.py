@@ -58,6 +58,7 @@ def test_a_file_beside_the_data_is_not_imported(tmp_path: Path, project: Path) -
     assert not (tmp_path / "imported").exists()
 
 
+@pytest.mark.slow
 def test_the_folder_of_the_sources_is_kept(project: Path, replica: Path) -> None:
     done = run(["-m", "estim", "fit", str(replica / "campaign.toml"), "--run", "nope"], cwd=project)
     assert done.stderr.startswith(

@@ -132,7 +132,7 @@ def test_the_reference_data_are_there() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("path", "start"),
-    [  # most sets are left to `make statistics`, and to the next test
+    [  # most sets are left to `make test-long`, and to the next test
         pytest.param(
             path,
             start,

@@ -123,6 +123,7 @@ def test_a_page_has_captions() -> None:
     assert len(page.all("caption")) == 2
 
 
+@pytest.mark.slow
 def test_every_report_has_its_numbers_in_order_and_the_same_on_paper(reports: Path) -> None:
     for path in sorted(reports.rglob("report.md")):
         files = files_of(path.parent)

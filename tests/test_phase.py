@@ -402,6 +402,7 @@ def _first_zero(gamma, phi, theta0, resistance, *, far):
     return (angle[negative[0]] if negative.size else math.inf), far / 200_000
 
 
+@pytest.mark.slow
 def test_turning_angle_is_the_first_zero_of_the_work(rng):
     stopped = rolled = stayed = revived = 0
     for _ in range(300):

@@ -82,6 +82,7 @@ def test_the_page_shows_the_package_as_it_is() -> None:
         assert shown == (EXAMPLE / name).read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_an_installed_model_and_reader_fit_as_scipy_does(reported: tuple[Path, str]) -> None:
     out, said = reported[0] / "out", reported[1]
     page = (EXAMPLE.parent / "extending.md").read_text(encoding="utf-8")

@@ -331,6 +331,7 @@ def exact_sum_cdf(half_widths):
     )
 
 
+@pytest.mark.slow
 def test_additive_model_of_gum_s1_92():
     rng = np.random.default_rng(92)
     cases = [
@@ -504,6 +505,7 @@ def test_limits_give_the_standard_uncertainty():
         assert one.value + one.u * standard_score(one, np.array([40.0]))[0] == pytest.approx(1.6)
 
 
+@pytest.mark.slow
 def test_copula_meets_the_stated_correlation_for_all_pairs_of_distributions(rng):
     kinds = [
         ("normal", math.inf),

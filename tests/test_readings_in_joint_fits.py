@@ -216,6 +216,7 @@ def test_ranks_of_joint_fits_are_those_of_truths_that_are_read_anew() -> None:
             assert after.prior == before.prior
 
 
+@pytest.mark.slow
 def test_an_own_amplitude_of_counts_leaves_the_shared_lifetime_where_it_is(
     rng: np.random.Generator,
 ) -> None:

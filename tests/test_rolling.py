@@ -241,6 +241,7 @@ def test_the_report_says_it_and_the_result_is_not_moved(tmp_path):
     assert "rolling.png" not in report
 
 
+@pytest.mark.slow
 def test_the_figure_shows_both_forces_and_the_stated_friction(tmp_path, rng):
     campaign = campaign_of(tmp_path, 'friction = "0.14(2)"')
     found, _ = rolled(campaign, rng, 300)

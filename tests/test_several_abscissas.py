@@ -128,6 +128,7 @@ def test_the_digest_of_the_data_is_that_of_all_abscissas() -> None:
     assert len(told) == 2
 
 
+@pytest.mark.slow
 def test_nothing_is_said_of_an_axis_that_is_only_the_order_of_the_points() -> None:
     fit = fit_curve("a*u + b*v + c", BOTH, 2.0 * U - V + noise(0.2), u_y=0.2)
     assert fit.notes == ()

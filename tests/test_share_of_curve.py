@@ -199,6 +199,7 @@ def test_a_campaign_says_it_in_the_same_words(table: Path) -> None:
         load_campaign(table / "c.toml").problem(["one"])
 
 
+@pytest.mark.slow
 def test_the_command_line_says_which_share_in_its_report(table: Path) -> None:
     for word, told in (("15%", "15 % of the curve"), ("15% of y", "15 % of each reading")):
         out = table / told

@@ -393,6 +393,7 @@ def test_new_asks_in_a_terminal(table: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert (loaded.title, loaded.problem(["data"]).names) == ("Discharge", ("a", "tau", "c"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("bump", "fits"), [(0.0, True), (0.1, False)])
 def test_of_many_points_a_wrong_curve_is_found_block_by_block(
     rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch, bump: float, fits: bool
@@ -807,6 +808,7 @@ def test_a_file_gives_its_run_a_name_that_no_other_has() -> None:
     assert run_names(files) == ["a", "a-2", "A-3", "a-4", "report-run", "run"]
 
 
+@pytest.mark.slow
 def test_one_line_fits_tables_jointly_as_the_campaign_that_its_report_prints(
     two: list[Path],
 ) -> None:

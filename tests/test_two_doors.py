@@ -211,7 +211,7 @@ def noisy(shape: str, seed: int) -> tuple[str, np.ndarray, np.ndarray, float]:
     return SWING, x, y, 0.1
 
 
-# the least and the largest errors, an even and an odd number of points; more in `make statistics`
+# the least and the largest errors, an even and an odd number of points; more in `make test-long`
 TABLES = [("decay", 0), ("decay", 5), ("peak", 0), ("peak", 1), ("malus", 0), ("swing", 0)]
 MORE_TABLES = [
     pytest.param(shape, k, marks=pytest.mark.statistics)
@@ -357,6 +357,7 @@ def test_a_search_for_what_the_curve_lacks_that_fails_costs_no_report(
     assert (tmp_path / "out" / "report.md").is_file()
 
 
+@pytest.mark.slow
 def test_a_peak_of_few_points_needs_a_limit_and_has_an_answer_with_one() -> None:
     x = np.linspace(1.0, 6.0, 6)
     y = (

@@ -269,6 +269,7 @@ def test_a_blunder_of_any_size_is_borne_beside_stated_errors_that_are_too_large(
     assert fit_curve(curve, x, y, u_y=0.1).status != "ok"
 
 
+@pytest.mark.slow
 def test_a_refused_fit_names_the_reading_that_lies_far_from_all_others(tmp_path: Path) -> None:
     x = np.linspace(0.0, 10.0, 12)
     y = decay(x, 5.0, 2.0, 1.0) + 0.05 * np.random.default_rng(1).standard_normal(12)

@@ -166,6 +166,7 @@ def crossings(t: np.ndarray, x: np.ndarray, level: float) -> np.ndarray:
     return t[i] + (level - x[i]) * (t[i + 1] - t[i]) / (x[i + 1] - x[i])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "options", "window"),
     [("Klipp0.csv", (), (25.0, 31.5)), ("52.txt", ("--drop-duplicates",), (14.0, 20.0))],

@@ -75,6 +75,7 @@ def workers(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
 # ---- the way through ----
 
 
+@pytest.mark.slow
 def test_from_a_file_to_a_report_and_the_command_that_repeats_it(
     browser: Browser, tmp_path: Path, real_workers: None
 ) -> None:
@@ -153,6 +154,7 @@ def test_a_message_of_the_command_line_names_the_fields_of_the_page(said: str, s
     assert said != shown or on_page(said) == said
 
 
+@pytest.mark.slow
 def test_what_is_said_of_a_campaign_is_not_said_on_the_page() -> None:
     """Of every message of the package that says in brackets what a campaign has."""
     said = []
@@ -177,6 +179,7 @@ def test_every_field_of_a_question_has_a_label() -> None:
     assert {one or other for one, other in used} == set(LABELS)
 
 
+@pytest.mark.slow
 def test_no_option_is_left_in_what_a_newcomer_meets(browser: Browser) -> None:
     """Errors of the import and of the question: said in the words of the page."""
     header = browser.hand_in({"bare.csv": LINE.partition(b"\n")[2]})
@@ -200,6 +203,7 @@ def test_no_option_is_left_in_what_a_newcomer_meets(browser: Browser) -> None:
         assert not re.search("--[a-z]|campaign|command line|\\[curve", unescape(message)), message
 
 
+@pytest.mark.slow
 def test_what_is_not_reliable_says_so_and_has_its_report(browser: Browser) -> None:
     bent = "x,y\n" + "".join(f"{x},{x * x + 0.01 * (x % 3)}\n" for x in range(12))
     asked = browser.hand_in({"bent.csv": bent.encode()})
@@ -214,6 +218,7 @@ BOILING = "1.8/(1/(T0 + 273.15) - 8.314462618/(1000*L)*log(pressure_inHg/29.9213
 DRAG = "bias - D*(time_s/0.621)**{power}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "fields", "told", "choice", "further"),
     [
@@ -313,6 +318,7 @@ def test_what_is_advised_is_one_click_and_cures(
     assert "What you can try" not in browser.get(again.place).text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fields", "offered"),
     [
@@ -333,6 +339,7 @@ def test_no_cure_is_offered_that_the_question_would_refuse(
     assert re.findall('class="button" href="/files/[^"]*#([^"]*)"', answer.text) == offered
 
 
+@pytest.mark.slow
 def test_where_no_causes_are_known_none_are_told_of(browser: Browser) -> None:
     rows = (f"{x},{300 + (x - 20) ** 2 // 5 + x % 2 * 3}" for x in range(40))
     asked = browser.hand_in({"counts.csv": "\n".join(["x,y", *rows]).encode()})
@@ -407,6 +414,7 @@ def test_the_formulas_that_a_click_writes_are_those_of_the_models() -> None:
     assert {name: read_model(name).expression for name in MODELS} == MODELS
 
 
+@pytest.mark.slow
 def test_the_start_of_a_curve_is_drawn_and_told(browser: Browser) -> None:
     """Of a curve that is linear the values are those of least squares; others are found."""
     asked = browser.hand_in({"line.csv": LINE})
@@ -492,6 +500,7 @@ def test_a_mean_a_workbook_and_a_formula_of_values(browser: Browser) -> None:
     assert "9.79" in browser.ended(answer.place).text
 
 
+@pytest.mark.slow
 def test_a_rolling_disk_is_asked_with_what_is_known_of_it(browser: Browser, replica: Path) -> None:
     data = (replica / "runs" / "heavy-04.csv").read_bytes()
     asked = browser.hand_in({"Heavy 4.csv": data})
@@ -600,6 +609,7 @@ def test_a_column_of_one_value_is_not_asked_about(browser: Browser) -> None:
     assert re.findall('<option value="([^"]*)" selected', form)[:2] == ["t", "U"]
 
 
+@pytest.mark.slow
 def test_a_campaign_with_its_tables(browser: Browser, project: Path) -> None:
     home = project / "data" / "gallery"
     names = ("michelson_mean.toml", "michelson_1879.csv")
@@ -718,6 +728,7 @@ def repeated(browser: Browser, answer: str, folder: Path) -> None:
     assert before == files()
 
 
+@pytest.mark.slow
 def test_several_files_are_one_joint_fit_that_a_command_repeats(
     browser: Browser, tmp_path: Path, real_workers: None
 ) -> None:
@@ -774,6 +785,7 @@ def test_files_that_are_there_are_put_together(browser: Browser) -> None:
         assert "Tick two files or more" in refused.text
 
 
+@pytest.mark.slow
 def test_each_file_by_itself_is_a_table_in_which_one_bad_file_spoils_nothing(
     browser: Browser, tmp_path: Path, real_workers: None
 ) -> None:
@@ -805,6 +817,7 @@ def test_each_file_by_itself_is_a_table_in_which_one_bad_file_spoils_nothing(
     assert summary[3].startswith("bad.csv,,no result,")
 
 
+@pytest.mark.slow
 def test_a_class_hands_in_and_the_table_grows_and_names_what_stands_apart(browser: Browser) -> None:
     asked = browser.hand_in({"teacher.csv": decay(2.0)})
     answer = browser.fill_in(asked.place, **DECAY, asked="formula", title="Mine").place
@@ -866,6 +879,7 @@ def rows_of(browser: Browser, batch: str) -> list[str]:
     return [unescape(words(row)).strip() for row in rows if "/answers/" in row]
 
 
+@pytest.mark.slow
 def test_a_row_is_replaced_and_the_table_says_so(browser: Browser) -> None:
     batch = class_of(browser)
     handed = {"batch": batch.rpartition("/")[2], "who": "Ana & Luis"}
@@ -912,6 +926,7 @@ def test_a_row_is_replaced_and_the_table_says_so(browser: Browser) -> None:
     assert "right.csv" not in browser.get(f"{another}/table").text
 
 
+@pytest.mark.slow
 def test_columns_of_other_names_are_chosen_and_become_the_row(browser: Browser) -> None:
     batch = class_of(browser, **{"u-y": "", "value": "tau = 3.00(5)"})
     fields = {"batch": batch.rpartition("/")[2], "who": "A"}
@@ -945,6 +960,7 @@ def test_columns_of_other_names_are_chosen_and_become_the_row(browser: Browser) 
     assert "/batches/" not in browser.get(answer).text
 
 
+@pytest.mark.slow
 def test_a_class_has_a_title(browser: Browser) -> None:
     batch = class_of(browser, title="Cups of <b>7b</b>")
     shown = "Cups of &lt;b&gt;7b&lt;/b&gt;"
@@ -960,6 +976,7 @@ def test_a_class_has_a_title(browser: Browser) -> None:
     assert "<h1>Two cups</h1>" in browser.get(table).text
 
 
+@pytest.mark.slow
 def test_what_a_class_cannot_hand_in_is_said_where_it_was_handed_in(browser: Browser) -> None:
     asked = browser.hand_in({"line.csv": LINE})
     answer = browser.fill_in(asked.place, asked="formula", formula="a*x + b", x="t", y="U").place
@@ -983,6 +1000,7 @@ def test_what_a_class_cannot_hand_in_is_said_where_it_was_handed_in(browser: Bro
         assert browser.get(place).status == 404
 
 
+@pytest.mark.slow
 def test_a_file_of_an_installed_reader_is_taken(
     browser: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, real_workers: None
 ) -> None:
@@ -1118,6 +1136,7 @@ NAMES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_a_name_is_shown_and_is_nothing_else(browser: Browser, folder: Path, name: str) -> None:
     before = set(folder.parent.iterdir())
@@ -1178,6 +1197,7 @@ def test_too_much_is_refused(browser: Browser) -> None:
     assert browser.fill_in(asked.place, asked="formula", formula="x" * 70_000).status == 413
 
 
+@pytest.mark.slow
 def test_a_campaign_reads_nothing_outside_its_folder(browser: Browser, tmp_path: Path) -> None:
     (tmp_path / "private.csv").write_bytes(LINE)
     campaign = """title = "t"
@@ -1290,6 +1310,7 @@ def children(of: int) -> list[int]:
     return [pid for pid in pids if pid != listing.pid]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="processes are counted by ps")
 def test_a_killed_worker_harms_nobody(address: str, tmp_path: Path, real_workers: None) -> None:
     others, browser = {*children(os.getpid())}, entered(address)
@@ -1372,6 +1393,7 @@ def test_fifty_uploads_at_once_are_all_answered(browser: Browser) -> None:
 # ---- what stays ----
 
 
+@pytest.mark.slow
 def test_a_restart_finds_what_was_answered_and_shows_what_was_interrupted(
     tmp_path: Path, real_workers: None
 ) -> None:
@@ -1398,6 +1420,7 @@ def test_a_damaged_record_loses_itself_alone(tmp_path: Path) -> None:
     assert set(Store(tmp_path).uploads.records) == {kept.id}
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_the_command_serves_until_it_is_stopped_and_its_workers_end_with_it(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "estim", "serve", "--no-browser", "--folder", str(tmp_path)]
@@ -1471,6 +1494,7 @@ def test_other_machines_reach_all_but_a_loopback_address(host: str, local: bool)
     assert At(host, None, Path()).is_local is local
 
 
+@pytest.mark.slow
 def test_what_nobody_can_write_breaks_no_page(browser: Browser) -> None:
     asked = browser.hand_in({"a.csv": LINE})
     answer = browser.fill_in(asked.place, asked="formula", formula="a*x\x00 + b", x="t", y="U")

@@ -165,6 +165,7 @@ def test_options_of_a_command_are_named_to_nobody_else() -> None:
         assert advice(short).endswith("; otherwise increase the number of steps (--max-steps)")
 
 
+@pytest.mark.slow
 def test_own_curves_are_sampled_and_reported_without_options() -> None:
     x = np.linspace(0.0, 1.0, 12)
     y = 1.0 + 2.0 * x + 0.1 * np.random.default_rng(3).standard_normal(x.size)
