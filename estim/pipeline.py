@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -371,7 +372,8 @@ def _drawn(
             fit.posterior, fit.values, fit.cov, target=target, rng=rng, progress=progress
         )
         return Certified(chain, None, no_comparison(fit.names, Finding(Kind.NOT_SAMPLED)))
-    if marginal if marginal is not None else _through_marginal(fit):
+    hard = _hard_for_a_chain(problem)
+    if marginal or (marginal is None and hard and _integrable(fit)):
         try:
             chain, comparison = marginal_chain(fit, target=target, rng=rng, progress=progress)
             return Certified(chain, None, comparison)
@@ -380,19 +382,28 @@ def _drawn(
             if marginal:
                 raise
             rng = stream(seed, Stream.CHAIN)
-    density = folded(fit.sampled, fit.symmetry, fit.values)
+    density, start = folded(fit.sampled, fit.symmetry, fit.values), _optima_of(fit)
     if problem.n_par <= most:
-        return certified_chain(
+        drawn = certified_chain(
             density,
-            _optima_of(fit),
+            start,
             target=target,
             seed=seed,
             most=most,
             support=problem.support(),
             progress=progress,
         )
-    chain = proposed_chain(density, _optima_of(fit), target=target, seed=seed, progress=progress)
-    return Certified(chain, None, no_comparison(fit.names, too_many(problem.n_par, most)))
+    else:
+        chain = proposed_chain(density, start, target=target, seed=seed, progress=progress)
+        drawn = Certified(chain, None, no_comparison(fit.names, too_many(problem.n_par, most)))
+    unmet = marginal is None and not hard and not drawn.chain.convergence.met
+    if unmet and not start.modes and _integrable(fit):
+        # a spread between runs that a formula holds is as hard as one that a key asks for
+        with suppress(InputError, NumericalError):
+            chain, comparison = marginal_chain(fit, target=target, rng=rng, progress=progress)
+            if chain.convergence.met:
+                return Certified(chain, None, comparison)
+    return drawn
 
 
 def _optima_of(fit: Fit) -> Optima:
@@ -469,15 +480,18 @@ def outcome_of(candidate: Candidate, *, seed: int) -> Outcome:
     return Outcome(found.diagnosis.status, tuple(numbers), _lacks_a_force(fit))
 
 
-def _through_marginal(fit: Fit) -> bool:
-    problem = fit.problem
-    if len(problem.runs) < 2 or any(run.normal is None for run in fit.posterior.likelihoods):
-        return False
-    # a spread and the shifts of the runs are hard for a chain, easy given each other
-    varying = any(p.between for p in problem.parameters)
-    if not varying and problem.n_par <= MAX_PARAMETERS:
+def _integrable(fit: Fit) -> bool:
+    """Whether there are several runs whose own parameters can be integrated out."""
+    if len(fit.problem.runs) < 2 or any(run.normal is None for run in fit.posterior.likelihoods):
         return False
     return fit.jeffreys is None or not _bends(fit, fit.jeffreys)
+
+
+def _hard_for_a_chain(problem: Problem) -> bool:
+    """Whether there are many parameters, or a spread and the shifts of the runs, which are easy
+    given each other.
+    """
+    return problem.n_par > MAX_PARAMETERS or any(p.between for p in problem.parameters)
 
 
 def _bends(fit: Fit, prior: JeffreysPrior) -> bool:

@@ -8,7 +8,6 @@ import signal
 from contextlib import nullcontext
 from functools import cache, partial
 from pathlib import Path
-from shutil import copytree
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,45 +52,21 @@ def replica() -> Path:
     return PROJECT / "data" / "replica"
 
 
-BODIES = [
-    pytest.param(("heavy",), id="heavy"),
-    pytest.param(("heavy", "light"), id="heavy and light", marks=pytest.mark.statistics),
-]
-
-
-@pytest.fixture(scope="session", params=BODIES)
-def reanalysed(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> Reanalysis:
-    """The replica reanalysed as `estim reanalyse --seed 2` does: both bodies in `make test-long`;
-    one of them in `make test`, of a quarter of the effective draws.
-
-    The other body goes the same way with the same numbers.  One process has it (`REANALYSED`).
+@pytest.fixture(scope="session")
+def reanalysed() -> Reanalysis:
+    """The replica reanalysed as `estim reanalyse --seed 2` does.  One process has it
+    (`REANALYSED`).
     """
     from estim.campaign import load_campaign
     from estim.sampling import Target
     from estim.studies.reanalysis import reanalyse
 
-    path = PROJECT / "data" / "replica" / "campaign.toml"
-    if len(request.param) == 1:
-        folder = tmp_path_factory.mktemp("data")
-        for part in ("paper", "replica"):
-            copytree(path.parents[1] / part, folder / part)
-        head, *runs = path.read_text().partition("\n[line]")[0].split("[[runs]]")
-        (body,), line = request.param, path.read_text().partition("\n[line]")[2]
-        path = folder / "replica" / "campaign.toml"
-        path.write_text(
-            "[[runs]]".join([head, *(run for run in runs if f'body = "{body}"' in run)])
-            + f"\n[line]{line}"
-        )
-    done = reanalyse(
-        load_campaign(path),
+    return reanalyse(
+        load_campaign(PROJECT / "data" / "replica" / "campaign.toml"),
         seed=2,
-        target=Target(ess=1000.0) if len(request.param) == 1 else Target(),
+        target=Target(),
         progress_of=lambda what: nullcontext(lambda step, message: None),
     )
-    assert {body.body for body in done.bodies} == set(request.param)
-    return done
 
 
 @pytest.fixture(scope="session")
@@ -117,6 +92,7 @@ def real_files() -> list[Path]:
 REANALYSED = (
     "tests/test_replica.py",
     "tests/test_reanalysis.py::test_committed_report",
+    "tests/test_reanalysis.py::test_story_without_truths",
     "tests/test_certify.py::test_chain_and_certificate_agree_for_the_runs",
 )
 

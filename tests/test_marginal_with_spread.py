@@ -4,23 +4,36 @@ the marginal over runs against the exact integral, and what happens where it can
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from estim import pipeline
+from estim.campaign import load_campaign
 from estim.common import NumericalError, Status
 from estim.curve_fitting.several import fit_curves
 from estim.curves.joining import DataSet
-from estim.fitting import Fit
+from estim.fitting import Fit, fit_problem
 from estim.pipeline import analyse_fit
-from estim.problem.priors import HalfNormal, Normal
+from estim.problem.priors import HalfNormal, LogNormal, Normal
 from estim.sampling import Optima, marginal_draws
 from estim.sampling.chain import Chain, Target, sample_posterior
-from estim.sampling.importance import difference
+from estim.sampling.importance import difference, log_sum_exp
 from estim.sampling.marginal import MarginalOptions, MarginalPosterior, sample_marginal
 from estim.sampling.marginal_density import Marginal
 from estim.sampling.protocol import Density
 
+LEVELS = """title = "levels of several days"
+kind = "synthetic"
+[curve]
+expression = "c + s*z"
+x = {column = "number", name = "number"}
+y = {column = "U_V", name = "U", unit = "V"}
+[curve.parameters]
+c = {start = 5.0, unit = "V"}
+s = {prior = "half-normal", scale = 0.3, unit = "V"}
+"""
 X = np.linspace(0.0, 3.0, 6)
 CENTRED = X - X.mean()
 
@@ -78,6 +91,78 @@ def test_a_spread_of_slopes_is_that_of_the_exact_integral(
     monkeypatch.setattr(Marginal, "with_steps", lambda self, points: self)
     cut = sample_marginal(fit, rng=np.random.default_rng(1), options=few)
     assert spreads(cut)[1] < 0.9 * expected[1]
+
+
+def levels(folder: Path, seed: int, n_run: int, n: int) -> tuple[Fit, np.ndarray]:
+    """Readings about a level of each run, whose scatter is inferred and differs between runs."""
+    rng = np.random.default_rng(seed)
+    own, sd = 0.2 * rng.standard_normal((n_run, 1)), rng.uniform(0.07, 0.15, (n_run, 1))
+    ys = 5.0 + own + sd * rng.standard_normal((n_run, n))
+    rows = "\n".join(f"{i},{y:.6f}" for i, y in enumerate(ys.ravel()))
+    (folder / "readings.csv").write_text(f"number,U_V\n{rows}\n")
+    runs = "".join(
+        f'[[runs]]\nname = "r{i}"\nfile = "readings.csv"\n'
+        f"window = {{min = {i * n}, max = {i * n + n - 1}}}\n"
+        '[runs.parameters]\nz = {prior = "normal", mean = 0.0, sd = 1.0}\n'
+        for i in range(n_run)
+    )
+    (folder / "campaign.toml").write_text(LEVELS + runs)
+    campaign = load_campaign(folder / "campaign.toml")
+    return fit_problem(campaign.problem(list(campaign.runs)), rng=rng), np.round(ys, 6)
+
+
+def exact_levels(fit: Fit, ys: np.ndarray) -> tuple[float, float, float]:
+    """Mean and standard deviation of s, standard deviation of c: z in closed form, the others on
+    grids.
+    """
+    n, means, s, log_sd = ys.shape[1], ys.mean(axis=1), np.linspace(1e-4, 1.2, 200), np.log(20.0)
+    c, u = means.mean() + np.linspace(-1.2, 1.2, 241)[:, None, None], np.linspace(-6.0, 2.0, 300)
+    log_p = -0.5 * (s / 0.3) ** 2 * np.ones((241, 1))
+    priors = {p.name: p.prior for p in fit.problem.parameters}
+    for i, (y, mean) in enumerate(zip(ys, means, strict=True)):
+        prior = priors[f"sigma_y[r{i}]"]
+        assert isinstance(prior, LogNormal)
+        variance = s[:, None] ** 2 + np.exp(2.0 * u) / n
+        terms = (
+            (1 - n) * u
+            - 0.5 * np.sum((y - mean) ** 2) * np.exp(-2.0 * u)
+            - 0.5 * ((u - np.log(prior.median)) / log_sd) ** 2
+            - 0.5 * np.log(variance)
+            - 0.5 * (mean - c) ** 2 / variance
+        )
+        log_p += log_sum_exp(terms, axis=2)
+    p = np.exp(log_p - log_p.max())
+    p /= p.sum()
+    of_c, of_s, place = p.sum(axis=1), p.sum(axis=0), c[:, 0, 0]
+    mean = of_s @ s
+    return (
+        mean,
+        float(np.sqrt(of_s @ (s - mean) ** 2)),
+        float(np.sqrt(of_c @ (place - of_c @ place) ** 2)),
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("n_run", "n"), [(8, 4), (6, 10)])
+def test_a_spread_of_levels_beside_scatters_that_are_inferred_is_the_exact_one(
+    n_run: int, n: int, tmp_path: Path
+) -> None:
+    fit, ys = levels(tmp_path, 5, n_run, n)
+    found = sample_marginal(fit, rng=np.random.default_rng(1))
+    s, c = found.names.index("s"), found.names.index("c")
+    mean, sd, sd_of_c = exact_levels(fit, ys)
+    assert abs(found.mean[s] - mean) < 0.06 * sd
+    assert found.sd[s] == pytest.approx(sd, rel=0.07)
+    assert found.sd[c] == pytest.approx(sd_of_c, rel=0.07)
+    assert set(found.sampled) == {"c", "s"}
+
+
+@pytest.mark.slow
+def test_where_a_chain_does_not_converge_the_marginal_takes_its_place(tmp_path: Path) -> None:
+    fit, _ = levels(tmp_path, 1, 6, 10)
+    assert analyse_fit(fit, seed=1, target=Target(ess=1000.0)).diagnosis.status is Status.OK
+    chain = analyse_fit(fit, seed=1, target=Target(ess=1000.0), marginal=False)
+    assert chain.diagnosis.status is Status.NOT_CONVERGED
 
 
 def decays(seed: int) -> tuple[Fit, list[np.ndarray], np.ndarray]:

@@ -10,6 +10,9 @@ found by Gauss-Newton steps at some hundred points s, and follow s as quadratic 
 between (`Expansion`).  The polynomials only say where to look: `RunTerm.log_marginal` evaluates the
 posterior itself there, at one node (Laplace) or at n x n Gauss-Hermite nodes, and
 `RunTerm.log_joint` serves exact importance weights, which hold however good the expansion is.
+
+What has a log-normal prior, as the size of the errors of a run has, is integrated over its
+logarithm: with few readings that is much nearer to a normal variable.
 """
 
 from __future__ import annotations
@@ -17,13 +20,14 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, IntArray
 from estim.common import InputError, NumericalError
 from estim.fitting import Fit
-from estim.problem import NormalErrors, Observations, Posterior, Prior
+from estim.problem import LogNormal, NormalErrors, Observations, Posterior, Prior
 from estim.sampling.importance import log_sum_exp
 
 _ROWS = 512  # rows of a block: its arrays stay in the cache
@@ -50,6 +54,9 @@ class RunTerm:
     shared, own : positions within these of the parameters that are shared (given) and its own
         (integrated out).
     centre : (n_used,) the fit.
+
+    Methods take and give own parameters in the variables of integration: themselves, or their
+    logarithms.
     """
 
     posterior: Posterior
@@ -67,22 +74,47 @@ class RunTerm:
     def own_priors(self) -> tuple[Prior, ...]:
         return tuple(self.posterior.problem.parameters[i].prior for i in self.own)
 
+    @cached_property
+    def logs(self) -> IntArray:
+        """Which own parameters are integrated over their logarithm."""
+        priors = enumerate(self.own_priors)
+        return np.array([i for i, prior in priors if isinstance(prior, LogNormal)], dtype=np.int64)
+
+    def values(self, own: FloatArray) -> FloatArray:
+        """(n, n_own) values of own parameters from variables of integration."""
+        values = own.copy()
+        with np.errstate(over="ignore"):  # far away
+            values[:, self.logs] = np.exp(own[:, self.logs])
+        return values
+
+    def linearised(self, values: FloatArray) -> FloatArray:
+        """(n, n_own) variables of integration from values, to first order at the fit."""
+        own, fit = values.copy(), self.centre[self.own][self.logs]
+        own[:, self.logs] = np.log(fit) + values[:, self.logs] / fit - 1.0
+        return own
+
+    def inside(self, own: FloatArray) -> FloatArray:
+        """Own parameters (n, n_own) moved just inside the support of their priors."""
+        low = np.array([_just_above(p.low, p.sd) for p in self.own_priors])
+        high = -np.array([_just_above(-p.high, p.sd) for p in self.own_priors])
+        low[self.logs], high[self.logs] = -np.inf, np.inf
+        return np.clip(own, low, high)
+
     def rows(self, shared: FloatArray, own: FloatArray) -> FloatArray:
-        """(n_draw, n_used) parameters of the run from shared (n_draw, n_shared) and own (n_draw,
-        n_own).
+        """(n_draw, n_used) values of the parameters of the run from shared (n_draw, n_shared) and
+        own (n_draw, n_own).
         """
         rows = np.empty((shared.shape[0], self.columns.size))
-        rows[:, self.shared], rows[:, self.own] = shared, own
+        rows[:, self.shared], rows[:, self.own] = shared, self.values(own)
         return rows
 
     def log_joint(self, shared: FloatArray, own: FloatArray) -> FloatArray:
         """(n_draw,) log p(y | s, l) + log p(l): likelihood of the run and priors of its own
         parameters; -inf outside these, and where the curve is not a number.
         """
-        log_p = np.zeros(shared.shape[0])
-        for i, prior in enumerate(self.own_priors):
-            log_p += prior.log_density(own[:, i])
-        rows = self.rows(shared, own)
+        log_p, rows = np.sum(own[:, self.logs], axis=1), self.rows(shared, own)
+        for i, prior in zip(self.own, self.own_priors, strict=True):
+            log_p += prior.log_density(rows[:, i])
         for block in _blocks(rows.shape[0]):
             inside = np.flatnonzero(np.isfinite(log_p[block])) + block.start
             if inside.size:
@@ -100,7 +132,7 @@ class RunTerm:
         mode, root = expansion.at(shared)
         if not expansion.rough:
             return mode, root
-        mode = self._allowed(shared, _inside(mode, self.own_priors))
+        mode = self._allowed(shared, self.inside(mode))
         informations = np.empty_like(root)
         moving = np.arange(len(mode))
         for _ in range(_MOST_STEP):
@@ -127,14 +159,14 @@ class RunTerm:
                 for p, at in zip(self.own_priors, fit, strict=True)
             ]
             own = own.copy()
-            own[lost] = _inside(np.asarray(safe), self.own_priors)
+            own[lost] = self.inside(self.linearised(np.asarray(safe)[None, :]))
         return own
 
     def _uphill(
         self, shared: FloatArray, own: FloatArray, step: FloatArray, length: FloatArray
     ) -> FloatArray:
         """Own parameters (n_draw, n_own) after a step, halved as long as a long one leads down."""
-        moved = _inside(np.where(np.isfinite(step), own + step, own), self.own_priors)
+        moved = self.inside(np.where(np.isfinite(step), own + step, own))
         watched = np.flatnonzero(length > _WATCHED)
         if not watched.size:
             return moved
@@ -282,9 +314,9 @@ def expand(term: RunTerm, shared: FloatArray, start: FloatArray) -> Expansion:
     modes = start
     for _ in range(2):
         step, information = _gauss_newton(term, shared, modes)
-        modes = _inside(modes + step, term.own_priors)
+        modes = term.inside(modes + step)
     step, information = _gauss_newton(term, shared, modes)
-    modes = _inside(modes + step, term.own_priors)
+    modes = term.inside(modes + step)
     k = term.own.size
     root = covariance_roots(information)
     diagonal = np.arange(k)
@@ -340,21 +372,34 @@ def _gauss_newton(
     k = term.own.size
     steps, informations = np.empty_like(own), np.empty((own.shape[0], k, k))
     for block in _blocks(own.shape[0]):
-        named = term.posterior.problem.named(term.rows(shared[block], own[block]))
+        rows = term.rows(shared[block], own[block])
+        named, values = term.posterior.problem.named(rows), rows[:, term.own]
+        by_own = np.ones_like(values)  # slope of the values
+        by_own[:, term.logs] = values[:, term.logs]
         with np.errstate(all="ignore"):  # far away a curve may overflow
             residuals, _, jacobian, spread = term.normal.opened(
                 named, [term.posterior.names[i] for i in term.own]
             )
+            jacobian, spread = jacobian * by_own[:, None, :], spread * by_own[:, None, :]
             gradient = np.einsum("nok,no->nk", jacobian, residuals) + 0.5 * np.einsum(
                 "nok,no->nk", spread, residuals**2 - 1.0
+            )
+            # far from its mode the size of errors is curved by what the residuals are, not by
+            # what they are expected to be
+            seen = np.einsum("nok,no->nk", spread**2, residuals**2)
+            spread = (
+                spread
+                * np.sqrt(np.maximum(_ratio(seen, np.sum(spread**2, axis=1)), 1.0))[:, None, :]
             )
             information = np.einsum("nok,nol->nkl", jacobian, jacobian) + 0.5 * np.einsum(
                 "nok,nol->nkl", spread, spread
             )
         for i, prior in enumerate(term.own_priors):
-            pull, slope = prior.residual(own[block, i]), prior.residual_slope(own[block, i])
+            pull = prior.residual(values[:, i])
+            slope = prior.residual_slope(values[:, i]) * by_own[:, i]
             gradient[:, i] -= pull * slope
             information[:, i, i] += slope**2
+        gradient[:, term.logs] += 1.0  # of the density of a logarithm
         unusable = ~(np.all(np.isfinite(gradient), axis=1) & _definite(information))
         gradient[unusable], information[unusable] = np.nan, np.nan
         step = np.linalg.solve(information, gradient[..., None])[..., 0]
@@ -362,6 +407,10 @@ def _gauss_newton(
         steps[block] = step * np.minimum(1.0, longest / np.maximum(length, 1e-300))[:, None]
         informations[block] = information
     return steps, informations
+
+
+def _ratio(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.divide(a, b, out=np.ones_like(a), where=b > 0.0)
 
 
 def _definite(information: FloatArray) -> BoolArray:
@@ -385,11 +434,8 @@ def covariance_roots(information: FloatArray) -> FloatArray:
     return roots
 
 
-def _inside(own: FloatArray, priors: tuple[Prior, ...]) -> FloatArray:
-    """Own parameters (n, n_own) moved just inside the support of their priors."""
-    low = np.array([p.low + (1e-6 * p.sd if math.isfinite(p.low) else 0.0) for p in priors])
-    high = np.array([p.high - (1e-6 * p.sd if math.isfinite(p.high) else 0.0) for p in priors])
-    return np.clip(own, low, high)
+def _just_above(low: float, sd: float) -> float:
+    return low + 1e-6 * sd if math.isfinite(low) else low
 
 
 def hermite_nodes(n_node: int, n_dim: int) -> tuple[FloatArray, FloatArray]:

@@ -15,7 +15,7 @@ by steps, far into the tails: draws of a density that they have cut short would 
 
 Priors with hard edges: sampled parameters are only checked against their support.  A run's own
 parameter that comes close to such an edge is no normal variable and is sampled with the shared
-ones.
+ones, unless its prior is log-normal: then its logarithm is integrated out.
 
 Source: Rue, Martino, Chopin, J. R. Stat. Soc. B 71 (2009) 319 (nested Laplace approximations).
 """
@@ -30,7 +30,7 @@ import numpy as np
 from estim.arrays import FloatArray, IntArray
 from estim.common import Finding, InputError, Kind, NumericalError, phrase
 from estim.fitting import Fit
-from estim.problem import Measure
+from estim.problem import LogNormal, Measure
 from estim.sampling.chain import Progress
 from estim.sampling.conditional import expand, run_terms
 from estim.sampling.importance import (
@@ -178,7 +178,7 @@ def sample_marginal(
             progress(0, phrase("own parameters of run {k} of {n}", k=number, n=len(terms)))
         given, own_columns = target.given(term, shared), term.columns[term.own]
         # where a draw of the shared ones has no weight, the fit
-        own_draws = np.tile(term.centre[term.own], (options.n_draw, 1))
+        own_draws = np.tile(term.linearised(term.centre[None, term.own]), (options.n_draw, 1))
         own_draws[inside], log_q = term.draw_own(given[inside], expansion, rng)
         excess = term.log_joint(given[first], own_draws[first]) - log_q[: first.size]
         raw_all[first] += excess
@@ -187,7 +187,7 @@ def sample_marginal(
         if spread(excess - log_marginal[first], log_weights[first]) > 0.1:
             own_draws[inside] = term.refine_own(given[inside], own_draws[inside], expansion, rng)
             refined.append(term.run.name)
-        draws[:, own_columns] = own_draws
+        draws[:, own_columns] = term.values(own_draws)
     if fit.jeffreys is not None:
         owed = fit.jeffreys.exact(fit.problem.named(draws[inside])) - _log(weight, draws[inside])
         owed += _log(fit.measure, draws[inside])
@@ -250,7 +250,8 @@ def sampled_columns(fit: Fit) -> IntArray:
     ):
         prior = parameter.prior
         # standard deviations to a hard edge below which a parameter is not treated as normal
-        if i in candidates and min(value - prior.low, prior.high - value) < 4.0 * sd:
+        near = min(value - prior.low, prior.high - value) < 4.0 * sd
+        if i in candidates and near and not isinstance(prior, LogNormal):
             edges.append(i)
     if len(shared) + len(edges) > _MOST_SAMPLED:
         near = (
@@ -285,7 +286,11 @@ def _adapt(
         points = _points(target, proposal, rng)
         conditional = fit.values + (points - mean) @ regression.T
         expansions = [
-            expand(term, target.given(term, points), conditional[:, term.columns[term.own]])
+            expand(
+                term,
+                target.given(term, points),
+                term.linearised(conditional[:, term.columns[term.own]]),
+            )
             for term in target.terms
         ]
         target = replace(target, expansions=expansions)
