@@ -17,6 +17,7 @@ from estim.calibration.experiment import PointDesign
 from estim.calibration.trial import Engine, TrialPlan, _experiment, posterior_draws
 from estim.checks.diagnosis import _counting_alike
 from estim.fitting import fit_problem
+from estim.fitting.incidental_parameters import measure_of
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.noise import Independent, Scale
 from estim.problem.observations import Parameter
@@ -240,3 +241,21 @@ def test_an_own_amplitude_of_counts_leaves_the_shared_lifetime_where_it_is(
     assert (
         fit_curves("N*exp(-x/tau)", dict([*runs.items()][:1]), shared=["tau"]).fit.measure is None
     )
+
+
+def test_a_step_that_meets_a_limit_stays_on_the_ridge() -> None:
+    """Near no rolling resistance: the slope over one standard deviation is that beside the point.
+    With the resistance alone cut off at 0 it was twice as large, the tilts on their way already.
+    """
+    problem = load_campaign(REPLICA).problem(["heavy-02", "heavy-04", "heavy-06", "heavy-08"])
+    fit = fitted(problem)
+    i = fit.names.index("rolling_resistance")
+    sd = np.sqrt(fit.cov[i, i])
+    values = fit.values + fit.cov[i] / sd * (0.2 - fit.values[i] / sd)
+    far, near = (
+        measure_of(fit.posterior, values, scale * fit.cov, jeffreys=None) for scale in (1.0, 1e-4)
+    )
+    assert far is not None
+    assert near is not None
+    sds = np.sqrt(np.diag(fit.cov))[far.columns]
+    np.testing.assert_allclose(far.slope * sds, near.slope * sds, atol=0.03)

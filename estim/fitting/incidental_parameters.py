@@ -64,7 +64,12 @@ def measure_of(
     along = np.linalg.solve(root, cov[shared]).T
     along[held] = 0.0
     low, high = problem.support()
-    tried = np.clip(values + np.vstack([along.T, -along.T]), low, high)
+    steps = np.vstack([along.T, -along.T])
+    # a step ends where it meets a limit; cut off in one parameter alone it would leave the ridge
+    # along which the others follow
+    limits = np.where(steps > 0.0, high, low)
+    ahead = np.divide(limits - values, steps, out=np.ones_like(steps), where=steps != 0.0)
+    tried = values + np.minimum(np.min(ahead, axis=1), 1.0)[:, None] * steps
     off = np.linalg.solve(root, (tried[:, shared] - values[shared]).T).T
     points = np.vstack([values, tried])
     rooms = np.zeros(len(points))
