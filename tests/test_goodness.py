@@ -367,3 +367,32 @@ def test_a_step_beyond_the_stated_errors_explains_nothing(u_y: float) -> None:
 def test_readings_repeated_to_the_digit_do_not_hide_a_bend() -> None:
     x, y = np.repeat([1.0, 2.0, 3.0, 4.0], 2), np.repeat([10.0, 20.0, 40.0, 70.0], 2)
     assert fit_curve("a*x + b", x, y).status == "poor-fit"
+
+
+def test_a_right_curve_whose_constant_lies_on_its_limit_is_no_poor_fit() -> None:
+    """With the null distribution of a constant that is free, 16 of these 40 sets of five points
+    were refused.
+    """
+    x, start = np.linspace(0.0, 6.0, 5), {"a": 3.0, "tau": 1.5, "c": 0.1}
+    fits = [
+        fit_curve(
+            "a*exp(-x/tau) + c",
+            x,
+            3.0 * np.exp(-x / 1.5) + 0.12 * np.random.default_rng(seed).standard_normal(5),
+            u_y=0.12,
+            bounds={"c": (0.0, None)},
+            start=start,
+            n_start=1,
+        )
+        for seed in range(40)
+    ]
+    assert sum("c" in fit.fit.at_bound for fit in fits) > 12
+    # each of seven tests refuses one of a thousand
+    assert sum(fit.status == "poor-fit" for fit in fits) <= 2
+    many = np.linspace(0.0, 6.0, 20)
+    waves = 3.0 * np.exp(-many / 1.5) + 0.5 * np.sin(2.5 * many) - 0.2
+    wrong = fit_curve(
+        "a*exp(-x/tau) + c", many, waves, u_y=0.12, bounds={"c": (0.0, None)}, start=start
+    )
+    assert "c" in wrong.fit.at_bound
+    assert wrong.status == "poor-fit"

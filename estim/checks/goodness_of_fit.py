@@ -193,13 +193,16 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
     """
     problem, posterior = fit.problem, fit.posterior
     named, n_run = problem.named(fit.values), len(problem.runs)
+    # a parameter on a limit does not follow the errors: a fit beyond is not allowed
+    follows = np.array([name not in fit.at_bound for name in problem.names])
+    columns = [used[follows[used]] for used in problem.columns]
     responses = [
         likelihood.whitened(named, [problem.names[i] for i in used])
-        for likelihood, used in zip(posterior.likelihoods, problem.columns, strict=True)
+        for likelihood, used in zip(posterior.likelihoods, columns, strict=True)
     ]
     pulls = posterior.prior_slopes(fit.values)
     pulls[[name in problem.noise_names for name in problem.names]] = 0.0
-    spreads = spreads_by_runs([response.root for response in responses], problem.columns, pulls)
+    spreads = spreads_by_runs([response.root for response in responses], columns, pulls)
     known = (
         n_run == 1
         and posterior.likelihoods[0].normal is not None
