@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray, Named, all_finite
-from estim.common import Amount, Finding, InputError, Kind, phrase
+from estim.common import Amount, Finding, InputError, Kind, NumericalError, phrase
 from estim.fitting.further_optima import far_places, further_optima
 from estim.fitting.gauss_newton import End, descended, inverse_information, near_bound, stepped
 from estim.fitting.least_squares import (
@@ -472,8 +472,8 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
                 break
             if not any(is_close(point, other, spread, 3.0) for other in (*near, *fresh)):
                 fresh.append(point)
-    refitted = [fit_least_squares(fit.problem, rng=rng, n_start=1, start=point) for point in fresh]
-    known = [candidate for candidate in (fit, *refitted) if candidate.success]
+    refitted = [_refitted(fit, point, rng) for point in fresh]
+    known = [candidate for candidate in (fit, *refitted) if candidate and candidate.success]
     places = [*(candidate.values for candidate in known), *fit.others]
     heights = fit.posterior.log_density(np.array(places).reshape(-1, fit.values.size))
     best = int(np.argmax(heights[: len(known)])) if known else 0
@@ -487,6 +487,16 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
     ]
     scale = np.where(fit.scale > 0.0, fit.scale, np.inf)
     return replace(fit, others=far_apart(fit.values, ranked, scale))
+
+
+def _refitted(fit: Fit, start: FloatArray, rng: np.random.Generator) -> Fit | None:
+    """The fit from another start; None where it ends without a curvature, as that of a sigmoid does
+    where it has become a step between two readings.
+    """
+    try:
+        return fit_least_squares(fit.problem, rng=rng, n_start=1, start=start)
+    except NumericalError:
+        return None
 
 
 def with_other_modes(fit: Fit, best: Optimum, rng: np.random.Generator) -> Fit:
@@ -503,7 +513,9 @@ def with_other_modes(fit: Fit, best: Optimum, rng: np.random.Generator) -> Fit:
     for point in best.others[:MOST_OTHERS]:
         start = symmetry.nearest(np.append(point, fit.values[point.size :]), fit.values)
         if fit.problem.noise_names:
-            start = fit_least_squares(fit.problem, rng=rng, n_start=1, start=start).values
+            if (other := _refitted(fit, start, rng)) is None:
+                continue
+            start = other.values
         worse = float(np.diff(fit.posterior.log_density(np.vstack([start, fit.values])))[0])
         if worse < WITHIN_REACH:
             modes.append(start)
