@@ -273,7 +273,7 @@ def test_a_search_that_runs_away_from_few_points_names_the_parameter_in_both_doo
     tmp_path: Path,
 ) -> None:
     """The command said that terms of the formula all but cancel."""
-    x, y = narrow_peak(22)
+    x, y = narrow_peak(8)
     found = fit_curve("lorentzian + constant", x, y)
     # how far the search runs is decided by rounding
     assert found.status in ("not-converged", "not-identified")

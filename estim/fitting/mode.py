@@ -120,9 +120,9 @@ def _require_determined(fit: Fit) -> None:
         raise InputError(
             "is hardly constrained by the data: far from here minus twice the log of "
             "the posterior density is only "
-            f"{fit.unheld.size:.1f} above its least, so that no posterior exists to "
-            "draw from; give it limits (low and high), or a prior, or leave out the term that "
-            "the data do not show",
+            f"{fit.unheld.size:.1f} above its minimum, which excludes no value however far; "
+            "give it limits (low and high), or a prior, or leave out the term that the data do "
+            "not show",
             field=fit.unheld.parameters[0].name,
         )
     flat = [p.name for p in fit.problem.parameters if not math.isfinite(p.prior.sd)]

@@ -67,9 +67,10 @@ _FRAIL = 1e-11  # ratio of singular values
 _MOST_REFITTED = 6  # of them by full fits, where the curve is a model of the study
 _AROUND = 8  # of these, descents from points around an optimum where the curve is not finite
 _MOST_DESCENTS = 24  # from the dips of one round of scans
-# of -2 log density: far from the mode the density per standard deviation is below 1e-4 of that
-# there
-_HELD = 18.0
+# of -2 log density: what lies far from the mode is as improbable as three standard deviations are
+_HELD = 9.0
+# where no Jeffreys' prior gives the posterior an end: below 1e-4 of the density at the mode
+_HELD_UNDER_FLAT_PRIORS = 18.0
 MAX_PARAMETERS = 14  # of problems that are scanned, and have a second opinion
 
 
@@ -343,10 +344,10 @@ def _unheld(search: SeparableSearch, found: Optimum, period: FloatArray) -> Find
     rises = [(rise_of(*places), i) for i, places in far.items()]
     rises = [(rise, i) for rise, i in rises if not math.isnan(rise)]
     rise, i = min(rises, default=(math.inf, 0))
-    name = problem.names[i]
-    return (
-        Finding(Kind.HARDLY_HELD, size=rise, parameters=(Amount(name),)) if rise < _HELD else None
-    )
+    counted = any(run.noise.counted is not None for run in problem.runs)
+    if not rise < (_HELD_UNDER_FLAT_PRIORS if counted else _HELD):
+        return None
+    return Finding(Kind.HARDLY_HELD, size=rise, parameters=(Amount(problem.names[i]),))
 
 
 def _nowhere_finite(problem: Problem, start: FloatArray) -> InputError:
