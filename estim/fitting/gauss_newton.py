@@ -38,37 +38,30 @@ def stepped(
     """Gauss-Newton steps from `values` while they help; parameters on a bound that they would cross
     stay there.
 
-    Returns where they end, the sum of squares there, the last step in standard deviations, and the
-    parameter that it moved most.
+    Returns where they end, the sum of squares there, the length of the last step in standard
+    deviations, and the parameter that it moved most.
     """
     step_size, chi2 = math.inf, search.chi2(values)
-    free, resolved = search.free, search.resolved
-    mover = int(free[0])
+    free = search.free
+    low, high, mover = search.low[free], search.high[free], int(free[0])
     for _ in range(most):
         jacobian, residual = search.scoring(values)
         if not all_finite(jacobian, residual):
             break
-        near = near_bound(search, values, jacobian, residual, chi2)
-        moving = free[~near[free]]
-        if not moving.size:
-            step_size = 0.0
-            break
-        step, sds = gauss_newton(jacobian[:, moving], residual, resolved)
-        low, high = search.low[moving] - values[moving], search.high[moving] - values[moving]
-        if np.any((step < low) | (step > high)):
-            step = step_between(jacobian[:, moving], residual, low, high, silent=resolved)
+        rows = jacobian[:, free]
+        step = step_between(
+            rows, residual, low - values[free], high - values[free], silent=search.resolved
+        )
         noise = math.sqrt(
             max(chi2, 10.0 * search.rounding_at(values, jacobian), 1e-300)
-            / max(1, residual.size - moving.size)
+            / max(1, residual.size - free.size)
         )
-        moved = np.abs(step) / np.where(sds > 0.0, sds, np.inf)
-        size, mover = float(np.max(moved)) / noise, int(moving[np.argmax(moved)])
+        size = float(np.linalg.norm(rows @ step)) / noise
+        mover = int(free[np.argmax(np.abs(step) * np.linalg.norm(rows, axis=0))])
         length, better = 1.0, False
         while length > 1e-4 and not better:
             trial = values.copy()
-            trial[moving] = np.clip(
-                values[moving] + length * step, search.low[moving], search.high[moving]
-            )
+            trial[free] = np.clip(values[free] + length * step, low, high)
             reached = search.chi2(trial)
             better = reached < chi2 or (reached <= chi2 * (1.0 + 1e-9) and size < 0.9 * step_size)
             length *= 0.5
@@ -108,25 +101,6 @@ def near_bound(
         )
 
 
-def _scaled(jacobian: FloatArray) -> tuple[FloatArray, FloatArray]:
-    scale = np.linalg.norm(jacobian, axis=0)
-    scale[scale == 0.0] = 1.0
-    return jacobian / scale, scale
-
-
-def gauss_newton(
-    jacobian: FloatArray, residual: FloatArray, resolved: float
-) -> tuple[FloatArray, FloatArray]:
-    """Step (n,) and standard deviations (n,) for unit residuals, by a singular value decomposition
-    of scaled columns.
-    """
-    scaled, scale = _scaled(jacobian)
-    left, singular, right = np.linalg.svd(scaled, full_matrices=False)
-    inverse = np.where(singular > resolved * singular[0], 1.0 / np.maximum(singular, 1e-300), 0.0)
-    step = -(right.T * inverse) @ (left.T @ residual) / scale
-    return step, np.sqrt(np.sum((right.T * inverse) ** 2, axis=1)) / scale
-
-
 def inverse_information(
     jacobian: FloatArray, resolved: float = RESOLVED
 ) -> tuple[FloatArray, float]:
@@ -135,8 +109,9 @@ def inverse_information(
     """
     if not jacobian.shape[1]:
         return np.zeros((0, 0)), 1.0
-    scaled, scale = _scaled(jacobian)
-    _, singular, right = np.linalg.svd(scaled, full_matrices=False)
+    scale = np.linalg.norm(jacobian, axis=0)
+    scale[scale == 0.0] = 1.0
+    _, singular, right = np.linalg.svd(jacobian / scale, full_matrices=False)
     condition = (
         float(singular[-1] / singular[0])
         if singular[0] > 0.0 and jacobian.shape[0] >= jacobian.shape[1]
