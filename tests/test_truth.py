@@ -13,7 +13,7 @@ import pytest
 
 from estim.campaign import as_complete, load_campaign
 from estim.checks import check_goodness, tolerated_pattern
-from estim.fitting import fisher_scoring, fit_least_squares, fit_problem
+from estim.fitting import fit_least_squares, fit_problem, gauss_newton
 from estim.model import Body, trajectory
 from estim.words import tell
 
@@ -130,9 +130,9 @@ def test_fit_settles_where_the_resistance_is_held_at_zero(
     """
     if cut_off:
         monkeypatch.setattr(
-            fisher_scoring,
+            gauss_newton,
             "step_between",
-            lambda rows, aim, low, high: np.clip(
+            lambda rows, aim, low, high, **_: np.clip(
                 np.linalg.lstsq(rows, -aim, rcond=1e-11)[0], low, high
             ),
         )

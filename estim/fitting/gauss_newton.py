@@ -1,4 +1,6 @@
-"""Descents of a search, the steps that finish one, and what a Jacobian says."""
+"""Descents of a search, the steps that finish one, between the limits of the parameters, and what a
+Jacobian says.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +9,9 @@ import math
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, all_finite
-from estim.fitting.fisher_scoring import step_between
 from estim.fitting.separable import RESOLVED, SeparableSearch
 
+SILENT = 1e-11  # ratio of singular values
 _NO_STEP = 1e-6  # standard deviations
 # predicted decrease of the squares at which a descent ends; Fisher scoring follows the rough one
 _CLOSELY, _ROUGHLY, _MOST_STEPS = 1e-11, 1e-3, 100
@@ -33,10 +35,12 @@ def descended(search: SeparableSearch, starts: FloatArray) -> list[End]:
 
 
 def stepped(
-    search: SeparableSearch, values: FloatArray, *, most: int = 100
+    search: SeparableSearch, values: FloatArray, *, most: int = 100, tolerance: float = 1e-13
 ) -> tuple[FloatArray, float, float, int]:
     """Gauss-Newton steps from `values` while they help; parameters on a bound that they would cross
     stay there.
+
+    most : steps, of which the last is shorter than `tolerance` standard deviations.
 
     Returns where they end, the sum of squares there, the length of the last step in standard
     deviations, and the parameter that it moved most.
@@ -69,9 +73,39 @@ def stepped(
             step_size = min(step_size, size)
             break
         values, chi2, step_size = trial, reached, size
-        if size < 1e-13:
+        if size < tolerance:
             break
     return values, chi2, step_size, mover
+
+
+def step_between(
+    rows: FloatArray, aim: FloatArray, low: FloatArray, high: FloatArray, *, silent: float = SILENT
+) -> FloatArray:
+    """(n_par,) step s of least |rows s + aim| with low <= s <= high; low <= 0 <= high.
+
+    The free step, merely cut off at a limit, leads nowhere where parameters are correlated: what
+    the others do for the one that is held must be taken back.
+
+    rows : (n, n_par).
+    aim : (n,).  silent : ratio of singular values of unit columns that counts as 0.
+    """
+    from scipy.optimize import lsq_linear
+
+    scale = np.linalg.norm(rows, axis=0)
+    scale[scale == 0.0] = 1.0
+    scaled = rows / scale
+    step = np.asarray(np.linalg.lstsq(scaled, -aim, rcond=silent)[0] / scale)
+    if np.all((step >= low) & (step <= high)):
+        return step
+    # what the data are silent about stays where it is
+    still = silent * np.linalg.norm(scaled, 2) * np.eye(scale.size)
+    result = lsq_linear(
+        np.vstack([scaled, still]),
+        np.append(-aim, np.zeros(scale.size)),
+        bounds=(low * scale, high * scale),
+        method="bvls",
+    )
+    return np.clip(result.x / scale, low, high)
 
 
 def near_bound(

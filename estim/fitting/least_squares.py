@@ -21,11 +21,12 @@ from estim.deviation import FoundDeviation, FoundForce, NormalParts
 from estim.distributions import chi2_tail
 from estim.fitting.arrowhead import descend_by_runs, many
 from estim.fitting.fisher_information import information
-from estim.fitting.fisher_scoring import finished
+from estim.fitting.gauss_newton import stepped
 from estim.fitting.incidental_parameters import measure_of
 from estim.fitting.jeffreys import jeffreys_prior
 from estim.fitting.noise_fit import fit_noise
 from estim.fitting.relaxation import LEAST_SHARE, Held, settle_by_runs
+from estim.fitting.separable import SeparableSearch
 from estim.problem import JeffreysPrior, Measure, Posterior, Problem, Symmetry
 
 _MAX_ROUNDS = 60
@@ -429,11 +430,15 @@ def _fit_curve(
             max_nfev=400,
             nan_policy="propagate",
         )
-    return (
-        finished(posterior, filled(result.params), free, tolerance=_FINE * _SETTLED)
-        if creeps
-        else filled(result.params)
+    reached = filled(result.params)
+    if not creeps:
+        return reached
+    low, high = problem.support()
+    nothing = np.zeros(0, dtype=np.int64)
+    search = SeparableSearch(
+        posterior, reached, low, high, linear=nothing, nonlinear=np.array(free)
     )
+    return stepped(search, reached, most=20, tolerance=_FINE * _SETTLED)[0]
 
 
 def _inside(value: float, low: float, high: float) -> float:
