@@ -331,7 +331,7 @@ def pose_curve(
     parameter_units = units_of(
         read, axes, names, density=(density := counted is not None and counted.density)
     )
-    refuse_degrees(read, axes, "curve")
+    refuse_degrees(read, axes)
     check_units(
         read,
         axes,

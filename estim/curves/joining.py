@@ -58,8 +58,7 @@ class DataSet:
 
 @dataclass(frozen=True, eq=False)
 class JointProblem:
-    """Problems that share parameters; it answers what `CurveProblem` answers where errors are
-    stated.
+    """Problems that share parameters, whose errors are stated.
 
     parts : name of the data set -> its problem.
     sources : the same -> its argument -> name in `parameters`.  y : (n_obs,) of all in turn.
@@ -86,11 +85,12 @@ class JointProblem:
         """Whether anything is unknown of the errors, or they leave room for outliers."""
         return any(part.infers_errors for part in self.parts.values())
 
-    def with_sigma(self, sigma: float) -> Problem:
-        """The problem whose errors are `sigma` times the stated ones."""
+    @property
+    def problem(self) -> Problem:
+        """All data sets, with what is unknown of their errors as further parameters."""
         runs, sought = [], self.sought
         for name, part in self.parts.items():
-            run = part.with_sigma(sigma).runs[0].renamed(self.sources[name])
+            run = part.with_sigma(1.0).runs[0].renamed(self.sources[name])
             runs.append(replace(run, name=name, sought=(*run.sought, *sought)))
             sought = ()
         further = [unknown for part in self.parts.values() for unknown in part.further]
