@@ -46,13 +46,18 @@ def stepped(
     deviations, and the parameter that it moved most.
     """
     step_size, chi2 = math.inf, search.chi2(values)
-    free = search.free
-    low, high, mover = search.low[free], search.high[free], int(free[0])
+    mover = int(search.free[0])
     for _ in range(most):
         jacobian, residual = search.scoring(values)
         if not all_finite(jacobian, residual):
             break
-        rows = jacobian[:, free]
+        near = near_bound(search, values, jacobian, residual, chi2)
+        # what is beside a bound stays there, not on it
+        free = search.free[~near[search.free]]
+        if not free.size:
+            step_size = 0.0
+            break
+        rows, low, high = jacobian[:, free], search.low[free], search.high[free]
         step = step_between(
             rows, residual, low - values[free], high - values[free], silent=search.resolved
         )
