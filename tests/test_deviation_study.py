@@ -147,7 +147,6 @@ def test_repeated_runs_share_a_profile_and_each_has_some_of_its_own():
         return left[1:] @ left[:-1] / (left @ left)
 
     both, shared = joint((0.0, 0.1, 0.3, 1.0)), joint((0.0,))
-    assert both.log_evidence > shared.log_evidence + 10.0
     assert abs(memory(both)) < 2.5 / np.sqrt(residuals.size) < memory(shared)
     assert 0.9 < weight * (c_rr + both.mean[0]) < 1.0
     assert 0.015 < weight * np.sqrt(both.covariance[0, 0]) < 0.05

@@ -14,7 +14,7 @@ from scipy.special import expit
 
 from estim.campaign import load_campaign
 from estim.fitting import least_squares
-from estim.fitting.fisher_scoring import step_between
+from estim.fitting.gauss_newton import step_between
 from estim.fitting.least_squares import fit_least_squares
 from estim.pipeline import analyse
 from estim.problem.priors import Normal

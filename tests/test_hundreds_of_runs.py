@@ -125,14 +125,7 @@ def settled(*maps: Callable[[float], float], start: float = 0.3) -> relaxation.F
     values = np.full(len(maps), start)
     best = lambda posterior, _: np.array([place.leads for place in posterior.likelihoods])  # noqa: E731
     ones = np.ones(len(maps))
-    return settle_by_runs(
-        values,
-        Map(maps).linearised(values),
-        most=60,
-        tolerance=1e-4,
-        best=best,
-        spread=lambda *_: ones,
-    )  # type: ignore[arg-type]
+    return settle_by_runs(values, Map(maps).linearised(values), best=best, spread=lambda *_: ones)  # type: ignore[arg-type]
 
 
 def test_a_run_that_swings_goes_a_share_of_its_step_and_the_others_whole_ones() -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from estim.campaign import as_complete, load_campaign
 from estim.checks import check_goodness, tolerated_pattern
-from estim.fitting import fisher_scoring, fit_least_squares, fit_problem
+from estim.fitting import fit_least_squares, fit_problem
 from estim.model import Body, trajectory
 from estim.words import tell
 
@@ -121,26 +121,15 @@ def test_intervals_of_lmfit_are_those_of_estim_s_least_squares_where_errors_are_
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("cut_off", [False, pytest.param(True, marks=pytest.mark.statistics)])
-def test_fit_settles_where_the_resistance_is_held_at_zero(
-    cut_off: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Steps that are merely cut off at the limit creep on for 60 rounds, and the fit counts as not
-    converged: seven recordings in a thousand did.
+def test_fit_settles_where_the_resistance_is_held_at_zero(tmp_path: Path) -> None:
+    """Steps that were merely cut off at the limit crept on for 60 rounds, and the fit counted as
+    not converged: seven recordings in a thousand did.
     """
-    if cut_off:
-        monkeypatch.setattr(
-            fisher_scoring,
-            "step_between",
-            lambda rows, aim, low, high: np.clip(
-                np.linalg.lstsq(rows, -aim, rcond=1e-11)[0], low, high
-            ),
-        )
     case = Case("jump", "default", "speeds", replica=39, seed=1)
     _, campaign, _, _ = recorded(tmp_path, case.name, generator(case), priors=case.priors)
     fit = fit_problem(campaign.problem(["r"], usual=True), rng=np.random.default_rng(1))
     assert fit.at_bound == ("rolling_resistance",)
-    assert fit.success is not cut_off
+    assert fit.success
 
 
 def test_three_runs_share_the_body_and_the_profile_of_the_ramp_and_nothing_else(tmp_path):

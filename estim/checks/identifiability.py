@@ -68,20 +68,11 @@ class Identifiability:
 
     names : (n_par,).
     directions : n_par of them, that of least information first.
-    prior_sds : (n_par,).
-    posterior_sds : (n_par,) of the Gaussian at the fit, uniform priors counted with their sd.
-    ratios : (n_par,) posterior_sds/prior_sds; most of what is known comes from the prior above
-        `PRIOR_DOMINATED`.
-    n_learnt : sum lambda/(1 + lambda).
     sentences : the findings in words, gravest first.
     """
 
     names: tuple[str, ...]
     directions: tuple[Direction, ...]
-    prior_sds: FloatArray
-    posterior_sds: FloatArray
-    ratios: FloatArray
-    n_learnt: float
     sentences: tuple[str, ...]
 
 
@@ -98,18 +89,8 @@ def identify(fit: Fit) -> Identifiability:
         _direction(fit, float(value), vector, float(np.sum(pulls * vector**2)), sds, seen)
         for value, vector in zip(values, vectors.T, strict=True)
     )
-    ratios = np.sqrt(np.sum(vectors**2 / (1.0 + values), axis=1))
     n_learnt = float(np.sum(values / (1.0 + values)))
-    sentences = _sentences(directions, n_learnt)
-    return Identifiability(
-        names=fit.names,
-        directions=directions,
-        prior_sds=sds,
-        posterior_sds=ratios * sds,
-        ratios=ratios,
-        n_learnt=n_learnt,
-        sentences=sentences,
-    )
+    return Identifiability(fit.names, directions, _sentences(directions, n_learnt))
 
 
 def _direction(

@@ -160,7 +160,8 @@ def fit_curves(
     )
     if n_start is None:
         n_start = min(getattr(points.curve, "n_start", N_START) for points in sets.values())
-    return (fit_errors if joint.infers_errors else fit_stated)(joint, rng, n_start)
+    fitted = fit_errors if joint.infers_errors else fit_stated
+    return fitted(joint, joint.problem, rng, n_start)
 
 
 @contextmanager

@@ -201,8 +201,12 @@ def fit_curve(
     posed = pose_points(points, said, errors, deviation=deviation, correlated=correlated)
     require_points(posed.parameters, posed.x.size, stated=posed.stated)
     if posed.infers_errors:
-        return fit_errors(posed, rng, n_start)
-    complete = (fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)
+        return fit_errors(posed, posed.with_unknown_errors(), rng, n_start)
+    complete = (
+        fit_stated(posed, posed.with_sigma(1.0), rng, n_start)
+        if posed.stated
+        else _fit_estimated(posed, rng, n_start)
+    )
     usable = (
         complete.status not in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED) and complete.goodness
     )
@@ -268,10 +272,9 @@ def pose_points(
 
 
 def fit_stated(
-    posed: CurveProblem | JointProblem, rng: np.random.Generator, n_start: int
+    posed: CurveProblem | JointProblem, problem: Problem, rng: np.random.Generator, n_start: int
 ) -> CurveFit:
     """The fit of points whose errors are stated."""
-    problem = posed.with_sigma(1.0)
     best = find_optimum(problem, problem.start(), rng=rng, n_start=n_start)
     rounds = _ROUNDS if any(run.noise.holds_slopes for run in problem.runs) else 0
     for _ in range(rounds):
@@ -279,7 +282,8 @@ def fit_stated(
         moved = np.abs(best.values - before)
         if np.all(moved <= _SETTLED * np.sqrt(np.diag(best.cov))):
             break
-    return _concluded(posed, best, problem, sigma=None, scale=1.0, rng=rng)
+    fit = _whole_fit(problem, best.values, best, rng)
+    return _concluded(posed, best, problem, fit, fit, rng=rng)
 
 
 def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) -> CurveFit:
@@ -291,15 +295,18 @@ def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) 
     problem = posed.with_sigma(sigma)
     best = find_optimum(problem, problem.start(), rng=rng, n_start=n_start, unstated=True)
     for _ in range(_ROUNDS if pulled else 0):
-        before, sigma = sigma, _residual_sd(posed, best.values)
+        before, sigma = sigma, _residual_sd(posed, problem, best.values)
         problem = posed.with_sigma(sigma)
         best = _on(problem, best, rng, unstated=True)
         if abs(sigma / before - 1.0) < 1e-10:
             break
-    estimated = _residual_sd(posed, best.values)
-    return _concluded(
-        posed, best, problem, sigma=estimated, scale=1.0 if pulled else estimated, rng=rng
+    estimated = _residual_sd(posed, problem, best.values)
+    fit = _whole_fit(
+        posed.with_unknown_sigma(estimated), np.append(best.values, estimated), best, rng
     )
+    held = at_mode(posed.with_sigma(estimated), best.values)
+    scale = 1.0 if pulled else estimated
+    return _concluded(posed, best, problem, fit, held, sigma=estimated, scale=scale, rng=rng)
 
 
 def _on(problem: Problem, first: Optimum, rng: np.random.Generator, *, unstated: bool) -> Optimum:
@@ -317,12 +324,12 @@ def _on(problem: Problem, first: Optimum, rng: np.random.Generator, *, unstated:
 
 
 def fit_errors(
-    posed: CurveProblem | JointProblem, rng: np.random.Generator, n_start: int
+    posed: CurveProblem | JointProblem, problem: Problem, rng: np.random.Generator, n_start: int
 ) -> CurveFit:
     """The fit of a curve together with what is unknown of its errors, or with errors that leave
     room for outliers: the mode, its curvature, and profiles.
     """
-    fit = fit_optimum(posed.with_unknown_errors(), rng=rng, n_start=n_start)
+    fit = fit_optimum(problem, rng=rng, n_start=n_start)
     values = dict(zip(fit.names, fit.values.tolist(), strict=True))
     nothing = dict.fromkeys(PROBABILITIES, (math.nan, math.nan))
     intervals: Mapping[str, Ends] = dict.fromkeys(fit.names, nothing)
@@ -406,7 +413,8 @@ def _fit_discrepancy(posed: CurveProblem, complete: CurveFit, rng: np.random.Gen
     """The fit of a curve that may lack something, from the one `complete` that takes it as it
     is.
     """
-    problem = posed.with_discrepancy(complete.sigma or 1.0)
+    problem = posed.with_sigma(complete.sigma or 1.0)
+    problem = replace(problem, runs=(replace(problem.runs[0], lacks=posed.lacks),))
     start = np.array([complete.values[p.name] for p in problem.parameters])
     fit = fit_discrepancy(refit(problem, start), rng=rng)
     fit = replace(
@@ -452,13 +460,19 @@ def _fit_discrepancy(posed: CurveProblem, complete: CurveFit, rng: np.random.Gen
     )
 
 
-def _residual_sd(posed: CurveProblem, values: FloatArray) -> float:
+def _squares(problem: Problem, values: FloatArray) -> float:
+    """Sum of the squares of y - f, unit of y."""
+    named = problem.named(values)
+    return float(sum(np.sum((run.y - run.drawn(named)) ** 2) for run in problem.runs))
+
+
+def _residual_sd(posed: CurveProblem, problem: Problem, values: FloatArray) -> float:
     """Square root of the residuals' squares over the degrees of freedom, no smaller than rounding
     errors of y.
     """
-    pulls = sum(p.prior.informative for p in posed.parameters)
-    squares = float(np.sum(posed.residuals(values) ** 2))
-    return max(math.sqrt(squares / max(1, posed.y.size + pulls - values.size)), _floor(posed))
+    pulls = sum(p.prior.informative for p in problem.parameters)
+    dof = max(1, problem.n_obs + pulls - values.size)
+    return max(math.sqrt(_squares(problem, values) / dof), _floor(posed))
 
 
 def _floor(posed: CurveProblem | JointProblem) -> float:
@@ -469,52 +483,52 @@ def _concluded(
     posed: CurveProblem | JointProblem,
     best: Optimum,
     problem: Problem,
+    fit: Fit,
+    held: Fit,
     *,
-    sigma: float | None,
-    scale: float,
+    sigma: float | None = None,
+    scale: float = 1.0,
     rng: np.random.Generator,
 ) -> CurveFit:
-    """The record of an optimum of `problem`, whose covariance is to be multiplied by scale^2."""
-    pulls = sum(p.prior.informative for p in posed.parameters)
-    dof = posed.y.size + pulls - len(posed.parameters)
-    squares = float(np.sum(posed.residuals(best.values) ** 2))
-    inner = _inner_fit(posed, best, problem, sigma, rng)
-    chi2 = _size(inner, best) if sigma is None else squares
-    whitened = problem.linearised(best.values).residuals(best.values)[: posed.y.size]
+    """The record of an optimum of `problem`, whose covariance is to be multiplied by scale^2.
+
+    fit : what the tests and the sampler take, with the size of the errors unknown if it was not
+        stated, but estimated as `sigma`; held : the same with errors of that size.
+    """
+    squares, dof = _squares(problem, best.values), held.dof
+    chi2 = fit.chi2 if sigma is None else squares
+    whitened = problem.linearised(best.values).residuals(best.values)[: problem.n_obs]
     cancelled = float(np.sum(whitened**2)) <= best.rounding and squares <= _NO_SCATTER**2 * float(
         np.sum(posed.y**2)
     )
-    perfect = cancelled or squares <= posed.y.size * _floor(posed) ** 2
+    perfect = cancelled or squares <= problem.n_obs * _floor(posed) ** 2
     p_value = chi2_p(chi2, dof) if sigma is None and dof > 0 else math.nan
-    fixed = inner if sigma is None else at_mode(posed.with_sigma(sigma), best.values)
     uncertainty = spread(
-        fixed,
+        held,
         best,
         dof=math.inf if sigma is None else dof,
         scale=scale,
         unknown=perfect and sigma is not None,
     )
     tested = dof >= 1 and not perfect and not best.singular
-    goodness = check_goodness(inner, rng=rng) if tested else ()
+    goodness = check_goodness(fit, rng=rng) if tested else ()
     # chi^2 is only nearly what it is called; of several data sets there is no simulated one
-    if len(goodness) == 1 and any(item.normal is None for item in inner.posterior.likelihoods):
+    if len(goodness) == 1 and any(item.normal is None for item in fit.posterior.likelihoods):
         p_value = goodness[0].checks["chi2"].p_value if "chi2" in goodness[0].checks else p_value
-    conflict = None if best.singular else check_stated_values(inner)
-    solutions = several_solutions(inner, find_modes(inner)) if inner.others.size else []
-    stated = [] if conflict is None else [stated_values(inner, conflict)]
-    outside = values_outside(
-        dict(zip(fixed.names, best.values.tolist(), strict=True)), uncertainty.intervals
-    )
+    conflict = None if best.singular else check_stated_values(fit)
+    solutions = several_solutions(fit, find_modes(fit)) if fit.others.size else []
+    stated = [] if conflict is None else [stated_values(fit, conflict)]
+    values = dict(zip(held.names, best.values.tolist(), strict=True))
+    outside = values_outside(values, uncertainty.intervals)
     about = curve_findings(
-        fixed, best, p_value, chi2, dof, goodness, estimated=sigma is not None, perfect=perfect
+        held, best, p_value, chi2, dof, goodness, estimated=sigma is not None, perfect=perfect
     )
     findings = wrong([*solutions, *outside, *uncertainty.open, *about, *stated])
-    names = tuple(p.name for p in posed.parameters)
     modelled = isinstance(posed, CurveProblem) and posed.lacks is not None
     return CurveFit(
-        names=names,
-        values=dict(zip(names, best.values.tolist(), strict=True)),
-        sds=dict(zip(names, uncertainty.sds.tolist(), strict=True)),
+        names=held.names,
+        values=values,
+        sds=dict(zip(held.names, uncertainty.sds.tolist(), strict=True)),
         intervals=uncertainty.intervals,
         cov=uncertainty.cov,
         chi2=chi2,
@@ -526,46 +540,28 @@ def _concluded(
         seen=(
             *uncertainty.notes,
             *curve_remarks(
-                inner, best, p_value, chi2, dof, goodness, stated=sigma is None, perfect=perfect
+                fit, best, p_value, chi2, dof, goodness, stated=sigma is None, perfect=perfect
             ),
         ),
         complete=not (findings or perfect or modelled),
-        message=_message(best, sigma, perfect, [*map(tell, same_curve(inner)), *_said(problem)]),
+        message=_message(best, sigma, perfect, [*map(tell, same_curve(fit)), *_said(problem)]),
         goodness=goodness,
-        fit=inner,
-        held=fixed,
+        fit=fit,
+        held=held,
         text=posed.text,
         fixed=posed.fixed,
         called=posed.called or posed.text,
     )
 
 
-def _size(inner: Fit, best: Optimum) -> float:
-    """chi^2 of the data and of the priors."""
-    return float(
-        np.sum(inner.posterior.size_residuals(best.values) ** 2)
-        + np.sum(inner.posterior.prior_residuals(best.values) ** 2)
-    )
-
-
-def _inner_fit(
-    posed: CurveProblem | JointProblem,
-    best: Optimum,
-    problem: Problem,
-    sigma: float | None,
-    rng: np.random.Generator,
+def _whole_fit(
+    problem: Problem, values: FloatArray, best: Optimum, rng: np.random.Generator
 ) -> Fit:
-    """The same optimum as the record that the tests and the sampler take, with the size of the
-    errors unknown if it was not stated.
-    """
-    if sigma is None:
-        start = best.values
-    else:
-        problem, start = posed.with_unknown_sigma(sigma), np.append(best.values, sigma)
+    """The optimum of a search as a fit of `problem` at the same `values` (n_par,)."""
     led = led_here(best.n_same, best.n_start)
     words = settled(led) if best.settled else phrase("did not converge; {led}", led=led)
     fit = replace(
-        at_mode(problem, start),
+        at_mode(problem, values),
         n_start=best.n_start,
         n_same=best.n_same,
         success=best.settled,

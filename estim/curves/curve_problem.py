@@ -7,7 +7,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
@@ -119,11 +119,6 @@ class CurveProblem:
         """Whether anything is unknown of stated errors, or they leave room for outliers."""
         return bool(self.further) or self.tails.robust
 
-    def with_discrepancy(self, sigma: float) -> Problem:
-        """`with_sigma` for a curve that may lack something."""
-        problem = self.with_sigma(sigma)
-        return Problem(problem.parameters, (replace(problem.runs[0], lacks=self.lacks),))
-
     def with_sigma(self, sigma: float) -> Problem:
         """The problem whose errors are `sigma` times u_y (or times 1)."""
         return self._problem(Scale(sigma), ())
@@ -133,7 +128,7 @@ class CurveProblem:
         if not self.stated:
             # only robust errors are inferred where none are stated
             return self.with_unknown_sigma(roughness(self.y, robust=True))
-        return self._problem(Scale(1.0), ())
+        return self.with_sigma(1.0)
 
     def with_unknown_sigma(self, typical: float) -> Problem:
         """The problem in which the common standard deviation of y is one more parameter, known to
@@ -148,13 +143,6 @@ class CurveProblem:
             SIGMA_NOTATION,
         )
         return self._problem(Scale(parameter=SIGMA), (unknown,))
-
-    def residuals(self, values: FloatArray) -> FloatArray:
-        """(n_obs,) y - f, unit of y."""
-        named = {p.name: float(v) for p, v in zip(self.parameters, values, strict=True)} | dict(
-            self.fixed
-        )
-        return self.y - np.broadcast_to(self.curve.value(self.x, named), (1, self.x.size))[0]
 
     def _problem(self, sigma: Scale, further: tuple[Parameter, ...]) -> Problem:
         return Problem((*self.parameters, *further, *self.further), (self.observed(sigma),))
@@ -343,7 +331,7 @@ def pose_curve(
     parameter_units = units_of(
         read, axes, names, density=(density := counted is not None and counted.density)
     )
-    refuse_degrees(read, axes, "curve")
+    refuse_degrees(read, axes)
     check_units(
         read,
         axes,

@@ -58,7 +58,7 @@ class DataSet:
 
 @dataclass(frozen=True, eq=False)
 class JointProblem:
-    """Problems that share parameters; it answers what a `CurveProblem` answers.
+    """Problems that share parameters, whose errors are stated.
 
     parts : name of the data set -> its problem.
     sources : the same -> its argument -> name in `parameters`.  y : (n_obs,) of all in turn.
@@ -85,35 +85,16 @@ class JointProblem:
         """Whether anything is unknown of the errors, or they leave room for outliers."""
         return any(part.infers_errors for part in self.parts.values())
 
-    def with_unknown_errors(self) -> Problem:
-        """The problem with all that is unknown of the errors as further parameters."""
-        return self.with_sigma(1.0)
-
-    def with_sigma(self, sigma: float) -> Problem:
-        """The problem whose errors are `sigma` times the stated ones."""
+    @property
+    def problem(self) -> Problem:
+        """All data sets, with what is unknown of their errors as further parameters."""
         runs, sought = [], self.sought
         for name, part in self.parts.items():
-            run = part.with_sigma(sigma).runs[0].renamed(self.sources[name])
+            run = part.with_sigma(1.0).runs[0].renamed(self.sources[name])
             runs.append(replace(run, name=name, sought=(*run.sought, *sought)))
             sought = ()
         further = [unknown for part in self.parts.values() for unknown in part.further]
         return Problem((*self.parameters, *further), tuple(runs))
-
-    def with_unknown_sigma(self, typical: float) -> Problem:
-        """None of its errors is unknown."""
-        raise InputError("must be stated for every data set", field="u_y", value=typical)
-
-    def residuals(self, values: FloatArray) -> FloatArray:
-        """(n_obs,) y - f, unit of y."""
-        known = {p.name: float(v) for p, v in zip(self.parameters, values, strict=True)}
-        return np.concatenate(
-            [
-                part.residuals(
-                    np.array([known[self.sources[name][p.name]] for p in part.parameters])
-                )
-                for name, part in self.parts.items()
-            ]
-        )
 
 
 def join(

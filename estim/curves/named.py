@@ -226,9 +226,8 @@ def _robust(
     All readings are equal first, and, for a curve that can meet a single reading, as far off as
     they are from the medians of five neighbours; the best of all that are found are taken.
     """
-    n, order = posed.y.size, np.argsort(posed.x, kind="stable")
-    smooth = np.empty(n)
-    smooth[order] = [np.median(posed.y[order][max(0, i - 2) : i + 3]) for i in range(n)]
+    n = posed.y.size
+    smooth = [np.median(posed.y[max(0, i - 2) : i + 3]) for i in range(n)]
 
     def off_from(starts: Mapping[str, float]) -> FloatArray:
         curve = np.broadcast_to(formula.value(posed.x, starts), (1, n))[0]

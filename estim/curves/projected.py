@@ -8,7 +8,6 @@ import ast
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -68,11 +67,12 @@ class ProjectedCurve:
     owned: tuple[set[str], ...]
     turning: tuple[ast.expr, ...]
 
-    @cached_property
-    def function(self) -> LeastSquares:
-        """The sum of squares as a function of the drawn parameters, which descents minimise."""
+    def function(self, absent: Sequence[Sequence[int]] = ()) -> LeastSquares:
+        """The sum of squares as a function of the drawn parameters, which descents minimise,
+        without the terms of the blocks `absent`.
+        """
         return LeastSquares(
-            lambda points, _which: self.left(points),
+            lambda points, _which: self.left(points, absent),
             np.array([scale.low for scale in self.scales]),
             np.array([scale.high for scale in self.scales]),
             np.array([scale.sizes[0][0] for scale in self.scales]),
@@ -129,19 +129,8 @@ class ProjectedCurve:
 
     def squares(self, nonlinear: FloatArray, absent: Sequence[Sequence[int]] = ()) -> FloatArray:
         """(n,) sums of squares, inf where the curve is not finite or turns unseen."""
-        # numbers at a time: they stay in the cache
-        size = max(1, 50_000 // self.x.size)
-        with np.errstate(all="ignore"):
-            sums = np.concatenate(
-                [
-                    _dot(left, left)[:, 0]
-                    for k in range(0, nonlinear.shape[0], size)
-                    for left in (self.left(nonlinear[k : k + size], absent),)
-                ]
-            )
-        return np.where(
-            np.isfinite(sums) & np.logical_not(self._turns_unseen(nonlinear)), sums, math.inf
-        )
+        sums = 2.0 * self.function(absent).objectives(nonlinear)
+        return np.where(self._turns_unseen(nonlinear), math.inf, sums)
 
     def _turns_unseen(self, nonlinear: FloatArray) -> FloatArray:
         """(n,) whether an oscillation makes more than half a turn from a point to the nearest other

@@ -230,7 +230,7 @@ def _down(
     points = np.array(starts)
     first = search.squares(points)
     # predicted decrease of the squares at which a descent ends
-    ends, _, _ = search.function.descend(points, ftol=1e-8, max_steps=steps)
+    ends, _, _ = search.function().descend(points, ftol=1e-8, max_steps=steps)
     after = search.squares(ends)
     lower = (after < first)[:, None]
     return list(zip(np.where(lower, ends, points), np.minimum(after, first).tolist(), strict=True))

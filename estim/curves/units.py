@@ -159,9 +159,9 @@ def check_units(
             raise InputError(rule, field=f"units[{name}]", value=unit)
 
 
-def refuse_degrees(curve: object, axes: AxisNames, field: str) -> None:
-    """Raises InputError naming `field` for the sine, cosine or tangent of an angle in degrees, or
-    an arctangent that gives them, as the axes say.
+def refuse_degrees(curve: object, axes: AxisNames) -> None:
+    """Raises InputError for the sine, cosine or tangent of an angle in degrees, or an arctangent
+    that gives them, as the axes say.
     """
     if not isinstance(curve, Formula):
         return
@@ -178,7 +178,7 @@ def refuse_degrees(curve: object, axes: AxisNames, field: str) -> None:
         )
         raise InputError(
             f"adds {written}, which is in radians, to give y in {axes.y_unit}: {cure}",
-            field=field,
+            field="curve",
             value=curve.text,
         )
     for function, angle, power in angles_of(curve):
@@ -192,7 +192,7 @@ def refuse_degrees(curve: object, axes: AxisNames, field: str) -> None:
             )
             raise InputError(
                 f"takes {function} of an angle in {unit}, but {function} takes radians: {cure}",
-                field=field,
+                field="curve",
                 value=curve.text,
             )
 

@@ -44,7 +44,6 @@ class Linearised:
     scales : (n_component,) of the noise, as the evidence has them.
     steps : (n_component, n_par) means, from the point of linearisation.
     covariances : (n_component, n_par, n_par).
-    log_evidence : without the constants of flat priors.
     residuals, jacobian : (n_obs,), (n_obs, n_par) what it was made of.
     """
 
@@ -53,7 +52,6 @@ class Linearised:
     scales: FloatArray
     steps: FloatArray
     covariances: FloatArray
-    log_evidence: float
     residuals: FloatArray
     jacobian: FloatArray
 
@@ -249,22 +247,14 @@ def linearise(
         covariances.append(covariance[serves])
         carried = family.log_prior + log_likelihood - log_likelihood[serves]
         families.append(replace(family, scale=family.scale[serves], log_prior=carried))
-    eigenvalues = np.linalg.eigvalsh(precision)
-    constant = (
-        0.5 * float(np.sum(np.log(eigenvalues[eigenvalues > 0.0])))
-        - deviation.root.log_volume
-        - 0.5 * n_obs * np.log(2.0 * np.pi)
-    )
     log_weight = np.concatenate(logs)
-    total = np.logaddexp.reduce(log_weight)
-    weights = np.exp(log_weight - total)
+    weights = np.exp(log_weight - np.logaddexp.reduce(log_weight))
     return Linearised(
         deviation=Deviation(deviation.root, tuple(families)),
         weights=weights,
         scales=deviation.column("scale"),
         steps=np.vstack(steps),
         covariances=np.concatenate(covariances),
-        log_evidence=float(total + constant),
         residuals=residuals,
         jacobian=jacobian,
     )

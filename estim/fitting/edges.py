@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.common import Amount, Finding, Kind
 from estim.distributions import normal_tail, student_tail
-from estim.fitting.fisher_scoring import step_between
+from estim.fitting.gauss_newton import step_between
 from estim.fitting.least_squares import Fit
 from estim.problem import Prior
 from estim.words import one_sided

@@ -1,4 +1,6 @@
-"""Descents of a search, the steps that finish one, and what a Jacobian says."""
+"""Descents of a search, the steps that finish one, between the limits of the parameters, and what a
+Jacobian says.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +9,9 @@ import math
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, all_finite
-from estim.fitting.fisher_scoring import step_between
 from estim.fitting.separable import RESOLVED, SeparableSearch
 
+SILENT = 1e-11  # ratio of singular values
 _NO_STEP = 1e-6  # standard deviations
 # predicted decrease of the squares at which a descent ends; Fisher scoring follows the rough one
 _CLOSELY, _ROUGHLY, _MOST_STEPS = 1e-11, 1e-3, 100
@@ -33,42 +35,42 @@ def descended(search: SeparableSearch, starts: FloatArray) -> list[End]:
 
 
 def stepped(
-    search: SeparableSearch, values: FloatArray, *, most: int = 100
+    search: SeparableSearch, values: FloatArray, *, most: int = 100, tolerance: float = 1e-13
 ) -> tuple[FloatArray, float, float, int]:
     """Gauss-Newton steps from `values` while they help; parameters on a bound that they would cross
     stay there.
 
-    Returns where they end, the sum of squares there, the last step in standard deviations, and the
-    parameter that it moved most.
+    most : steps, of which the last is shorter than `tolerance` standard deviations.
+
+    Returns where they end, the sum of squares there, the length of the last step in standard
+    deviations, and the parameter that it moved most.
     """
     step_size, chi2 = math.inf, search.chi2(values)
-    free, resolved = search.free, search.resolved
-    mover = int(free[0])
+    mover = int(search.free[0])
     for _ in range(most):
         jacobian, residual = search.scoring(values)
         if not all_finite(jacobian, residual):
             break
         near = near_bound(search, values, jacobian, residual, chi2)
-        moving = free[~near[free]]
-        if not moving.size:
+        # what is beside a bound stays there, not on it
+        free = search.free[~near[search.free]]
+        if not free.size:
             step_size = 0.0
             break
-        step, sds = gauss_newton(jacobian[:, moving], residual, resolved)
-        low, high = search.low[moving] - values[moving], search.high[moving] - values[moving]
-        if np.any((step < low) | (step > high)):
-            step = step_between(jacobian[:, moving], residual, low, high, silent=resolved)
+        rows, low, high = jacobian[:, free], search.low[free], search.high[free]
+        step = step_between(
+            rows, residual, low - values[free], high - values[free], silent=search.resolved
+        )
         noise = math.sqrt(
             max(chi2, 10.0 * search.rounding_at(values, jacobian), 1e-300)
-            / max(1, residual.size - moving.size)
+            / max(1, residual.size - free.size)
         )
-        moved = np.abs(step) / np.where(sds > 0.0, sds, np.inf)
-        size, mover = float(np.max(moved)) / noise, int(moving[np.argmax(moved)])
+        size = float(np.linalg.norm(rows @ step)) / noise
+        mover = int(free[np.argmax(np.abs(step) * np.linalg.norm(rows, axis=0))])
         length, better = 1.0, False
         while length > 1e-4 and not better:
             trial = values.copy()
-            trial[moving] = np.clip(
-                values[moving] + length * step, search.low[moving], search.high[moving]
-            )
+            trial[free] = np.clip(values[free] + length * step, low, high)
             reached = search.chi2(trial)
             better = reached < chi2 or (reached <= chi2 * (1.0 + 1e-9) and size < 0.9 * step_size)
             length *= 0.5
@@ -76,9 +78,39 @@ def stepped(
             step_size = min(step_size, size)
             break
         values, chi2, step_size = trial, reached, size
-        if size < 1e-13:
+        if size < tolerance:
             break
     return values, chi2, step_size, mover
+
+
+def step_between(
+    rows: FloatArray, aim: FloatArray, low: FloatArray, high: FloatArray, *, silent: float = SILENT
+) -> FloatArray:
+    """(n_par,) step s of least |rows s + aim| with low <= s <= high; low <= 0 <= high.
+
+    The free step, merely cut off at a limit, leads nowhere where parameters are correlated: what
+    the others do for the one that is held must be taken back.
+
+    rows : (n, n_par).
+    aim : (n,).  silent : ratio of singular values of unit columns that counts as 0.
+    """
+    from scipy.optimize import lsq_linear
+
+    scale = np.linalg.norm(rows, axis=0)
+    scale[scale == 0.0] = 1.0
+    scaled = rows / scale
+    step = np.asarray(np.linalg.lstsq(scaled, -aim, rcond=silent)[0] / scale)
+    if np.all((step >= low) & (step <= high)):
+        return step
+    # what the data are silent about stays where it is
+    still = silent * np.linalg.norm(scaled, 2) * np.eye(scale.size)
+    result = lsq_linear(
+        np.vstack([scaled, still]),
+        np.append(-aim, np.zeros(scale.size)),
+        bounds=(low * scale, high * scale),
+        method="bvls",
+    )
+    return np.clip(result.x / scale, low, high)
 
 
 def near_bound(
@@ -108,25 +140,6 @@ def near_bound(
         )
 
 
-def _scaled(jacobian: FloatArray) -> tuple[FloatArray, FloatArray]:
-    scale = np.linalg.norm(jacobian, axis=0)
-    scale[scale == 0.0] = 1.0
-    return jacobian / scale, scale
-
-
-def gauss_newton(
-    jacobian: FloatArray, residual: FloatArray, resolved: float
-) -> tuple[FloatArray, FloatArray]:
-    """Step (n,) and standard deviations (n,) for unit residuals, by a singular value decomposition
-    of scaled columns.
-    """
-    scaled, scale = _scaled(jacobian)
-    left, singular, right = np.linalg.svd(scaled, full_matrices=False)
-    inverse = np.where(singular > resolved * singular[0], 1.0 / np.maximum(singular, 1e-300), 0.0)
-    step = -(right.T * inverse) @ (left.T @ residual) / scale
-    return step, np.sqrt(np.sum((right.T * inverse) ** 2, axis=1)) / scale
-
-
 def inverse_information(
     jacobian: FloatArray, resolved: float = RESOLVED
 ) -> tuple[FloatArray, float]:
@@ -135,8 +148,9 @@ def inverse_information(
     """
     if not jacobian.shape[1]:
         return np.zeros((0, 0)), 1.0
-    scaled, scale = _scaled(jacobian)
-    _, singular, right = np.linalg.svd(scaled, full_matrices=False)
+    scale = np.linalg.norm(jacobian, axis=0)
+    scale[scale == 0.0] = 1.0
+    _, singular, right = np.linalg.svd(jacobian / scale, full_matrices=False)
     condition = (
         float(singular[-1] / singular[0])
         if singular[0] > 0.0 and jacobian.shape[0] >= jacobian.shape[1]

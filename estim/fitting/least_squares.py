@@ -21,16 +21,15 @@ from estim.deviation import FoundDeviation, FoundForce, NormalParts
 from estim.distributions import chi2_tail
 from estim.fitting.arrowhead import descend_by_runs, many
 from estim.fitting.fisher_information import information
-from estim.fitting.fisher_scoring import finished
+from estim.fitting.gauss_newton import stepped
 from estim.fitting.incidental_parameters import measure_of
 from estim.fitting.jeffreys import jeffreys_prior
 from estim.fitting.noise_fit import fit_noise
-from estim.fitting.relaxation import LEAST_SHARE, Held, settle_by_runs
+from estim.fitting.relaxation import LEAST_SHARE, MAX_ROUNDS, SETTLED, Held, settle_by_runs
+from estim.fitting.separable import SeparableSearch
 from estim.problem import JeffreysPrior, Measure, Posterior, Problem, Symmetry
 
-_MAX_ROUNDS = 60
 _FEW_ROUNDS = 6
-_SETTLED = 1e-4  # of a standard deviation, between two rounds
 # relative steps at which a search of the curve ends: at the mode, and to see where a start leads
 _EXACT, _ROUGH = 1e-12, 1e-6
 WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
@@ -204,12 +203,10 @@ def fit_least_squares(
         )
     held: tuple[Held, ...] = ()
     if many(problem):
-        end = settle_by_runs(
-            values, posterior, most=_MAX_ROUNDS, tolerance=_SETTLED, best=_best, spread=_curved
-        )
+        end = settle_by_runs(values, posterior, best=_best, spread=_curved)
         values, posterior, moved, held = end.values, end.posterior, end.moved, end.held
     else:
-        values, posterior, moved = _settle(values, posterior, max_rounds=_MAX_ROUNDS)
+        values, posterior, moved = _settle(values, posterior, max_rounds=MAX_ROUNDS)
     if math.isnan(moved):
         raise _no_curvature(values, posterior)
     level = objective <= objective[best] + 0.5
@@ -278,7 +275,7 @@ def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
         twin = next(near, None)
         if twin is None:
             twin = (values, posterior, moved)
-            if moved >= _SETTLED:
+            if moved >= SETTLED:
                 more = 3
                 twin = _settle(values, posterior, max_rounds=more, hasty=True, tolerance=_ROUGH)
             places.append((values, twin))
@@ -364,7 +361,7 @@ def _settle(
         ):
             share *= 0.5
         # there, or beside a jump of the covariance: no place where it stays
-        if moved < _SETTLED or share < LEAST_SHARE:
+        if moved < SETTLED or share < LEAST_SHARE:
             break
     return values, posterior, moved
 
@@ -379,11 +376,7 @@ def _fit_curve(
         return values
     if many(problem):
         # the next round takes them on, with a better covariance
-        return (
-            descend_by_runs(posterior, values, free, most=5)
-            if hasty
-            else descend_by_runs(posterior, values, free)
-        )
+        return descend_by_runs(posterior, values, free, most=5 if hasty else 200)
     from lmfit.minimizer import minimize
     from lmfit.parameter import Parameters
 
@@ -429,11 +422,15 @@ def _fit_curve(
             max_nfev=400,
             nan_policy="propagate",
         )
-    return (
-        finished(posterior, filled(result.params), free, tolerance=_FINE * _SETTLED)
-        if creeps
-        else filled(result.params)
+    reached = filled(result.params)
+    if not creeps:
+        return reached
+    low, high = problem.support()
+    nothing = np.zeros(0, dtype=np.int64)
+    search = SeparableSearch(
+        posterior, reached, low, high, linear=nothing, nonlinear=np.array(free)
     )
+    return stepped(search, reached, most=20, tolerance=_FINE * SETTLED)[0]
 
 
 def _inside(value: float, low: float, high: float) -> float:
@@ -514,7 +511,7 @@ def _describe(
         else sum(bool(np.max(np.abs(end - values) / place) < 1.5) for end in same)
     )
     message = settled(led_here(n_same, n_start))
-    if moved >= _SETTLED:
+    if moved >= SETTLED:
         message = phrase(
             "did not converge: its last iteration still shifted a parameter by {sds:.2g} "
             "standard deviations",
@@ -541,7 +538,7 @@ def _describe(
         n_same=n_same,
         others=far_apart(values, ends, place),
         singular=singular,
-        success=moved < _SETTLED,
+        success=moved < SETTLED,
         moved=moved,
         message=message,
     )

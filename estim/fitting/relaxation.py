@@ -24,6 +24,8 @@ from estim.arrays import FloatArray
 from estim.fitting.arrowhead import own_columns
 from estim.problem import Likelihood, Posterior, Problem
 
+MAX_ROUNDS = 60
+SETTLED = 1e-4  # of a standard deviation, between two rounds
 _TRIED = 3  # rounds at a share, before a covariance is held
 _PATIENCE = 15  # rounds, after which the covariance of the run that moves farthest is held
 _BETWEEN = 3  # rounds between two of these
@@ -88,13 +90,11 @@ def settle_by_runs(
     values: FloatArray,
     posterior: Posterior,
     *,
-    most: int,
-    tolerance: float,
     best: Callable[[Posterior, FloatArray], FloatArray],
     spread: Callable[[Posterior, FloatArray], FloatArray | None],
 ) -> FixedPoint:
-    """Rounds from a posterior linearised at `values` (n_par,) until none moves a parameter by
-    `tolerance` standard deviations, at most `most`.
+    """Rounds from a posterior linearised at `values` (n_par,) until they settle, at most
+    `MAX_ROUNDS`.
 
     best : where the density is highest with given covariances.
     spread : (n_par,) standard deviations there, None without curvature.
@@ -103,7 +103,7 @@ def settle_by_runs(
     paces = [_Pace(mine) for mine in own_columns(problem.columns, problem.n_par)]
     pace, before, moved, last = np.ones(values.size), np.zeros_like(values), math.inf, 0
     far, scale = np.full(len(paces), math.inf), np.ones(values.size)
-    for number in range(most):
+    for number in range(MAX_ROUNDS):
         step = best(posterior, values) - values
         values = values + pace * step
         posterior = _linearised(problem, values, paces)
@@ -113,7 +113,7 @@ def settle_by_runs(
         scale = curved
         step = step / scale
         moved = float(np.max(np.abs(step), initial=0.0))
-        if moved < tolerance:
+        if moved < SETTLED:
             break
         now = np.array([float(np.max(np.abs(step[group.mine]), initial=0.0)) for group in paces])
         # before a swing is taken for one
@@ -125,14 +125,9 @@ def settle_by_runs(
                 for i, group in enumerate(paces)
             ]
             others = np.ones(values.size, dtype=bool)
-            others[
-                np.concatenate(
-                    [
-                        np.zeros(0, dtype=np.int64),
-                        *(group.mine for group in paces if group.since is not None),
-                    ]
-                )
-            ] = False
+            for group in paces:
+                if group.since is not None:
+                    others[group.mine] = False
             largest = float(np.max(np.abs(step[others]), initial=0.0))
             paces = [
                 group
@@ -141,12 +136,7 @@ def settle_by_runs(
                 for group in paces
             ]
             worst = _to_hold(
-                paces,
-                now,
-                far,
-                number,
-                tired=number >= _PATIENCE and number - last >= _BETWEEN,
-                tolerance=tolerance,
+                paces, now, far, number, tired=number >= _PATIENCE and number - last >= _BETWEEN
             )
             if worst:
                 last = number
@@ -216,19 +206,13 @@ def _relaxed(
 
 
 def _to_hold(
-    paces: list[_Pace],
-    now: FloatArray,
-    far: FloatArray,
-    number: int,
-    *,
-    tired: bool,
-    tolerance: float,
+    paces: list[_Pace], now: FloatArray, far: FloatArray, number: int, *, tired: bool
 ) -> list[int]:
     """The groups whose covariance is to be held from here on."""
     free = [
         i
         for i, pace in enumerate(paces)
-        if not pace.held and pace.place is not None and now[i] >= tolerance
+        if not pace.held and pace.place is not None and now[i] >= SETTLED
     ]
     lost = [
         i

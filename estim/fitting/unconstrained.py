@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from estim.arrays import max_abs
-from estim.fitting.fisher_scoring import SILENT
+from estim.fitting.gauss_newton import SILENT
 from estim.fitting.least_squares import Fit
 from estim.problem import Observations
 

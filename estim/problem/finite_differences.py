@@ -67,7 +67,6 @@ class Derivative:
     value : (n_obs,) derivative there, unit of position per second.
     matrix : with value = matrix @ position, 1/s.
     interval : the frame interval dt, s.
-    n_gap : frames that are missing inside the run.
     """
 
     stencil: Stencil
@@ -75,7 +74,6 @@ class Derivative:
     value: FloatArray
     matrix: csr_array
     interval: float
-    n_gap: int
 
 
 def differentiate(
@@ -112,7 +110,7 @@ def differentiate(
     value = matrix @ position
     for array in (chosen, value, matrix.indices, matrix.data):
         array.setflags(write=False)
-    return Derivative(stencil, chosen, value, matrix, interval, int(frame[-1] + 1 - frame.size))
+    return Derivative(stencil, chosen, value, matrix, interval)
 
 
 def _frames(t: FloatArray, *, file: str, lines: IntArray | None) -> tuple[float, IntArray]:

@@ -154,9 +154,9 @@ def _positive(value: float, name: str) -> None:
         raise InputError("must be > 0 and finite", field=name, value=value)
 
 
-def _finite(value: float, name: str) -> None:
-    if not math.isfinite(value):
-        raise InputError("must be finite", field=name, value=value)
+def _finite(mean: float) -> None:
+    if not math.isfinite(mean):
+        raise InputError("must be finite", field="mean", value=mean)
 
 
 def _ordered(prior: Prior) -> None:
@@ -225,7 +225,7 @@ class Normal(_CutNormal):
     mass = 1.0
 
     def __post_init__(self) -> None:
-        _finite(self.mean, "mean")
+        _finite(self.mean)
         _positive(self.sd, "sd")
         for field, distance in (("low", self.mean - self.low), ("high", self.high - self.mean)):
             if not distance >= _FAR * self.sd:
@@ -296,7 +296,7 @@ class TruncatedNormal(_CutNormal):
     measured = True
 
     def __post_init__(self) -> None:
-        _finite(self.mean, "mean")
+        _finite(self.mean)
         _positive(self.scale, "sd")
         _ordered(self)
         if not self.mass > 1e-12:
@@ -640,7 +640,7 @@ class Beta(Prior):
     keys, optional = ("mean", "sd"), ("low", "high")
 
     def __post_init__(self) -> None:
-        _finite(self.mean, "mean")
+        _finite(self.mean)
         _positive(self.sd, "sd")
         if not (math.isfinite(self.high - self.low) and self.low < self.high):
             raise InputError("must be below 'high', and both finite", field="low", value=self.low)

@@ -152,10 +152,6 @@ class Labelled:
     def names(self) -> tuple[str, ...]:
         return self.posterior.names
 
-    @property
-    def problem(self) -> Problem:
-        return self.posterior.problem
-
     def log_density(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) log of the posterior density summed over all images; -inf where another image
         is closer to the mode.
