@@ -594,7 +594,7 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
         rounded,
         step_size,
         # where a likelihood ends at the optimum, steps go to and fro across the end
-        max(1e-3 if search.creeps else 1e-7, floor),
+        max(1e-3 if search.creeps else 1e-6, floor),
         problem.names[mover],
         condition,
         resolved,
