@@ -25,7 +25,7 @@ from estim.deviation.residual_part import see_deviation
 from estim.fitting import fit_problem
 from estim.fitting.discrepancy import fit_discrepancy
 from estim.fitting.optimum import fit_optimum
-from estim.pipeline import analyse
+from estim.pipeline import analyse, sample_curve
 from estim.problem.observations import Discrepancy
 from estim.reports.curve_figures import phase_figure
 from estim.sampling import Target
@@ -242,6 +242,16 @@ def test_where_nothing_is_missing_the_size_of_the_errors_is_that_of_the_residual
     assert fit.sigma == pytest.approx(plain.sigma, rel=0.1)
     assert fit.sds["b"] < 2.5 * plain.sds["b"]
     assert "P(amplitude > 0)" in fit.notes[-1]
+
+
+def test_a_fit_beside_errors_of_unknown_size_can_be_sampled():
+    """Its symmetry still had a dimension for the size of the errors: an error of NumPy."""
+    y = 0.5 + 3.0 * np.exp(-X / 0.6) + 0.01 * np.random.default_rng(3).standard_normal(X.size)
+    fit = fit_curve("a*exp(-x/t) + c", X, y, correlated=True)
+    analysis = sample_curve(fit, seed=1, target=Target(ess=1000.0))
+    assert analysis.diagnosis.status == "ok"
+    for name in fit.names:
+        assert abs(analysis.chain.column(name).mean() - fit.values[name]) < 0.3 * fit.sds[name]
 
 
 @pytest.mark.parametrize("keys", ["deviation = 0.05", ""])

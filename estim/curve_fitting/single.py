@@ -304,7 +304,7 @@ def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) 
     fit = _whole_fit(
         posed.with_unknown_sigma(estimated), np.append(best.values, estimated), best, rng
     )
-    held = at_mode(posed.with_sigma(estimated), best.values)
+    held = replace(at_mode(posed.with_sigma(estimated), best.values), symmetry=best.symmetry)
     scale = 1.0 if pulled else estimated
     return _concluded(posed, best, problem, fit, held, sigma=estimated, scale=scale, rng=rng)
 
@@ -421,7 +421,7 @@ def _fit_discrepancy(posed: CurveProblem, complete: CurveFit, rng: np.random.Gen
         fit,
         n_start=complete.fit.n_start,
         n_same=complete.fit.n_same,
-        symmetry=complete.fit.symmetry,
+        symmetry=complete.held.symmetry,
         aliases=complete.fit.aliases,
     )
     (deviation,) = fit.deviations

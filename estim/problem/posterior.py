@@ -281,7 +281,8 @@ class Posterior:
             )
         named = self.problem.named(draws)
         total = np.zeros(draws.shape[0])
-        with np.errstate(over="ignore"):  # far from the mode a curve may overflow: no density there
+        # far from the mode a curve may overflow: no density there
+        with np.errstate(over="ignore", invalid="ignore"):
             for likelihood in self.likelihoods:
                 total += likelihood.log_likelihood(named)
         return total
