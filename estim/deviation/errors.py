@@ -17,7 +17,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.deviation.mixture import Mixture
 from estim.deviation.residuals import Residuals
-from estim.problem import Likelihood, Linear, Named, Points, Root, StackedPoints, rooted
+from estim.problem import ROOTED, Likelihood, Linear, Named, Points, Root, StackedPoints, rooted
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class MixtureErrors(Likelihood):
     likely: Root
     formed: Residuals
 
-    creeps = True
+    creeps, precision = True, ROOTED
 
     @property
     def y(self) -> FloatArray:

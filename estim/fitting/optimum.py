@@ -35,7 +35,7 @@ from estim.fitting.least_squares import (
     settled,
 )
 from estim.fitting.noise_fit import fit_noise
-from estim.fitting.separable import RESOLVED, SeparableSearch, set_apart
+from estim.fitting.separable import RESOLVED, SAFETY, SeparableSearch, set_apart
 from estim.fitting.solutions import (
     MOST_OTHERS,
     PLACE,
@@ -565,7 +565,8 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
     """The optimum that Gauss-Newton steps from `values` lead to.  Raises InputError where the curve
     has no finite derivatives there.
     """
-    free, resolved = search.free, search.resolved
+    free, likelihoods = search.free, search.posterior.likelihoods
+    resolved = max(search.resolved, *(SAFETY * likelihood.precision for likelihood in likelihoods))
     values, chi2, step_size, mover = stepped(search, values)
     jacobian, residual = search.scoring(values)
     if not all_finite(jacobian, residual):

@@ -20,7 +20,7 @@ from estim.problem.curve import (
 )
 from estim.problem.events import BINOMIAL, POISSON, Counted, Counts, Events, Law, counted_words
 from estim.problem.differences import used_columns
-from estim.problem.errors_in_x import rooted
+from estim.problem.errors_in_x import ROOTED, rooted
 from estim.problem.likelihood import (
     Likelihood,
     Noise,

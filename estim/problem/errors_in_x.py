@@ -20,6 +20,7 @@ their covariance has the term's effect in it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -37,6 +38,7 @@ from estim.problem.abscissas import (
     summed,
     true_abscissas,
 )
+from estim.problem.curve import EXACT
 from estim.problem.likelihood import Ends, Likelihood, Points, n_draws, some_draws
 from estim.problem.noise_variance import NoiseVariance, Scale
 from estim.problem.tails import Tails
@@ -45,6 +47,7 @@ from estim.problem.whitened import Tabled
 _BLOCK = 1_000_000  # values of the curve computed at once
 _FAREST = 5.0
 _LOG_ROOT_2PI = 0.5 * np.log(2.0 * np.pi)
+ROOTED = math.sqrt(EXACT)  # `Likelihood.precision` of what `rooted` gives
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +70,7 @@ class LatentErrors(Likelihood):
     share: float = 0.0
     lean: FloatArray | float = 0.0
 
-    creeps = True
+    creeps, precision = True, ROOTED
 
     @property
     def x(self) -> FloatArray:

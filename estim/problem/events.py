@@ -29,7 +29,7 @@ from estim.problem.count_noise import CountErrors
 from estim.problem.count_noise import Counts as Counts
 from estim.problem.count_noise import counted_words as counted_words
 from estim.problem.curve import Curve, LocalCurve, Wording
-from estim.problem.errors_in_x import rooted
+from estim.problem.errors_in_x import ROOTED, rooted
 from estim.problem.likelihood import Likelihood, Points, n_draws
 
 
@@ -58,6 +58,8 @@ class EventErrors(CountErrors):
     times: FloatArray
     first: IntArray
     spacing: FloatArray
+
+    precision = ROOTED
 
     def pointwise(self, named: Named) -> FloatArray:
         """Of each cell: the density of the times of its events, and of their number."""

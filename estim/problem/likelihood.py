@@ -25,7 +25,7 @@ from scipy.sparse import csr_array
 
 from estim.arrays import FloatArray, IntArray, Named
 from estim.problem.count_distributions import Counted
-from estim.problem.curve import Curve, LocalCurve, SquaredCurve, Wording
+from estim.problem.curve import EXACT, Curve, LocalCurve, SquaredCurve, Wording
 from estim.problem.noise_variance import NoiseVariance
 from estim.problem.roots import Root
 from estim.problem.whitened import Linear
@@ -267,6 +267,11 @@ class Likelihood(ABC):
     creeps: ClassVar[bool] = False
     """Whether least squares on `residuals` creep, far from normal as they are, so that steps
     by `scoring` must finish them.
+    """
+
+    precision: ClassVar[float] = EXACT
+    """What rounding errors leave of singular values of `scoring`, relative to the largest: the
+    square root of it where they are roots of an information matrix.
     """
 
     @property
