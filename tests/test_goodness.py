@@ -264,10 +264,10 @@ def test_data_sets_are_simulated_until_every_p_value_is_known_well_enough(
     for limit in ("_MOST_NUMBERS", "_MOST_AT_ONCE"):
         monkeypatch.setattr(goodness_of_fit, limit, getattr(goodness_of_fit, limit) * 20 / n_error)
 
-    def simulate(n: int) -> tuple[np.ndarray, np.ndarray]:
+    def simulate(n: int) -> goodness_of_fit.Drawn:
         sizes.append(n)
         errors = rng.standard_normal((20, n))
-        return errors, errors
+        return (lambda: errors,) * 2
 
     compared = goodness_of_fit._Compared(None, None, None)
     usual = goodness_of_fit._Tested(np.random.default_rng(2).standard_normal(20), compared, True)
@@ -329,6 +329,19 @@ def test_few_readings_of_few_digits_are_no_poor_fit(
     assert len(fits) > 20
     # a level of 0.001 for each of six tests: two of 25 are as rare as 0.01
     assert sum(fit.status == "poor-fit" for fit in fits) <= 1
+
+
+@pytest.mark.parametrize("n", [12, 15, 30, 200])
+@pytest.mark.parametrize("step", [2.0, 3.0])  # standard deviations
+def test_readings_of_few_digits_are_no_poor_fit_however_many(
+    n: int, step: float, rng: np.random.Generator
+) -> None:
+    failed = 0
+    for _ in range(20):
+        y = step * np.rint((rng.uniform(0.0, step) + rng.normal(size=n)) / step)
+        y[0] += step * (np.ptp(y) == 0.0)
+        failed += fit_curve("c", np.arange(n), y).status == "poor-fit"
+    assert failed <= 1  # without the step a third of them
 
 
 def test_readings_of_few_digits_are_judged_as_such_by_either_front_door() -> None:

@@ -53,6 +53,22 @@ def test_a_shift_is_given_closest_to_where_it_was_stated_to_start() -> None:
     assert fit.values["t0"] == pytest.approx(SHIFT + 3.0 * PERIOD, abs=0.05)
 
 
+@pytest.mark.parametrize(
+    ("formula", "name", "true"), [("A*sin(w*x + p)", "p", -0.1), ("A*sin(w*(x - t0))", "t0", 0.05)]
+)
+def test_a_phase_that_starts_on_the_other_side_of_0_changes_no_sign(
+    formula: str, name: str, true: float
+) -> None:
+    x = np.linspace(0.0, 6.0, 20)
+    y = 3.0 * np.sin(2.0 * x - 0.1) + 0.1 * np.random.default_rng(0).standard_normal(20)
+    for start in (-0.3, 0.0, 0.3):
+        for sign in (1.0, -1.0):
+            fit = fit_curve(formula, x, y, u_y=0.1, start={"A": 3.0 * sign, "w": 2.0, name: start})
+            half = 0.0 if sign > 0.0 else np.pi if name == "p" else np.pi / 2.0
+            assert fit.values["A"] * sign == pytest.approx(3.0, abs=0.2)
+            assert abs(fit.values[name] - true) == pytest.approx(half, abs=0.1)
+
+
 @pytest.mark.slow
 def test_a_shift_that_the_points_hardly_show_is_not_identified() -> None:
     x, y = swing(3, amplitude=0.1)

@@ -49,7 +49,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -65,6 +65,9 @@ P_HARDLY = 0.01  # of `uneven` and `repeated`, which see little among few points
 # times what the instrument explains: nine tenths of the variance would be something else
 SCATTER_LIMIT = 3.0
 _NO_ERRORS = 1e-9  # standard deviations; residuals that are all smaller are rounding errors
+_FINE = 1e12  # steps in one standard deviation, of readings that have none
+# records of few digits give the same residuals, and hence statistics, but for rounding errors
+_ALIKE = 1e-5
 # simulated values at least as extreme: a p-value is then uncertain by 20 % or less; by 32 % where
 # it is that many times P_POOR_FIT
 _ENOUGH, _FEWER, _CLEARLY = 25, 10, 3.0
@@ -78,6 +81,11 @@ _LEAST_REPEATED = 2  # readings beyond the first of their x: a single one may be
 _NO_DRIFT = 0.5  # standard deviations of a slow shape in independent residuals
 _OF_NEIGHBOURS = frozenset(("runs", "autocorrelation"))
 P_FLOOR = 1.0 / (1.0 + _N_SIMULATED)  # a p-value of the tests below cannot come out smaller
+
+
+# What gives the exact residuals of simulated data sets, and what gives them as recorded, once:
+# one and the same where nothing is rounded
+Drawn = tuple[Callable[[], FloatArray], Callable[[], FloatArray]]
 
 
 @dataclass(frozen=True)
@@ -219,10 +227,10 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
             _Tested(z, _compared(run, named, raw_and_sd[run.name][1]), run.stated, dof)
             for run, z in zip(group.runs, whitened, strict=True)
         ]
-        recorded_of = _recording(
+        record = _recording(
             [(run.y, z, *raw_and_sd[run.name]) for run, z in zip(group.runs, whitened, strict=True)]
         )
-        simulate = _simulated(response, spread, recorded_of, rng)
+        simulate = _simulated(response, spread, record, rng)
         checked = _checks(tested, simulate, max(1.0, n_run / MANY))
         for run, z, checks in zip(group.runs, whitened, checked, strict=True):
             judged[run.name] = _judged(fit, run, z, *raw_and_sd[run.name], checks, named)
@@ -251,53 +259,51 @@ def check_linear(
     (spread,) = spreads_by_runs([root], [np.arange(n_par)], np.zeros(n_par))
     compared = _Compared(None, _growing(f, x), _share_of_means(x, sd))
     tested = _Tested(z, compared, stated, _dof(root))
-    recorded_of = _recording([(y, z, y - f, sd)])
-    (checks,) = _checks([tested], _simulated(Linear(z, root), spread, recorded_of, rng))
+    record = _recording([(y, z, y - f, sd)])
+    (checks,) = _checks([tested], _simulated(Linear(z, root), spread, record, rng))
     return Goodness("", z, z * sd, sd, checks, float("nan"), pattern=_pattern(z), curve=True)
 
 
 def _recording(
     runs: Sequence[tuple[FloatArray, FloatArray, FloatArray, FloatArray]],
-) -> Callable[[FloatArray], FloatArray]:
-    """What is recorded of errors (n_obs, n) of n data sets, in units of sd: the y of a run are
-    multiples of its step away from each other.
+) -> Callable[[FloatArray], FloatArray] | None:
+    """What turns errors (n_obs, n) of n data sets, in units of sd, into those that are recorded,
+    where the y of a run are multiples of its step; None where there are none.
 
-    With few readings of few digits residuals often are as far from each other as they can be (three
-    readings on a line and one beside it), which continuous errors never are.
+    Residuals of few digits are often as far from each other as they can be (three readings on a
+    line and one beside it), or on one side of the curve, which continuous errors never are.
 
     runs : y, whitened residuals z, y - f and sd, all (n_obs,), of each run of a group.
     """
-    # the residuals of more readings coincide more rarely than the tests reject
-    steps = [
-        np.full(
-            y.size,
-            _step(y) if y.size <= 12 and np.allclose(z * sd, raw, rtol=1e-6, atol=0.0) else 0.0,
-        )
-        for y, z, raw, sd in runs
-    ]
-    coarse = np.concatenate(steps) > 0.0
-    step = np.concatenate(steps)[coarse, None]
-    y, _, raw, sd = (np.concatenate(parts)[coarse, None] for parts in zip(*runs, strict=True))
+    y, z, raw, sd = (np.concatenate(parts) for parts in zip(*runs, strict=True))
+    step = np.concatenate([np.full(run[0].size, _step(run[0])) for run in runs])
+    coarse = (step > 0.0) & np.isclose(z * sd, raw, rtol=1e-6, atol=0.0)
+    if not coarse.any():
+        return None
+    curve = np.divide(y - raw, step, out=np.zeros_like(y), where=coarse)
+    curve = (curve - np.rint(curve))[:, None]  # in steps, from the next multiple
+    sd = np.divide(sd, step, out=np.full_like(y, _FINE), where=coarse)[:, None]
 
-    def recorded(errors: FloatArray) -> FloatArray:
-        if not y.size:
-            return errors
-        rounded, f = errors.copy(), y - raw
-        rounded[coarse] = (y + step * np.rint((f + sd * errors[coarse] - y) / step) - f) / sd
-        return rounded
+    def record(errors: FloatArray) -> FloatArray:
+        errors *= sd
+        errors += curve
+        np.rint(errors, out=errors)
+        errors -= curve
+        errors /= sd
+        return errors
 
-    return recorded
+    return record
 
 
 def _step(y: FloatArray) -> float:
-    """The largest number of which all differences of y (n_obs,) are multiples; 0 where there is
-    none within six digits.
+    """The largest number of which all y (n_obs,) are multiples; 0 where there is none within six
+    digits.
     """
-    size = float(np.max(np.abs(y), initial=0.0))
+    size = max_abs(y)
     for digits in range(7) if 1e-290 < size < np.inf else ():
         unit = 10.0 ** (np.floor(np.log10(size)) - digits)
-        whole = np.rint((y - y[0]) / unit)
-        if np.allclose((y - y[0]) / unit, whole, rtol=0.0, atol=1e-6):
+        whole = np.rint(y / unit)
+        if np.allclose(y / unit, whole, rtol=0.0, atol=1e-6):
             return float(unit * np.gcd.reduce(whole.astype(np.int64)))
     return 0.0
 
@@ -305,11 +311,11 @@ def _step(y: FloatArray) -> float:
 def _simulated(
     response: Whitened,
     spread: FloatArray,
-    recorded_of: Callable[[FloatArray], FloatArray],
+    record: Callable[[FloatArray], FloatArray] | None,
     rng: np.random.Generator,
-) -> Callable[[int], tuple[FloatArray, FloatArray]]:
-    """What draws residuals (n_obs, n) of a group of runs in n data sets, exact and as recorded,
-    given a root F of the covariance of the parameters that it uses.
+) -> Callable[[int], Drawn]:
+    """What draws residuals (n_obs, n) of a group of runs in n data sets, given a root F of the
+    covariance of the parameters that it uses.
 
     Errors e of its points move the parameters by F M^T e with M = J F, and all other errors by F
     times a normal vector of covariance 1 - M^T M.
@@ -318,17 +324,18 @@ def _simulated(
     spectrum, basis = np.linalg.eigh(np.eye(spread.shape[1]) - moves.T @ moves)
     by_others = spread @ (basis * np.sqrt(np.maximum(spectrum, 0.0)))
 
-    def simulate(n: int) -> tuple[FloatArray, FloatArray]:
+    def simulate(n: int) -> Drawn:
         errors = response.drawn(n, rng)
-        recorded = recorded_of(errors)
         others = by_others @ rng.standard_normal((by_others.shape[1], n))
 
         def fitted(errors: FloatArray) -> FloatArray:
             shifts = spread @ (moves.T @ response.felt(errors)) + others
             return response.moved(errors, shifts)
 
-        exact = fitted(errors)
-        return exact, exact if recorded is errors else fitted(recorded)
+        def exact() -> FloatArray:
+            return fitted(errors)
+
+        return exact, exact if record is None else lambda: fitted(record(errors))
 
     return simulate
 
@@ -439,15 +446,14 @@ class _Tested:
 
 
 def _checks(
-    tested: Sequence[_Tested],
-    simulate: Callable[[int], tuple[FloatArray, FloatArray]],
-    among: float = 1.0,
+    tested: Sequence[_Tested], simulate: Callable[[int], Drawn], among: float = 1.0
 ) -> list[dict[str, Check]]:
     """The tests of several runs against the same simulated data sets.
 
     simulate : (n_obs, n) whitened residuals of all these runs in n data sets, exact and as
         recorded.  `chi2` and `repeated` are tested by exact ones: a step far beyond the stated
-        errors, or beyond what readings of one x differ by, explains nothing.
+        errors, or beyond what readings of one x differ by, explains nothing.  Recorded ones that
+        are all zero do not count: such data have no pattern to test.
     among : by how many times more of them may be needed.
 
     Data sets are drawn until every statistic has been met or exceeded by `_ENOUGH` of them (Besag
@@ -458,6 +464,8 @@ def _checks(
     for run, counts in zip(tested, least, strict=True):
         if run.dof > 0:
             counts.pop("chi2", None)
+    seen = [dict.fromkeys(counts, 0) for counts in least]
+    sized = any(name in counts for counts in least for name in ("chi2", "repeated"))
     ends = np.cumsum([run.z.size for run in tested])
     n_error = int(ends[-1])
     n_most = int(among * np.clip(_MOST_NUMBERS / n_error, _LEAST_SIMULATED, _N_SIMULATED))
@@ -467,21 +475,24 @@ def _checks(
     ):
         more = min(at_once, n_most - n)
         exact, recorded = simulate(more)
-        for i, null in enumerate(np.split(recorded, ends[:-1])):
-            simulated = _statistics(null.T, tested[i].compared)
-            if recorded is not exact:
-                true = _statistics(np.split(exact, ends[:-1])[i].T, tested[i].compared)
-                simulated |= {name: true[name] for name in ("chi2", "repeated") if name in true}
-            drift[i] = max(drift[i], float(np.max(simulated["trend"])))
+        sizes: list[dict[str, FloatArray]] = [{} for _ in tested]
+        if sized and exact is not recorded:
+            nulls = np.split(exact().T, ends[:-1], axis=1)
+            sizes = [_sizes(z, run.compared) for run, z in zip(tested, nulls, strict=True)]
+        nulls = np.split(recorded().T, ends[:-1], axis=1)
+        for i, (run, z) in enumerate(zip(tested, nulls, strict=True)):
+            simulated = _statistics(z, run.compared)
+            void = simulated["chi2"] < run.z.size * _ALIKE**2
+            drift[i] = max(drift[i], float(np.max(simulated["trend"][~void], initial=0.0)))
+            simulated = {name: values[~void] for name, values in simulated.items()} | sizes[i]
             for name in least[i]:
-                # records of few digits give the same residuals, but for rounding errors
-                slack = 1e-12 if recorded is exact else 1e-5 * abs(tested[i].statistics[name])
-                reached = simulated[name] >= tested[i].statistics[name] - slack
-                least[i][name] += int(np.count_nonzero(reached))
+                enough = run.statistics[name] - _ALIKE * abs(run.statistics[name])
+                least[i][name] += int(np.count_nonzero(simulated[name] >= enough))
+                seen[i][name] += simulated[name].size
         n += more
     checked = []
-    for run, counts, largest in zip(tested, least, drift, strict=True):
-        p_values = {name: (1.0 + count) / (1.0 + n) for name, count in counts.items()}
+    for run, counts, many, largest in zip(tested, least, seen, drift, strict=True):
+        p_values = {name: (1.0 + count) / (1.0 + many[name]) for name, count in counts.items()}
         if run.dof > 0 and run.stated:
             p_values["chi2"] = max(chi2_p(run.statistics["chi2"], run.dof), P_FLOOR / among)
         if largest < _NO_DRIFT:
@@ -554,27 +565,38 @@ def _growing(f: FloatArray, x: FloatArray) -> FloatArray | None:
     return np.array([w / np.sqrt(np.mean(np.square(w))) for w in centred]) if centred else None
 
 
+@cache
+def _slow(n: int) -> FloatArray:
+    """(n, 4) orthonormal polynomials."""
+    return np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, n), 4, increasing=True))[0]
+
+
+def _sizes(z: FloatArray, compared: _Compared) -> dict[str, FloatArray]:
+    """Those of the statistics below that are compared with exact residuals."""
+    square = np.einsum("ij,ij->i", z, z)
+    if compared.repeated is None:
+        return {"chi2": square}
+    return {"chi2": square, "repeated": compared.repeated(z) / np.where(square > 0.0, square, 1.0)}
+
+
 def _statistics(z: FloatArray, compared: _Compared) -> dict[str, FloatArray]:
     """Name -> (n,) statistic of each row of z (n, n_obs)."""
-    n, sizes = z.shape[1], np.abs(z)
-    square = np.einsum("ij,ij->i", z, z)
+    n, sizes, whole = z.shape[1], np.abs(z), _sizes(z, compared)
+    square = whole["chi2"]
     size = np.where(square > 0.0, square, 1.0)  # residuals that are all exactly zero have no shape
-    place = np.linspace(-1.0, 1.0, n)
-    shapes, _ = np.linalg.qr(np.vander(place, 4, increasing=True))
     statistics = {
         "chi2": square,
         "runs": -np.sum(np.signbit(z[:, 1:]) != np.signbit(z[:, :-1]), axis=1).astype(float),
         "autocorrelation": np.einsum("ij,ij->i", z[:, 1:], z[:, :-1]) / size,
-        "trend": np.max(np.abs(z @ shapes), axis=1) / np.sqrt(size / n),
+        "trend": np.max(np.abs(z @ _slow(n)), axis=1) / np.sqrt(size / n),
         "largest": np.max(sizes, axis=1) / np.sqrt(size / n),
     }
     total = np.where(square > 0.0, np.sum(sizes, axis=1), 1.0)
     if compared.growing is not None:
         statistics["uneven"] = np.max(np.abs(sizes @ compared.growing.T), axis=1) / total
-    if compared.repeated is not None:
-        statistics["repeated"] = compared.repeated(z) / size
+    statistics |= whole
     if compared.speeds is not None:
         held = np.minimum(sizes, _BEYOND * np.median(sizes, axis=1, keepdims=True))
-        whole = np.sum(held, axis=1)
-        statistics["speed"] = (held @ compared.speeds.T)[:, 0] / np.where(whole > 0.0, whole, 1.0)
+        total = np.sum(held, axis=1)
+        statistics["speed"] = (held @ compared.speeds.T)[:, 0] / np.where(total > 0.0, total, 1.0)
     return statistics

@@ -296,11 +296,12 @@ def _repeated(
         if chi2 <= limit
         for image in found.symmetry.within(end, near)
     ]
+    period = np.fmin(found.symmetry.period, repeat)
     signed = found.symmetry.flips | np.isin(np.arange(near.size), search.linear)
 
     def order(image: FloatArray) -> tuple[float, ...]:
         negative = image * np.where(stated, start, 1.0) < 0.0
-        far = distance(search, np.where(stated, image, start), start)
+        far = distance(search, np.where(stated, image, start), start, period)
         away = np.abs(image - near)[np.isfinite(repeat)]
         return round(far, 9), float(np.sum(negative & signed)), float(np.sum(away))
 

@@ -85,7 +85,7 @@ def distinct_ends(
     for end in sorted(
         ends,
         key=lambda candidate: (
-            (0.0, distance(search, candidate[0], start))
+            (0.0, distance(search, candidate[0], start, symmetry.period))
             if candidate[1] <= equal
             else (candidate[1], 0.0)
         ),
@@ -192,13 +192,13 @@ def written(
     def order(image: FloatArray) -> tuple[float, ...]:
         negative = image[flips] < 0.0
         turned = np.abs(image - near)[np.isfinite(symmetry.period)]
-        far = distance(search, np.where(stated, image, start), start)
+        far = distance(search, np.where(stated, image, start), start, symmetry.period)
         signs = float(np.sum(negative & linear)), float(np.sum(negative & ~linear))
         return (
             round(far, 9),
             *signs,
             round(float(np.sum(turned)), 9),
-            distance(search, image, start),
+            distance(search, image, start, symmetry.period),
         )
 
     return min(symmetry.within(values, near), key=order, default=values)
@@ -307,16 +307,24 @@ def _roughness(search: SeparableSearch, values: FloatArray) -> float:
     return total
 
 
-def distance(search: SeparableSearch, values: FloatArray, other: FloatArray) -> float:
-    """How far apart two points are: changes of sign, then factors, of the nonlinear parameters;
-    signs of the linear ones.
+def distance(
+    search: SeparableSearch,
+    values: FloatArray,
+    other: FloatArray,
+    period: FloatArray | float = math.inf,
+) -> float:
+    """How far apart two points are: changes of sign, then factors, of the nonlinear parameters, or
+    turns of those with a `period`, whose 0 is a place like any other; signs of the linear ones.
     """
     a, b = values[search.nonlinear], other[search.nonlinear]
+    turn = np.broadcast_to(period, values.shape)[search.nonlinear]
     with np.errstate(all="ignore"):
         factors = np.where(
             b == 0.0,
             np.minimum(np.abs(a), 10.0),
             np.log(np.maximum(np.abs(a / np.where(b == 0.0, 1.0, b)), 1e-6)),
         )
+        apart = np.where(a * b < 0.0, 100.0, 0.0) + factors**2
+        apart = np.where(np.isfinite(turn), ((a - b) / turn) ** 2, apart)
     signs = np.sum(values[search.linear] * other[search.linear] < 0.0)
-    return float(np.sum(np.where(a * b < 0.0, 100.0, 0.0) + factors**2) + 30.0 * signs)
+    return float(np.sum(apart) + 30.0 * signs)
