@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from scipy import optimize, special, stats
 from estim import (
     Binomial,
     Component,
+    CurveFit,
     EventTimes,
     InputError,
     Poisson,
@@ -128,6 +130,55 @@ def test_single_times_with_background_against_a_grid(rng: np.random.Generator) -
 
     brute = optimize.brentq(profile, 0.5, best.x[0]), optimize.brentq(profile, best.x[0], 6.0)
     assert fit.intervals["tau"][0.68] == pytest.approx(brute, rel=2e-3)
+
+
+def few_decays() -> CurveFit:
+    t = np.random.default_rng(2).exponential(2.0, 12)
+    return fit_curve(
+        "exp(-x/tau) + b",
+        t[(t > 0.3) & (t < 10.0)],
+        None,
+        start={"tau": 1.0, "b": 0.1},
+        bounds={"tau": (0.01, None), "b": (0.0, None)},
+        noise=EventTimes(0.3, 10.0),
+    )
+
+
+def all_but_a_line() -> CurveFit:
+    x = np.arange(0.5, 20.0)
+    y = np.random.default_rng(1).poisson(30.0 * np.exp(-x / 8.0) + 5.0)
+    start, bounds = {"N": 30.0, "tau": 8.0, "b": 5.0}, {"tau": (0.0, None)}
+    return fit_curve("N*exp(-x/tau) + b", x, y, start=start, bounds=bounds, noise="poisson")
+
+
+@pytest.mark.parametrize(
+    ("fitted", "lacking"), [(few_decays, {"tau", "b"}), (all_but_a_line, {"N", "tau", "b"})]
+)
+def test_a_likelihood_that_does_not_fall_to_0_has_no_posterior_whatever_the_seed(
+    fitted: Callable[[], CurveFit], lacking: set[str]
+) -> None:
+    fit = fitted()
+    assert fit.status == "ok"  # its profiles have ends
+    told = [sample_curve(fit, seed=seed).diagnosis for seed in (1, 2, 3)]
+    assert [t.status for t in told] == ["not-identified"] * 3
+    assert told[0].reasons == told[1].reasons == told[2].reasons
+    assert told[0].notes == told[1].notes == told[2].notes
+    assert {f.parameters[0].name for f in told[0].findings} == lacking
+    assert "state a limit" in told[0].reasons[0]
+
+
+def test_limits_on_both_sides_give_few_decays_a_posterior() -> None:
+    fit = few_decays()
+    limits = {"tau": (0.01, 30.0), "b": (0.0, 1.0)}
+    within = fit_curve(
+        "exp(-x/tau) + b",
+        fit.fit.problem.runs[0].noise.times,
+        None,
+        start=fit.values,
+        bounds=limits,
+        noise=EventTimes(0.3, 10.0),
+    )
+    assert sample_curve(within, seed=1).diagnosis.status == "ok"
 
 
 @pytest.mark.slow

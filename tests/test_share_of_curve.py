@@ -49,6 +49,20 @@ def test_the_fit_is_the_highest_likelihood_with_its_fisher_information(share: fl
     assert fit.chi2 == pytest.approx(np.sum(((Y - f) / (share * f)) ** 2), rel=1e-6)
 
 
+def test_intervals_end_where_the_likelihood_says_even_those_of_a_line() -> None:
+    fit = fit_curve("a + b*x", X, Y, start=LINE, u_y="40%")
+    lowest = minus_log(highest(0.4), 0.4)
+    for i, name in enumerate(LINE):
+        for probability, rise in ((0.68, 0.9889), (0.95, 3.8415)):
+            for end in fit.intervals[name][probability]:
+                best = minimize(
+                    lambda other, i=i, end=end: minus_log(np.insert(other, i, end), 0.4),
+                    list(fit.values.values())[1 - i],
+                    method="Nelder-Mead",
+                )
+                assert 2.0 * (best.fun - lowest) == pytest.approx(rise, rel=2e-3)
+
+
 def test_a_share_of_the_readings_is_another_fit_and_told_as_such() -> None:
     of_readings = fit_curve("a + b*x", X, Y, start=LINE, u_y="15% of y")
     by_hand = fit_curve("a + b*x", X, Y, start=LINE, u_y=0.15 * np.abs(Y))

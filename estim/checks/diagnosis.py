@@ -132,10 +132,11 @@ def diagnose(
         ]
     )
     remarks = (
-        _held(fit, Kind.COVARIANCE_HELD)
-        + _counting_alike(fit)
-        + _remarks(fit, chain, goodness, conflict)
+        _held(fit, Kind.COVARIANCE_HELD) + _counting_alike(fit) + _remarks(fit, goodness, conflict)
     )
+    if not any(finding.kind is Kind.OPEN_SIDE for finding in unheld):
+        draws = dict(zip(fit.names, chain.flat.T, strict=True))
+        remarks += [limit_found(fit, name, draws[name]) for name in fit.at_bound]
     remarks += (
         []
         if findings
@@ -390,9 +391,7 @@ def _from_pictures(run: Observations) -> bool:
     return run.noise.size.step == 0.0 and (run.y_unit if run.positions else run.x_unit) == "m"
 
 
-def _remarks(
-    fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Conflict
-) -> list[Finding]:
+def _remarks(fit: Fit, goodness: Sequence[Goodness], conflict: Conflict) -> list[Finding]:
     stated = stated_values(fit, conflict)
     remarks = [stated] if stated.kind is Kind.STATED_HARDLY else []
     remarks += same_curve(fit)
@@ -455,6 +454,4 @@ def _remarks(
         exact = tuple(name for name in readings if isinstance(run.arguments.get(name), float))
         if exact:
             remarks.append(Finding(Kind.TAKEN_AS_EXACT, run=run.name, names=exact))
-    return remarks + [
-        limit_found(fit, name, chain.flat[:, fit.names.index(name)]) for name in fit.at_bound
-    ]
+    return remarks

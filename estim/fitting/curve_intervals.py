@@ -8,7 +8,8 @@
   (Welch-Satterthwaite, JCGM 100:2008, G.4.1).
 - Where that size is one of the parameters (a jitter, `sigma_y` of robust errors): profiles, with
   Student's t too; for a line they are the same as those above.
-- Where y was counted: profiles, with z of the normal distribution.  Few events make them lopsided.
+- Where y was counted, or its errors are a share of the curve: profiles, with z of the normal
+  distribution.  Few events or a large share make them lopsided, even for a line.
 - Where an edge (of bounds or of a prior) is within reach of any interval: profiles
   (`estim.fitting.profile`) with the same quantiles.  An interval then ends at the edge.  A side
   without an edge that nothing closes has no end, and the parameter no interval: a flat prior leaves
@@ -90,14 +91,14 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
         else np.full(len(names), np.inf)
     )
     ended = any(_at_end(run, fixed) for run in fixed.problem.runs)
-    counted = any(run.noise.counted is not None for run in fixed.problem.runs)
+    skewed = any(run.noise.counted is not None or run.noise.share for run in fixed.problem.runs)
     beside = _within_reach(fixed, np.where(best.at_bound, free, np.sqrt(np.diag(cov))), dofs)
     symmetric = _symmetric(names, best.values, sds, dofs)
     bent = vague(fixed, sds)
-    if not (np.any(beside) or counted or np.any(bent)):
+    if not (np.any(beside) or skewed or np.any(bent)):
         return Spread(cov, sds, symmetric, (), ())
     intervals, left_open = profiled(
-        fixed, held(float(np.min(dofs))), None if np.any(beside) or counted else sds
+        fixed, held(float(np.min(dofs))), None if np.any(beside) or skewed else sds
     )
     notes: list[Finding] = []
     unheld = {finding.parameters[0].name for finding in left_open}
@@ -130,7 +131,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
                 )
             )
             sds[i] = np.nan
-        elif not (np.any(beside) or counted):
+        elif not (np.any(beside) or skewed):
             intervals[name] = symmetric[name]
     return Spread(cov, sds, intervals, tuple(notes), tuple(left_open))
 

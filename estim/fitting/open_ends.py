@@ -13,6 +13,7 @@ import numpy as np
 
 from estim.arrays import BoolArray, FloatArray
 from estim.common import Amount, Finding, Kind
+from estim.distributions import chi2_tail
 from estim.fitting.least_squares import Fit
 from estim.fitting.profile import ProfileInterval, profile_intervals
 from estim.problem import Parameter, Problem
@@ -21,14 +22,19 @@ _PROBABILITY = 0.95
 _VAGUE = 0.5  # ranges of the data
 _STRAIGHT = 0.05  # standard deviations of the residuals, by which a step of one bends them
 _FAR, _LONGER = 10.0, 1.5  # standard deviations; times the other side, in logarithms
+# of -2 log density: chains of some seeds go beyond a rise of 27.5, none beyond 30.3
+_NEVER_MET = 30.0
 
 
 def open_sides(fit: Fit, sds: FloatArray) -> list[Finding]:
     """The parameters without a stated value that are left open, where one of them is vague; of
-    counts, whose prior is flat, also those that reach over decades: it would favour large values.
+    counts, whose prior is flat, also those that reach over decades: it would favour large values;
+    and those that it lets go to infinity, which a chain does sooner or later.
 
     sds : (n_par,) of the fit.
     """
+    if endless := _endless(fit):
+        return endless
     if not np.any(vague(fit, sds)):
         return []
     free = np.flatnonzero(fit.problem.unstated)
@@ -42,6 +48,28 @@ def open_sides(fit: Fit, sds: FloatArray) -> list[Finding]:
         over = fit.jeffreys is None and max(abs(end - interval.value) for end in ends) > far
         findings += found or ([_open("decades", parameter)] if over else [])
     return findings
+
+
+def _endless(fit: Fit) -> list[Finding]:
+    """The parameters of counts at whose far ends the likelihood, and with it their flat prior's
+    posterior, stays above e^-15 of the highest: it has no integral, and chains find out by chance.
+    """
+    problem = fit.problem
+    if fit.singular or all(run.noise.counted is None for run in problem.runs):
+        return []
+    own = problem.incidental if fit.measure is not None else ()
+    flat = [
+        p
+        for p, free in zip(problem.parameters, problem.unstated, strict=True)
+        if free and p.name not in own
+    ]
+    level = 1.0 - float(chi2_tail(_NEVER_MET, 1))
+    intervals = profile_intervals(fit, names=[p.name for p in flat], probabilities=(level,))
+    return [
+        _open("counts", p)
+        for interval, p in zip(intervals, flat, strict=True)
+        if side_left_open(interval, p)
+    ]
 
 
 def vague(fit: Fit, sds: FloatArray) -> BoolArray:

@@ -99,6 +99,11 @@ _OPEN = {
         "{symbol} is unbounded below, because other parameters compensate for any small "
         "value: without a stated prior or a lower limit it has no interval"
     ),
+    "counts": later(
+        "nothing limits {symbol} on a side where the likelihood does not fall to 0, and the prior "
+        "of counts is flat, so that no posterior exists to draw from: state a limit there (low, "
+        "high) or a prior; the intervals of `fit_curve` need neither"
+    ),
     "decades": later(
         "{symbol} may be many times larger or smaller than fitted, and the flat prior of counts "
         "favours large values, which would shift all results: write exp(b) in its place, or x/x0 "
