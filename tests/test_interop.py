@@ -214,6 +214,7 @@ def test_joint_runs_stand_side_by_side(campaign: estim.Campaign, xarray: SimpleN
         seed=1,
         target=Target(max_step=60, n_walker=24),
         complete="two runs",
+        marginal=False,
     )
     tree = estim.to_datatree(joint)
     assert tree.attrs["status"] == "not-converged"

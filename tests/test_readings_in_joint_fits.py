@@ -259,3 +259,29 @@ def test_a_step_that_meets_a_limit_stays_on_the_ridge() -> None:
     assert near is not None
     sds = np.sqrt(np.diag(fit.cov))[far.columns]
     np.testing.assert_allclose(far.slope * sds, near.slope * sds, atol=0.03)
+
+
+def test_own_parameters_on_limits_stay_there_while_what_is_shared_moves() -> None:
+    """Backgrounds of counts at 0, some of which rise with a step and some with its opposite: both
+    ended at once, and the slope was 0.
+    """
+    rng, sets = np.random.default_rng(3), {}
+    for i in range(10):
+        x = np.linspace(0.2, 2.5 + 2.0 * (i % 4), 14)
+        sets[f"r{i}"] = DataSet(x, rng.poisson(60.0 * x**0.7 * np.exp(-x / 1.5)), noise="poisson")
+    fit = fit_curves(
+        "N*x**p*exp(-x/tau) + b",
+        sets,
+        shared=("p", "tau"),
+        bounds={"b": (0.0, None), "N": (0.0, None), "tau": (0.0, None)},
+        start={"N": 60.0, "p": 0.7, "tau": 1.5, "b": 0.5},
+        n_start=1,
+    ).fit
+    assert sum(name.startswith("b") for name in fit.at_bound) == 3
+    measure = measure_of(fit.posterior, fit.values, fit.cov)
+    near = measure_of(fit.posterior, fit.values, 1e-4 * fit.cov)
+    assert measure is not None
+    assert near is not None
+    sds = np.sqrt(np.diag(fit.cov))[measure.columns]
+    np.testing.assert_allclose(measure.slope * sds, near.slope * sds, atol=0.1)
+    assert np.all(np.abs(near.slope * sds) > 0.1)

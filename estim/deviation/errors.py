@@ -33,7 +33,7 @@ class MixtureErrors(Likelihood):
     likely: Root
     formed: Residuals
 
-    creeps, precision = True, ROOTED
+    creeps, resolved = True, ROOTED
 
     @property
     def y(self) -> FloatArray:

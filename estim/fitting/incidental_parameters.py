@@ -37,6 +37,8 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.problem import JeffreysPrior, Measure, Posterior, uses_of
 
+_ON_LIMIT = 1e-2  # standard deviations with all others held
+
 
 def measure_of(
     posterior: Posterior,
@@ -56,6 +58,14 @@ def measure_of(
     )
     if not (incidental or jeffreys) or not shared.size:
         return None
+    low, high = problem.support()
+    # what lies on a limit stays there
+    away = np.minimum(values - low, high - values)
+    still = away <= _ON_LIMIT * np.sqrt(np.diag(cov))
+    still[shared] = False
+    if still.any():
+        still &= away * np.sqrt(np.diag(np.linalg.inv(cov))) <= _ON_LIMIT
+        cov = cov - cov[:, still] @ np.linalg.solve(cov[np.ix_(still, still)], cov[still])
     root = np.linalg.cholesky(cov[np.ix_(shared, shared)])
     held = [
         i for i, p in enumerate(problem.parameters) if p.between or p.name in problem.noise_names
@@ -63,7 +73,7 @@ def measure_of(
     # (n_par, n_shared): where all parameters follow one sd along each column of root
     along = np.linalg.solve(root, cov[shared]).T
     along[held] = 0.0
-    low, high = problem.support()
+    along[still] = 0.0
     steps = np.vstack([along.T, -along.T])
     # a step ends where it meets a limit; cut off in one parameter alone it would leave the ridge
     # along which the others follow

@@ -35,7 +35,7 @@ from estim.fitting.least_squares import (
     settled,
 )
 from estim.fitting.noise_fit import fit_noise
-from estim.fitting.separable import RESOLVED, SAFETY, SeparableSearch, set_apart
+from estim.fitting.separable import RESOLVED, SeparableSearch, set_apart
 from estim.fitting.solutions import (
     MOST_OTHERS,
     PLACE,
@@ -69,8 +69,9 @@ _AROUND = 8  # of these, descents from points around an optimum where the curve 
 _MOST_DESCENTS = 24  # from the dips of one round of scans
 # of -2 log density: what lies far from the mode is as improbable as three standard deviations are
 _HELD = 9.0
-# where no Jeffreys' prior gives the posterior an end: below 1e-4 of the density at the mode
-_HELD_UNDER_FLAT_PRIORS = 18.0
+# where a prior does not give the posterior an end, that of counts or of a frequency: the density
+# is below 1e-4 of that at the mode
+_HELD_WITHOUT_END = 18.0
 MAX_PARAMETERS = 14  # of problems that are scanned, and have a second opinion
 
 
@@ -317,8 +318,8 @@ def _repeated(
 
 
 def _unheld(search: SeparableSearch, found: Optimum, period: FloatArray) -> Finding | None:
-    """The parameter without a limit, if any, far along which the posterior density is no longer
-    negligible: no integral over it exists.
+    """The parameter without a limit, if any, far along which the posterior density is not
+    negligible.
 
     Its rise there, in -2 log, is that of the density over all linear parameters and the unknown
     sizes of the errors; robust errors are fit anew there.
@@ -345,10 +346,25 @@ def _unheld(search: SeparableSearch, found: Optimum, period: FloatArray) -> Find
     rises = [(rise_of(*places), i) for i, places in far.items()]
     rises = [(rise, i) for rise, i in rises if not math.isnan(rise)]
     rise, i = min(rises, default=(math.inf, 0))
-    counted = any(run.noise.counted is not None for run in problem.runs)
-    if not rise < (_HELD_UNDER_FLAT_PRIORS if counted else _HELD):
+    if not rise < _HELD_WITHOUT_END or (rise >= _HELD and _fades(search, i, far[i][0])):
         return None
     return Finding(Kind.HARDLY_HELD, size=rise, parameters=(Amount(problem.names[i]),))
+
+
+def _fades(search: SeparableSearch, i: int, places: FloatArray) -> bool:
+    """Whether the curve depends less and less on parameter i between two reaches, `places` (n,
+    n_par) in turn, all others following: Jeffreys' prior then gives its posterior an end.
+    """
+    if any(run.noise.counted is not None for run in search.posterior.problem.runs):
+        return False
+    sizes = []
+    for place in places:
+        rows = search.scoring(place)[0]
+        if not all_finite(rows):
+            return False
+        own, others = rows[:, i] * place[i], rows[:, search.free[search.free != i]]
+        sizes.append(np.linalg.norm(own - others @ np.linalg.lstsq(others, own, rcond=None)[0]))
+    return bool(np.all(np.array(sizes[1::2]) < np.array(sizes[::2])))
 
 
 def _nowhere_finite(problem: Problem, start: FloatArray) -> InputError:
@@ -567,7 +583,7 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
     has no finite derivatives there.
     """
     free, likelihoods = search.free, search.posterior.likelihoods
-    resolved = max(search.resolved, *(SAFETY * likelihood.precision for likelihood in likelihoods))
+    resolved = max(search.resolved, *(likelihood.resolved for likelihood in likelihoods))
     values, chi2, step_size, mover = stepped(search, values)
     jacobian, residual = search.scoring(values)
     if not all_finite(jacobian, residual):

@@ -22,8 +22,8 @@ from estim.problem import EXACT, Posterior, Problem
 
 Indices = NDArray[np.int64]
 
-SAFETY = 20.0
-RESOLVED = SAFETY * EXACT  # `SeparableSearch.resolved` where derivatives are exact
+_SAFETY = 20.0
+RESOLVED = _SAFETY * EXACT  # `SeparableSearch.resolved` where derivatives are exact
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ class SeparableSearch:
         """Ratio of singular values (columns of unit length) that the rounding errors of the
         derivatives let be told from zero.
         """
-        return SAFETY * max(
+        return _SAFETY * max(
             getattr(run.curve, "precision", EXACT) for run in self.posterior.problem.runs
         )
 
@@ -81,7 +81,7 @@ class SeparableSearch:
             np.where(size > 0.0, size, 1.0),
             self.linear,
             self.nonlinear,
-            max(1e-6, math.sqrt(self.resolved / SAFETY)),
+            max(1e-6, math.sqrt(self.resolved / _SAFETY)),
             self.posterior.problem.n_obs + len(pulling),
         )
 

@@ -47,7 +47,7 @@ from estim.problem.whitened import Tabled
 _BLOCK = 1_000_000  # values of the curve computed at once
 _FAREST = 5.0
 _LOG_ROOT_2PI = 0.5 * np.log(2.0 * np.pi)
-ROOTED = math.sqrt(EXACT)  # `Likelihood.precision` of what `rooted` gives
+ROOTED = 2.0 * math.sqrt(EXACT)  # `Likelihood.resolved` of what `rooted` gives
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ class LatentErrors(Likelihood):
     share: float = 0.0
     lean: FloatArray | float = 0.0
 
-    creeps, precision = True, ROOTED
+    creeps, resolved = True, ROOTED
 
     @property
     def x(self) -> FloatArray:
@@ -225,7 +225,7 @@ class LatentErrors(Likelihood):
     def _of_curve(self, names: Sequence[str]) -> BoolArray:
         """(n_par,) which parameters are not of the noise."""
         noise = (*self.size.parameters, self.sigma_x.parameter, *self.tails.parameters)
-        return np.array([name not in noise for name in names])
+        return np.array([name not in noise for name in names], dtype=bool)
 
     def _sd_of_x(self, named: Named) -> FloatArray:
         """(n, n_obs) standard deviations of the errors of the abscissas, n the number of draws or

@@ -59,7 +59,7 @@ class EventErrors(CountErrors):
     first: IntArray
     spacing: FloatArray
 
-    precision = ROOTED
+    resolved = ROOTED
 
     def pointwise(self, named: Named) -> FloatArray:
         """Of each cell: the density of the times of its events, and of their number."""

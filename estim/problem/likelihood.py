@@ -25,7 +25,7 @@ from scipy.sparse import csr_array
 
 from estim.arrays import FloatArray, IntArray, Named
 from estim.problem.count_distributions import Counted
-from estim.problem.curve import EXACT, Curve, LocalCurve, SquaredCurve, Wording
+from estim.problem.curve import Curve, LocalCurve, SquaredCurve, Wording
 from estim.problem.noise_variance import NoiseVariance
 from estim.problem.roots import Root
 from estim.problem.whitened import Linear
@@ -269,9 +269,9 @@ class Likelihood(ABC):
     by `scoring` must finish them.
     """
 
-    precision: ClassVar[float] = EXACT
-    """What rounding errors leave of singular values of `scoring`, relative to the largest: the
-    square root of it where they are roots of an information matrix.
+    resolved: ClassVar[float] = 0.0
+    """Ratio of singular values of `scoring` below which rounding errors hide them, where these are
+    roots of an information matrix.
     """
 
     @property
