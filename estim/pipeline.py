@@ -90,6 +90,7 @@ from estim.words import advice_for
 
 _LOG = logging.getLogger("estim")
 _BENT = 0.15  # of the logarithm of Jeffreys' prior, over a standard deviation of a parameter
+_ELSEWHERE = 0.03  # of the draws of a chain that did not converge, where those of another are not
 
 
 @dataclass(frozen=True, eq=False)
@@ -401,9 +402,16 @@ def _drawn(
         # a spread between runs that a formula holds is as hard as one that a key asks for
         with suppress(InputError, NumericalError):
             chain, comparison = marginal_chain(fit, target=target, rng=rng, progress=progress)
-            if chain.convergence.met:
+            if chain.convergence.met and _within(drawn.chain, chain):
                 return Certified(chain, None, comparison)
     return drawn
+
+
+def _within(chain: Chain, other: Chain) -> bool:
+    """Whether hardly any draw of a chain lies where none of another does."""
+    low, high = np.min(other.flat, axis=0), np.max(other.flat, axis=0)
+    outside = np.any((chain.flat < low) | (chain.flat > high), axis=1)
+    return chain.stuck == 0 and float(np.mean(outside)) < _ELSEWHERE
 
 
 def _optima_of(fit: Fit) -> Optima:

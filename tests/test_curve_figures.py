@@ -18,7 +18,6 @@ FORMULA, START = "a*exp(-x/tau) + c", {"a": 1.0, "tau": 1.0, "c": 0.0}
 
 @pytest.fixture(scope="module")
 def decay() -> CurveFit:
-    # the data alone would hardly hold it: a straight line is only 15 above the least of -2 ln p
     limits = {"tau": (0.01, 100.0)}
     return fit_curve(
         FORMULA,

@@ -49,7 +49,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -290,9 +290,12 @@ def _recording(
 
     runs : y, whitened residuals z, y - f and sd, all (n_obs,), of each run of a group.
     """
-    y, z, raw, sd = (np.concatenate(parts) for parts in zip(*runs, strict=True))
-    step = np.concatenate([np.full(run[0].size, _step(run[0])) for run in runs])
-    coarse = (step > 0.0) & np.isclose(z * sd, raw, rtol=1e-6, atol=0.0)
+    y, _, raw, sd = (np.concatenate(parts) for parts in zip(*runs, strict=True))
+    # correlated errors, counts and robust ones are whitened in another way
+    alone = [np.allclose(z * sd, raw, rtol=1e-6, atol=0.0) for _, z, raw, sd in runs]
+    steps = [_step(run[0]) if as_read else 0.0 for run, as_read in zip(runs, alone, strict=True)]
+    step = np.repeat(steps, [run[0].size for run in runs])
+    coarse = step > 0.0
     if not coarse.any():
         return None
     curve = np.divide(y - raw, step, out=np.zeros_like(y), where=coarse)
@@ -300,7 +303,7 @@ def _recording(
     sd = np.divide(sd, step, out=np.full_like(y, _FINE), where=coarse)[:, None]
 
     def record(errors: FloatArray) -> FloatArray:
-        errors *= sd
+        errors = errors * sd
         errors += curve
         np.rint(errors, out=errors)
         errors -= curve
@@ -580,7 +583,7 @@ def _growing(f: FloatArray, x: FloatArray) -> FloatArray | None:
     return np.array([w / np.sqrt(np.mean(np.square(w))) for w in centred]) if centred else None
 
 
-@cache
+@lru_cache(maxsize=8)
 def _slow(n: int) -> FloatArray:
     """(n, 4) orthonormal polynomials."""
     return np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, n), 4, increasing=True))[0]

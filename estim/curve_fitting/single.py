@@ -512,8 +512,10 @@ def _concluded(
     )
     tested = dof >= 1 and not perfect and not best.singular
     goodness = check_goodness(fit, rng=rng) if tested else ()
-    # chi^2 is only nearly what it is called; of several data sets there is no simulated one
-    if len(goodness) == 1 and any(item.normal is None for item in fit.posterior.likelihoods):
+    # chi^2 is only nearly what it is called, or a parameter on its limit follows no errors; of
+    # several data sets there is no test of them all
+    unlike = fit.at_bound or any(item.normal is None for item in fit.posterior.likelihoods)
+    if len(goodness) == 1 and unlike:
         p_value = goodness[0].checks["chi2"].p_value if "chi2" in goodness[0].checks else p_value
     conflict = None if best.singular else check_stated_values(fit)
     solutions = several_solutions(fit, find_modes(fit)) if fit.others.size else []

@@ -113,9 +113,7 @@ def _unstated(run: Observations, problem: Problem) -> bool:
 
 
 def _require_determined(fit: Fit) -> None:
-    """Raises InputError where neither the data nor a prior hold a parameter, so that no posterior
-    exists to draw from.
-    """
+    """Raises InputError where neither the data nor a prior hold a parameter."""
     if fit.unheld is not None:
         raise InputError(
             "is hardly constrained by the data: far from here minus twice the log of "

@@ -395,8 +395,9 @@ def _gauss_newton(
                 "nok,nol->nkl", spread, spread
             )
         for i, prior in enumerate(term.own_priors):
-            pull = prior.residual(values[:, i])
-            slope = prior.residual_slope(values[:, i]) * by_own[:, i]
+            with np.errstate(all="ignore"):
+                pull = prior.residual(values[:, i])
+                slope = prior.residual_slope(values[:, i]) * by_own[:, i]
             gradient[:, i] -= pull * slope
             information[:, i, i] += slope**2
         gradient[:, term.logs] += 1.0  # of the density of a logarithm
