@@ -354,7 +354,7 @@ def test_simulated_residuals_of_each_run_are_those_of_all_runs_together(rng):
     n = 40_000
     none = np.zeros(X.size)
     readings = goodness_of_fit._recording([(none, none, none, none + 1.0)])
-    draws = goodness_of_fit._simulated(Linear(none, root), spread, readings, rng)(n)[0].T
+    draws = goodness_of_fit._simulated(Linear(none, root), spread, readings, rng)(n)[0]().T
     within = 5.0 * np.sqrt(2.0 / n)
     assert np.all(np.abs(np.cov(draws.T) - (np.eye(X.size) - taken)) < within)
     assert np.max(np.abs(taken)) > 2.0 * within  # what the fit takes is seen

@@ -208,9 +208,9 @@ def test_the_sine_of_milliradians_is_refused_as_that_of_degrees() -> None:
         ("º", "radians"),
     ):
         with pytest.raises(InputError, match=f"takes sin of an angle in {unit}, .*{says}"):
-            refuse_degrees(read_formula("a*sin(2*x)"), AxisNames("x", unit, "y", "V"), "curve")
-    refuse_degrees(read_formula("a*sin(2*x)"), AxisNames("x", "rad", "y", "V"), "curve")
-    refuse_degrees(read_formula("a*sin(0.001*x)"), AxisNames("x", "mrad", "y", "V"), "curve")
+            refuse_degrees(read_formula("a*sin(2*x)"), AxisNames("x", unit, "y", "V"))
+    refuse_degrees(read_formula("a*sin(2*x)"), AxisNames("x", "rad", "y", "V"))
+    refuse_degrees(read_formula("a*sin(0.001*x)"), AxisNames("x", "mrad", "y", "V"))
 
 
 @pytest.mark.parametrize(
@@ -219,11 +219,11 @@ def test_the_sine_of_milliradians_is_refused_as_that_of_degrees() -> None:
 def test_an_arctangent_gives_no_degrees(text: str) -> None:
     for unit, says in (("°", r"write degrees\(a"), ("mrad", "write the column in radians")):
         with pytest.raises(InputError, match=f"which is in radians, to give y in {unit}: {says}"):
-            refuse_degrees(read_formula(text), AxisNames("x", "m", "y", unit), "curve")
-    refuse_degrees(read_formula(text), AxisNames("x", "m", "y", "rad"), "curve")
-    refuse_degrees(read_formula(f"degrees({text})"), AxisNames("x", "m", "y", "°"), "curve")
-    refuse_degrees(read_formula(f"b*({text})"), AxisNames("x", "m", "y", "°"), "curve")
-    refuse_degrees(read_formula(f"180/pi*({text})"), AxisNames("x", "m", "y", "°"), "curve")
+            refuse_degrees(read_formula(text), AxisNames("x", "m", "y", unit))
+    refuse_degrees(read_formula(text), AxisNames("x", "m", "y", "rad"))
+    refuse_degrees(read_formula(f"degrees({text})"), AxisNames("x", "m", "y", "°"))
+    refuse_degrees(read_formula(f"b*({text})"), AxisNames("x", "m", "y", "°"))
+    refuse_degrees(read_formula(f"180/pi*({text})"), AxisNames("x", "m", "y", "°"))
 
 
 def test_only_numbers_that_somebody_stated_are_turned() -> None:
