@@ -392,3 +392,13 @@ def test_what_few_readings_in_several_sets_share_is_held_as_often_as_it_says() -
     for p, count in inside.items():
         assert abs(count / n_ok - p) < 3.0 * np.sqrt(p * (1.0 - p) / n_ok)
     assert by_curvature / n_ok < 0.95 - 3.0 * np.sqrt(0.95 * 0.05 / n_ok)
+
+
+def test_a_size_of_errors_from_few_readings_is_told_alike_whether_some_of_it_is_stated() -> None:
+    """Value ± s would hold the truth in 63 % of experiments."""
+    x = np.linspace(0.0, 5.0, 6)
+    y = 1.0 + 2.0 * x + 0.3 * np.random.default_rng(1).standard_normal(6)
+    beside, alone = fit_curve("a + b*x", x, y, u_y=0.1, jitter=True), fit_curve("a + b*x", x, y)
+    (line,) = [line for line in str(alone).splitlines() if line.startswith("b")]
+    assert "standard error" in line
+    assert line.split() in [words.split() for words in str(beside).splitlines()]

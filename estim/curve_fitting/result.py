@@ -530,7 +530,11 @@ class CurveFit:
         """
         if self.status not in (Status.OK, Status.POOR_FIT, Status.AT_BOUND):
             return []
-        few, anywhere = self.sigma is not None and self.dof <= FEW, (-math.inf, math.inf)
+        shares = self._sizes.shares(np.eye(len(self.held.names)))
+        dofs = dict(
+            zip(self.held.names, self._sizes.degrees_of_freedom(shares).tolist(), strict=True)
+        )
+        least, anywhere = min(dofs.values(), default=math.inf), (-math.inf, math.inf)
         priors = {p.name: p.prior for p in self.problem.parameters}
         return [
             (
@@ -541,7 +545,7 @@ class CurveFit:
                     self.intervals[name],
                     (priors[name].low, priors[name].high),
                     unit=_unit(self.problem, name),
-                    few=few,
+                    few=dofs[name] <= FEW,
                     ok=self.status.ok,
                 ),
             )
@@ -556,7 +560,7 @@ class CurveFit:
                     d.interval,
                     anywhere,
                     unit=_shown(d.unit),
-                    few=few,
+                    few=least <= FEW,
                     ok=self.status.ok,
                 )
             ]
