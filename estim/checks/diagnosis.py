@@ -185,10 +185,11 @@ def _counting_alike(fit: Fit) -> list[Finding]:
     """That readings of runs count alike whatever the shared parameters, where flat weights of their
     true values would show.
     """
-    measure = fit.measure
-    if measure is None or not fit.problem.readings or not measure.felt > _ALIKE:
+    measure, readings = fit.measure, fit.problem.readings
+    if measure is None or not readings or not measure.felt > _ALIKE:
         return []
-    return [Finding(Kind.RUNS_COUNT_ALIKE, size=measure.felt, numbers={"runs": measure.n_run})]
+    n_run = sum(not run.curve_parameters.isdisjoint(readings) for run in fit.problem.runs)
+    return [Finding(Kind.RUNS_COUNT_ALIKE, size=measure.felt, numbers={"runs": n_run})]
 
 
 def _uniform_priors(fit: Fit, chain: Chain) -> list[Finding]:

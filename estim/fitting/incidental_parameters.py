@@ -90,14 +90,12 @@ def measure_of(
     seen = np.isfinite(rooms[1:])
     slope = np.linalg.lstsq(off[seen], rooms[0] - rooms[1:][seen], rcond=None)[0]
     influence = np.max(np.abs(root @ slope) / np.linalg.norm(root, axis=1))
-    n_run = sum(not run.curve_parameters.isdisjoint(incidental) for run in problem.runs)
     return Measure(
         shared,
         values[shared],
         np.linalg.solve(root.T, slope),
         float(np.linalg.norm(slope)),
         float(influence),
-        n_run,
     )
 
 

@@ -33,7 +33,6 @@ class Measure:
     spread : posterior standard deviation of the exponent.
     felt : by how many standard deviations it moves the mean of the shared parameter that it moves
         most.
-    n_run : runs whose readings it is of.
     """
 
     columns: IntArray
@@ -41,7 +40,6 @@ class Measure:
     slope: FloatArray
     spread: float
     felt: float
-    n_run: int
 
     def log(self, shared: FloatArray) -> FloatArray:
         """(n_draw,) its logarithm at shared (n_draw, n_shared), 0 at the fit."""
