@@ -409,3 +409,23 @@ def test_a_right_curve_whose_constant_lies_on_its_limit_is_no_poor_fit() -> None
     )
     assert "c" in wrong.fit.at_bound
     assert wrong.status == "poor-fit"
+
+
+def test_a_parameter_that_anothers_limit_makes_uncertain_follows_the_errors() -> None:
+    """tau on its limit leaves a unknown to ten times itself, but far from 0: were both held, a line
+    that is refused by itself would be `ok` as the beginning of an exponential.
+    """
+    x = np.linspace(0.0, 1.0, 10)
+    y = 2.0 * x + 0.15 * np.random.default_rng(23).standard_normal(10)
+    bounds, start = {"tau": (0.0, 1e3), "a": (0.0, 1e5)}, {"a": 5.0, "tau": 2.0}
+    curve = fit_curve("a*(1 - exp(-x/tau))", x, y, u_y=0.1, bounds=bounds, start=start)
+    assert curve.fit.at_bound == ("a", "tau")
+    line = fit_curve("a*x", x, y, u_y=0.1)
+    assert line.status == curve.status == "poor-fit"
+    assert curve.goodness[0].checks["chi2"].p_value == pytest.approx(line.p_value, rel=1e-2)
+
+
+def test_the_only_parameter_may_lie_on_its_limit_beside_errors_of_x() -> None:
+    y = -0.02 * np.abs(np.random.default_rng(0).standard_normal(8))
+    places, bounds = np.linspace(0.5, 6.0, 8), {"a": (0.0, None)}
+    assert fit_curve("a*x", places, y, u_y=0.1, u_x=0.1, bounds=bounds).status == "ok"

@@ -53,8 +53,8 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, max_abs
-from estim.fitting import MANY, Fit, chi2_p, information, no_scatter, spreads_by_runs
+from estim.arrays import FloatArray, max_abs
+from estim.fitting import MANY, Fit, chi2_p, no_scatter, on_limit, spreads_by_runs
 from estim.problem import Linear, Observations, Whitened, reading_sd
 from estim.words import TESTS
 
@@ -64,7 +64,6 @@ _BEYOND = 3.0  # medians of the residuals, beyond which their size does not coun
 P_HARDLY = 0.01  # of `uneven` and `repeated`, which see little among few points: below it is told
 # times what the instrument explains: nine tenths of the variance would be something else
 SCATTER_LIMIT = 3.0
-_ON_LIMIT = 1e-2  # standard deviations
 _NO_ERRORS = 1e-9  # standard deviations; residuals that are all smaller are rounding errors
 _FINE = 1e12  # steps in one standard deviation, of readings that have none
 # records of few digits give the same residuals, and hence statistics, but for rounding errors
@@ -202,7 +201,8 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
     """
     problem, posterior = fit.problem, fit.posterior
     named, n_run = problem.named(fit.values), len(problem.runs)
-    follows = ~on_limit(fit)
+    # a parameter on a limit does not follow the errors: a fit beyond is not allowed
+    follows = ~on_limit(fit.posterior, fit.values, np.isin(fit.names, fit.at_bound))
     columns = [used[follows[used]] for used in problem.columns]
     responses = [
         likelihood.whitened(named, [problem.names[i] for i in used])
@@ -235,21 +235,6 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
         for run, z, checks in zip(group.runs, whitened, checked, strict=True):
             judged[run.name] = _judged(fit, run, z, *raw_and_sd[run.name], checks, named)
     return tuple(judged[run.name] for run in problem.runs)
-
-
-def on_limit(fit: Fit) -> BoolArray:
-    """(n_par,) parameters on a limit, which do not follow the errors: a fit beyond is not allowed.
-
-    Those within 1 % of the standard deviation that they have when all others are held: one that
-    another on its limit makes uncertain (`fit.at_bound`) may lie far from its own.
-    """
-    low, high = fit.problem.support()
-    bound = np.isin(fit.names, fit.at_bound)
-    if not bound.any():
-        return bound
-    known = np.sqrt(np.maximum(np.diag(information(fit.posterior, fit.values)), 1e-300))
-    away = np.minimum(fit.values - low, high - fit.values)
-    return np.asarray(bound & (away * known <= _ON_LIMIT))
 
 
 def check_linear(

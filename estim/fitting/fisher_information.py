@@ -6,8 +6,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray
 from estim.problem import Posterior, Problem
+
+_ON_LIMIT = 1e-2  # standard deviations
 
 
 def information(posterior: Posterior, values: FloatArray) -> FloatArray:
@@ -15,6 +17,19 @@ def information(posterior: Posterior, values: FloatArray) -> FloatArray:
     covariance.
     """
     return posterior.information(values) + np.diag(np.square(posterior.prior_slopes(values)))
+
+
+def on_limit(posterior: Posterior, values: FloatArray, near: BoolArray) -> BoolArray:
+    """(n_par,) which of the parameters `near` (n_par,) a limit lie on it.
+
+    Those within 1 % of the standard deviation that they have when all others are held: one that
+    another on its limit makes uncertain may lie far from its own.
+    """
+    if not near.any():
+        return near
+    low, high = posterior.problem.support()
+    known = np.sqrt(np.maximum(np.diag(information(posterior, values)), 1e-300))
+    return near & (np.minimum(values - low, high - values) * known <= _ON_LIMIT)
 
 
 def prior_sds(problem: Problem, cov: FloatArray) -> FloatArray:

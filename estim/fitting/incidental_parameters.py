@@ -35,9 +35,8 @@ from __future__ import annotations
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.fitting.fisher_information import on_limit
 from estim.problem import JeffreysPrior, Measure, Posterior, uses_of
-
-_ON_LIMIT = 1e-2  # standard deviations with all others held
 
 
 def measure_of(
@@ -60,11 +59,10 @@ def measure_of(
         return None
     low, high = problem.support()
     # what lies on a limit stays there
-    away = np.minimum(values - low, high - values)
-    still = away <= _ON_LIMIT * np.sqrt(np.diag(cov))
-    still[shared] = False
+    near = np.minimum(values - low, high - values) < np.sqrt(np.diag(cov))
+    near[shared] = False
+    still = on_limit(posterior, values, near)
     if still.any():
-        still &= away * np.sqrt(np.diag(np.linalg.inv(cov))) <= _ON_LIMIT
         cov = cov - cov[:, still] @ np.linalg.solve(cov[np.ix_(still, still)], cov[still])
     root = np.linalg.cholesky(cov[np.ix_(shared, shared)])
     held = [
