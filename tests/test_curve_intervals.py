@@ -31,6 +31,10 @@ def test_a_verdict_does_not_depend_on_how_the_curve_is_written() -> None:
         direct, inverse = fit_curve("V*x/(K + x)", x, y), fit_curve("x/(p + q*x)", x, y)
         assert direct.status == inverse.status == "ok"
         assert direct.values["V"] == pytest.approx(1.0 / inverse.values["q"], rel=1e-4)
+        t, rng = np.linspace(0.0, 6.0, 8), np.random.default_rng(seed)
+        y = 3.0 * np.exp(-t / 1.5) + 0.5 + 0.12 * rng.standard_normal(t.size)
+        lifetime, rate = (fit_curve(f"a*exp({power}) + c", t, y) for power in ("-x/tau", "-k*x"))
+        assert lifetime.status == rate.status == "ok"
 
 
 @pytest.mark.statistics

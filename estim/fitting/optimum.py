@@ -344,11 +344,10 @@ def _unheld(search: SeparableSearch, found: Optimum, period: FloatArray) -> Find
 
     far = far_places(search, found.values, spread, period)
     rises = [(rise_of(*places), i) for i, places in far.items()]
-    rises = [(rise, i) for rise, i in rises if not math.isnan(rise)]
-    rise, i = min(rises, default=(math.inf, 0))
-    if not rise < _HELD_WITHOUT_END or (rise >= _HELD and _fades(search, i, far[i][0])):
-        return None
-    return Finding(Kind.HARDLY_HELD, size=rise, parameters=(Amount(problem.names[i]),))
+    for rise, i in sorted(pair for pair in rises if not math.isnan(pair[0])):
+        if rise < _HELD or (rise < _HELD_WITHOUT_END and not _fades(search, i, far[i][0])):
+            return Finding(Kind.HARDLY_HELD, size=rise, parameters=(Amount(problem.names[i]),))
+    return None
 
 
 def _fades(search: SeparableSearch, i: int, places: FloatArray) -> bool:
@@ -360,11 +359,11 @@ def _fades(search: SeparableSearch, i: int, places: FloatArray) -> bool:
     sizes = []
     for place in places:
         rows = search.scoring(place)[0]
-        if not all_finite(rows):
-            return False
+        if not all_finite(rows):  # no density there
+            rows = np.zeros_like(rows)
         own, others = rows[:, i] * place[i], rows[:, search.free[search.free != i]]
         sizes.append(np.linalg.norm(own - others @ np.linalg.lstsq(others, own, rcond=None)[0]))
-    return bool(np.all(np.array(sizes[1::2]) < np.array(sizes[::2])))
+    return bool(np.all(np.array(sizes[1::2]) <= np.array(sizes[::2])))
 
 
 def _nowhere_finite(problem: Problem, start: FloatArray) -> InputError:
