@@ -92,6 +92,7 @@ def settled(page: Any, ask: Callable[[], Any]) -> Any:
 
 
 def fits_the_width(page: Any) -> bool:
+    page.wait_for_load_state()  # a page measured before its style has come is as wide as its images
     return bool(page.evaluate("document.documentElement.scrollWidth <= innerWidth"))
 
 
