@@ -269,6 +269,7 @@ def test_several_files_are_one_fit_or_a_table_that_a_class_fills(page: Any) -> N
     page.wait_for_selector("text=/2[.]5.* ± /", timeout=MINUTES)
     assert page.locator("tbody tr").count() == 3
     # no status is cut off, however long the names are
+    page.wait_for_load_state()
     right = "element.getBoundingClientRect().right <= innerWidth"
     marks = f"[...document.querySelectorAll('tbody th .mark')].map((element) => {right})"
     assert page.evaluate(marks) == [True] * 3
