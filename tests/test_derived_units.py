@@ -21,7 +21,7 @@ KNOWN = {
     "g": "m/s²", "slope": "s²/m", "n": "1", "theta": "mrad", "w": "°/s", "gamma[heavy]": "deg",
     "t": "°C", "R": "Ω", "U": "mV", "h": "J s",
     "cts": "counts", "eta": "%", "u": "ms-1", "s": "deg C",     "omega": "1/s", "f": "Hz",
-    "c": "V/°",
+    "c": "V/°", "C": "J/K", "k_B": "J/K",
 }  # fmt: skip
 
 
@@ -40,7 +40,8 @@ def unit(formula: str, stated: str | None = None) -> str:
         ("log(tau)", "1"), ("exp(-tau)", "1"), ("5*v", "1"), ("v*0.25", "1"), ("2*pi*f", "Hz"),
         ("sqrt(g)", "1"), ("n*L", "1"), ("tau + 5", "s"),
         ("1/cts", "1/counts"), ("n", "1"), ("2", "1"), ("where(v > 1, L, 2*L)", "m"),
-        ("3/2*L", "m"), ("m*v**2/2", "kg·m²/s²"),
+        ("3/2*L", "m"), ("C*(t - s)", "J"), ("k_B*(t + 273.15)", "J"), ("C*t/s", "J/K"),
+        ("m*v**2/2", "kg·m²/s²"),
     ],
 )  # fmt: skip
 def test_the_unit_follows_or_nothing_is_said(formula: str, follows: str) -> None:
@@ -76,6 +77,9 @@ def test_the_unit_follows_or_nothing_is_said(formula: str, follows: str) -> None
         ("L - tau", None, "adds what is in m "
             "and what is in s"),
         ("U/R", "A", "must be in mV/Ω"),
+        ("k_B*t", None, r"multiplies t in °C by what is in J/K; nothing is converted: write "
+            r"\(t \+ 273\.15\), or state a difference in K"),
+        ("A*C*t**4", "J", "multiplies t in °C by what is in cm·J/K"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_meant_is_refused(formula: str, stated: str | None, says: str) -> None:

@@ -104,16 +104,17 @@ HOSTILE = [
     "x" * (MAX_LENGTH + 1),
     "a\0b",
     "\ud800",
+    "h*f/e",
     "where(where(x > 1, 1, 0), 1, x > 2)",
 ]
 
 
 @pytest.mark.parametrize("text", HOSTILE, ids=range(len(HOSTILE)))
 def test_what_is_no_formula_is_refused_in_one_line_and_at_once(text: str) -> None:
-    begun = time.perf_counter()
+    begun = time.process_time()
     with pytest.raises(InputError, match="'expression' ") as caught:
         read_formula(text)
-    assert time.perf_counter() - begun < 0.5
+    assert time.process_time() - begun < 0.5
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 250
 
@@ -142,7 +143,7 @@ def test_a_caret_is_a_power_and_is_shown_as_one() -> None:
 
 
 def test_parameters_come_in_order_of_appearance() -> None:
-    assert read_formula("b*sin(x) + a*pi + b*e").names == ("b", "a")
+    assert read_formula("b*sin(x) + a*pi + b*e**2").names == ("b", "a")
 
 
 def test_a_formula_may_be_written_on_several_lines() -> None:

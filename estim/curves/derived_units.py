@@ -20,6 +20,7 @@ Factors = dict[str, Fraction]
 """A unit: its symbols with their powers; {} for a pure number."""
 
 _OF_OWN_ZERO = frozenset({"°C", "°F", "degC", "degF"})
+_CELSIUS, _KELVIN, _ZERO_CELSIUS = {"°C": Fraction(1)}, {"K": Fraction(1)}, Fraction("273.15")
 _SHARES = frozenset({"%", "‰", "ppm", "ppb"})
 _TURNED = ("sin", "cos", "tan")
 _ANGLES = ("arcsin", "arccos", "arctan", "asin", "acos", "atan", "arctan2", "atan2")
@@ -106,7 +107,10 @@ class _Reading:
             case ast.BinOp(op=ast.Mult() | ast.Div()):
                 return self._product(node)
             case ast.BinOp(left=left, right=right):
-                return self._alike(left, right, "adds")
+                unit = self._alike(left, right, "adds")
+                numbers = number_in_formula(left), number_in_formula(right)
+                to_kelvin = isinstance(node.op, ast.Add) and _ZERO_CELSIUS in numbers
+                return _KELVIN if to_kelvin and unit == _CELSIUS else unit
             case ast.Call(func=ast.Name(id="power"), args=[base, exponent]):
                 number = number_in_formula(exponent)
                 return None if number is None else _raised(self.of(base), number)
@@ -134,6 +138,16 @@ class _Reading:
             product = (
                 None if product is None or unit is None else summed(product, unit, Fraction(sign))
             )
+        if product and {"K", "°C"} <= product.keys():
+            others = summed(product, _CELSIUS, -product["°C"])
+            for name in (_named(part) for part, _ in parts):
+                if self.known.get(name) == _CELSIUS:
+                    raise InputError(
+                        f"multiplies {self.symbols[name]} in °C by what is in {_shown(others)}; "
+                        f"nothing is converted: write ({self.symbols[name]} + 273.15), or state a "
+                        "difference in K"
+                    )
+            product = summed(others, _KELVIN, product["°C"])  # a difference of two in °C
         return product
 
     def _call(self, name: str, arguments: list[ast.expr]) -> Factors | None:
@@ -200,6 +214,14 @@ class _Reading:
                 "nothing is converted"
             )
         return first
+
+
+def _named(node: ast.expr) -> str:
+    """The name that a part of a formula is, or is a power of; "" for others."""
+    match node:
+        case ast.Name(id=name) | ast.Call(func=ast.Name(id="power"), args=[ast.Name(id=name), _]):
+            return name
+    return ""
 
 
 def _is_other_number(unit: Factors) -> bool:

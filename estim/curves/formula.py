@@ -369,6 +369,13 @@ def _checked(
                 raise InputError(
                     f"must give the function '{name}' its arguments in ( )", field=field, value=text
                 )
+            if name == "e":
+                raise InputError(
+                    "has an e that is no base of a power: e is Euler's number here; "
+                    "write exp(1) for it, and another name, as q_e, for a charge",
+                    field=field,
+                    value=text,
+                )
             if name not in RESERVED:
                 check_names([name], field=field)
                 names.setdefault(name)
@@ -378,7 +385,9 @@ def _checked(
         case ast.BinOp(left=left, op=ast.Pow(), right=right):
             exponent = below(right)
             _check_power(exponent, field, text)
-            return ast.Call(ast.Name(_POWER, ast.Load()), [below(left), exponent], [])
+            of_e = isinstance(left, ast.Name) and left.id == "e"
+            base = ast.Name("e", ast.Load()) if of_e else below(left)
+            return ast.Call(ast.Name(_POWER, ast.Load()), [base, exponent], [])
         case ast.BinOp(left=left, op=op, right=right) if isinstance(op, _OPERATORS):
             return ast.BinOp(below(left), op, below(right))
         case ast.Compare(left=left, ops=[op], comparators=[right]) if condition and isinstance(
