@@ -411,6 +411,20 @@ def test_a_right_curve_whose_constant_lies_on_its_limit_is_no_poor_fit() -> None
     assert wrong.status == "poor-fit"
 
 
+def test_a_parameter_on_its_limit_is_none_that_was_fitted() -> None:
+    """Against the line without it, which SciPy solves."""
+    x = np.linspace(0.0, 1.0, 6)
+    y = 2.0 * x - 0.3 + np.array([0.1, -0.1, 0.05, 0.1, -0.1, -0.05])
+    slope = float(x @ y / (x @ x))
+    squares = float(np.sum((y - slope * x) ** 2))
+    bounds: dict[str, tuple[float | None, float | None]] = {"b": (0.0, None)}
+    stated = fit_curve("a*x + b", x, y, u_y=0.2, bounds=bounds)
+    assert (stated.fit.at_bound, stated.dof) == (("b",), 5)
+    assert stated.p_value == pytest.approx(stats.chi2.sf(squares / 0.2**2, 5), rel=1e-6)
+    unstated = fit_curve("a*x + b", x, y, bounds=bounds)
+    assert unstated.sigma == pytest.approx(np.sqrt(squares / 5), rel=1e-6)
+
+
 def test_a_parameter_that_anothers_limit_makes_uncertain_follows_the_errors() -> None:
     """tau on its limit leaves a unknown to ten times itself, but far from 0: were both held, a line
     that is refused by itself would be `ok` as the beginning of an exponential.
@@ -419,7 +433,7 @@ def test_a_parameter_that_anothers_limit_makes_uncertain_follows_the_errors() ->
     y = 2.0 * x + 0.15 * np.random.default_rng(23).standard_normal(10)
     bounds, start = {"tau": (0.0, 1e3), "a": (0.0, 1e5)}, {"a": 5.0, "tau": 2.0}
     curve = fit_curve("a*(1 - exp(-x/tau))", x, y, u_y=0.1, bounds=bounds, start=start)
-    assert curve.fit.at_bound == ("a", "tau")
+    assert curve.fit.at_bound == ("tau",)
     line = fit_curve("a*x", x, y, u_y=0.1)
     assert line.status == curve.status == "poor-fit"
     assert curve.goodness[0].checks["chi2"].p_value == pytest.approx(line.p_value, rel=1e-2)

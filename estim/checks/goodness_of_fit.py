@@ -54,7 +54,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from estim.arrays import FloatArray, max_abs
-from estim.fitting import MANY, Fit, chi2_p, no_scatter, on_limit, spreads_by_runs
+from estim.fitting import MANY, Fit, chi2_p, no_scatter, spreads_by_runs
 from estim.problem import Linear, Observations, Whitened, reading_sd
 from estim.words import TESTS
 
@@ -202,7 +202,7 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
     problem, posterior = fit.problem, fit.posterior
     named, n_run = problem.named(fit.values), len(problem.runs)
     # a parameter on a limit does not follow the errors: a fit beyond is not allowed
-    follows = ~on_limit(fit.posterior, fit.values, np.isin(fit.names, fit.at_bound))
+    follows = ~np.isin(fit.names, fit.at_bound)
     columns = [used[follows[used]] for used in problem.columns]
     responses = [
         likelihood.whitened(named, [problem.names[i] for i in used])

@@ -295,12 +295,12 @@ def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) 
     problem = posed.with_sigma(sigma)
     best = find_optimum(problem, problem.start(), rng=rng, n_start=n_start, unstated=True)
     for _ in range(_ROUNDS if pulled else 0):
-        before, sigma = sigma, _residual_sd(posed, problem, best.values)
+        before, sigma = sigma, _residual_sd(posed, problem, best)
         problem = posed.with_sigma(sigma)
         best = _on(problem, best, rng, unstated=True)
         if abs(sigma / before - 1.0) < 1e-10:
             break
-    estimated = _residual_sd(posed, problem, best.values)
+    estimated = _residual_sd(posed, problem, best)
     fit = _whole_fit(
         posed.with_unknown_sigma(estimated), np.append(best.values, estimated), best, rng
     )
@@ -466,13 +466,13 @@ def _squares(problem: Problem, values: FloatArray) -> float:
     return float(sum(np.sum((run.y - run.drawn(named)) ** 2) for run in problem.runs))
 
 
-def _residual_sd(posed: CurveProblem, problem: Problem, values: FloatArray) -> float:
+def _residual_sd(posed: CurveProblem, problem: Problem, best: Optimum) -> float:
     """Square root of the residuals' squares over the degrees of freedom, no smaller than rounding
     errors of y.
     """
     pulls = sum(p.prior.informative for p in problem.parameters)
-    dof = max(1, problem.n_obs + pulls - values.size)
-    return max(math.sqrt(_squares(problem, values) / dof), _floor(posed))
+    dof = max(1, problem.n_obs + pulls - int(np.sum(~best.at_bound)))
+    return max(math.sqrt(_squares(problem, best.values) / dof), _floor(posed))
 
 
 def _floor(posed: CurveProblem | JointProblem) -> float:
@@ -512,9 +512,8 @@ def _concluded(
     )
     tested = dof >= 1 and not perfect and not best.singular
     goodness = check_goodness(fit, rng=rng) if tested else ()
-    # chi^2 is only nearly what it is called, or a parameter on its limit follows no errors; of
-    # several data sets there is no test of them all
-    unlike = fit.at_bound or any(item.normal is None for item in fit.posterior.likelihoods)
+    # chi^2 is only nearly what it is called; of several data sets there is no test of them all
+    unlike = any(item.normal is None for item in fit.posterior.likelihoods)
     if len(goodness) == 1 and unlike:
         p_value = goodness[0].checks["chi2"].p_value if "chi2" in goodness[0].checks else p_value
     conflict = None if best.singular else check_stated_values(fit)

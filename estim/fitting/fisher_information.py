@@ -19,17 +19,15 @@ def information(posterior: Posterior, values: FloatArray) -> FloatArray:
     return posterior.information(values) + np.diag(np.square(posterior.prior_slopes(values)))
 
 
-def on_limit(posterior: Posterior, values: FloatArray, near: BoolArray) -> BoolArray:
-    """(n_par,) which of the parameters `near` (n_par,) a limit lie on it.
+def on_limit(posterior: Posterior, values: FloatArray) -> BoolArray:
+    """(n_par,) which parameters lie on a limit of their priors.
 
     Those within 1 % of the standard deviation that they have when all others are held: one that
     another on its limit makes uncertain may lie far from its own.
     """
-    if not near.any():
-        return near
     low, high = posterior.problem.support()
     known = np.sqrt(np.maximum(np.diag(information(posterior, values)), 1e-300))
-    return near & (np.minimum(values - low, high - values) * known <= _ON_LIMIT)
+    return np.asarray(np.minimum(values - low, high - values) * known <= _ON_LIMIT)
 
 
 def prior_sds(problem: Problem, cov: FloatArray) -> FloatArray:

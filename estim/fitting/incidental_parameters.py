@@ -59,9 +59,8 @@ def measure_of(
         return None
     low, high = problem.support()
     # what lies on a limit stays there
-    near = np.minimum(values - low, high - values) < np.sqrt(np.diag(cov))
-    near[shared] = False
-    still = on_limit(posterior, values, near)
+    still = on_limit(posterior, values)
+    still[shared] = False
     if still.any():
         cov = cov - cov[:, still] @ np.linalg.solve(cov[np.ix_(still, still)], cov[still])
     root = np.linalg.cholesky(cov[np.ix_(shared, shared)])

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import compress
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from estim.common import Finding, InputError, NumericalError, phrase
 from estim.deviation import FoundDeviation, FoundForce, NormalParts
 from estim.distributions import chi2_tail
 from estim.fitting.arrowhead import descend_by_runs, many
-from estim.fitting.fisher_information import information
+from estim.fitting.fisher_information import information, on_limit
 from estim.fitting.gauss_newton import stepped
 from estim.fitting.incidental_parameters import measure_of
 from estim.fitting.jeffreys import jeffreys_prior
@@ -53,7 +54,7 @@ class Fit:
     posterior : the density with covariances at the mode.
     chi2 : whitened squares of the data (of normal scores, with errors of x) and of informative
         priors.
-    dof : their number minus the fitted parameters of the curve.
+    dof : their number minus the fitted parameters of the curve that lie on no limit.
         p_value : P(chi2 or more); nan where the size of the noise was inferred or its tails are
             heavy (it proves nothing), or y was counted (simulations say it).
     n_start, n_same : starts tried, and how many of them led to the best optimum.
@@ -489,20 +490,16 @@ def _describe(
     cov = inverse / np.outer(spread, spread)
     curvature = np.sqrt(np.diag(cov))
     sds = np.full(problem.n_par, np.nan) if singular else curvature.copy()
-    at_bound = []
-    for i, parameter in enumerate(problem.parameters):
-        distance = min(values[i] - parameter.prior.low, parameter.prior.high - values[i])
-        if distance < curvature[i]:
-            sds[i] = np.nan
-        if distance < 1e-2 * curvature[i]:
-            at_bound.append(parameter.name)
+    low, high = problem.support()
+    sds[np.minimum(values - low, high - values) < curvature] = np.nan
+    at_bound = on_limit(posterior, values)
     curve = problem.of_curve
     pulls = [i for i in curve if problem.parameters[i].prior.informative]
     chi2 = float(
         np.sum(posterior.size_residuals(values) ** 2)
         + np.sum(posterior.prior_residuals(values)[pulls] ** 2)
     )
-    dof = problem.n_obs + len(pulls) - len(curve)
+    dof = problem.n_obs + len(pulls) - int(np.sum(~at_bound[list(curve)]))
     unlike = any(run.noise.robust or run.noise.counted is not None for run in problem.runs)
     place = np.where(curvature > 0.0, curvature, np.inf)
     n_same = (
@@ -527,7 +524,7 @@ def _describe(
         values=values,
         cov=cov,
         sds=sds,
-        at_bound=tuple(at_bound),
+        at_bound=tuple(compress(problem.names, at_bound)),
         posterior=posterior,
         chi2=chi2,
         dof=dof,
