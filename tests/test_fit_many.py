@@ -66,6 +66,7 @@ def test_a_parameter_on_its_limit_has_no_standard_deviation() -> None:
     on_limit = fits.values[:, tau] < 2.5 + 1e-5
     assert 5 < np.sum(on_limit) < 35
     np.testing.assert_array_equal(np.isnan(fits.sds[:, tau]), on_limit)
+    np.testing.assert_array_equal(fits.dof, np.where(on_limit, 28, 27))
     free = fit_many(DECAY, X, decays(40), start=START, u_y=0.1)
     np.testing.assert_array_equal(free.values[:, tau] < 2.5, on_limit)
     held = fit_many(DECAY, X, decays(40), start={"a": 4.0, "c": 0.5}, u_y=0.1, fixed={"tau": 2.5})
@@ -76,6 +77,7 @@ def test_a_parameter_on_its_limit_has_no_standard_deviation() -> None:
     np.testing.assert_allclose(
         fits.sds[on_limit, a], held.sds[on_limit, held.names.index("a")], rtol=1e-4
     )
+    np.testing.assert_allclose(fits.p_value[on_limit], held.p_value[on_limit], rtol=1e-4)
 
 
 def test_models_by_name_functions_and_abscissas_of_each_set() -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from estim.arrays import FloatArray, all_finite
+from estim.arrays import FloatArray, IntArray, all_finite
 from estim.checks import P_POOR_FIT
 from estim.common import InputError, Status
 from estim.curve_fitting.single import fit_curve
@@ -35,7 +35,7 @@ class ManyFits:
         lies on a limit, and where the curve meets every point and u_y was not stated.
     cov : (n_set, n_par, n_par), 0 for a parameter on a limit, nan where there are no sds.
     chi2 : (n_set,) sums of squares over u_y, or of y - f where u_y was not stated.
-    dof : points less parameters.
+    dof : (n_set,) points less the parameters that lie on no limit.
     p_value : (n_set,) of chi2, nan where u_y was not stated.
     sigma : (n_set,) standard deviation of y from the residuals, nan where u_y was stated.
     status : (n_set,) of "ok", "poor-fit" (p < 0.001), "not-identified" and "not-converged".
@@ -51,7 +51,7 @@ class ManyFits:
     sds: FloatArray
     cov: FloatArray
     chi2: FloatArray
-    dof: int
+    dof: IntArray
     p_value: FloatArray
     sigma: FloatArray
     status: NDArray[np.str_]
@@ -181,14 +181,15 @@ def _concluded(
     inverse = np.where(known, 1.0 / np.where(known, squared, 1.0), 0.0)
     cov = np.einsum("nik,nk,njk->nij", vectors, inverse, vectors)
     cov = np.where(pairs, cov / (unit[:, :, None] * unit[:, None, :]), 0.0)
-    dof = function.n_res - len(names)
-    variance = chi2 / dof if dof > 0 else np.full(len(values), np.nan)
+    dof = function.n_res - np.sum(~on_limit, axis=1)
+    positive = np.where(dof > 0, dof, np.nan)
+    variance = chi2 / positive
     step = np.einsum("nij,nj->ni", cov, np.where(moving, slopes, 0.0))
     with np.errstate(all="ignore"):
         sds = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
         noise = np.ones(len(values)) if stated else np.sqrt(np.maximum(variance, 1e-300))
         moved = np.nanmax(np.where(moving, np.abs(step) / sds, 0.0), axis=1) / noise
-    p_value = chi2_tail(chi2, dof) if stated and dof > 0 else np.full(len(values), np.nan)
+    p_value = chi2_tail(chi2, positive) if stated else np.full(len(values), np.nan)
     status = np.select(
         [
             ~(np.isfinite(chi2) & (moved < _CONVERGED)),
