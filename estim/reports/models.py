@@ -61,7 +61,7 @@ _GROUNDS = {
     Ground.NONE: later("no model has status ok"),
 }
 _LACKS = {
-    NoEvidence.MANY: later("too many unknowns for a second computation"),
+    NoEvidence.NOT_COMPUTED: later("not computed for so many unknowns"),
     NoEvidence.UNRELIABLE: later("not reliable (k-hat above 0.7)"),
     NoEvidence.OTHER_NOISE: later(
         "its noise could not be given the same freedom as in the other models"

@@ -66,7 +66,7 @@ class Ground(StrEnum):
 class NoEvidence(StrEnum):
     """Why a model has no evidence that can be compared."""
 
-    MANY = "many"  # too many unknowns for a second computation
+    NOT_COMPUTED = "not-computed"  # too many unknowns, or runs were integrated out
     UNRELIABLE = "unreliable"
     OTHER_NOISE = "other-noise"  # its noise has not the room that the others have
     IMPROPER = "improper"  # a prior that is no distribution
@@ -306,7 +306,7 @@ def _evidence(analysis: Analysis, model: CurveModel) -> tuple[float, float, NoEv
     ):
         lack = NoEvidence.OTHER_NOISE
     elif certificate is None:
-        lack = NoEvidence.MANY
+        lack = NoEvidence.NOT_COMPUTED
     elif not certificate.reliable:
         lack = NoEvidence.UNRELIABLE
     if lack is not None or certificate is None:
