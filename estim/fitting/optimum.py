@@ -30,6 +30,7 @@ from estim.fitting.least_squares import (
     WITHIN_REACH,
     Fit,
     far_apart,
+    at_mode,
     fit_least_squares,
     led_here,
     settled,
@@ -436,12 +437,16 @@ def fit_optimum(problem: Problem, *, rng: np.random.Generator, n_start: int = N_
     but found from afar.
     """
     best = find_optimum(problem, problem.start(), rng=rng, n_start=n_start)
-    fit = with_other_modes(
-        fit_least_squares(problem, rng=rng, n_start=1, start=best.values), best, rng
+    noisy = bool(problem.noise_names)
+    there = (
+        fit_least_squares(problem, rng=rng, n_start=1, start=best.values)
+        if noisy
+        else at_mode(problem, best.values)
     )
-    if not problem.noise_names and not np.any(best.at_bound):
+    fit = with_other_modes(there, best, rng)
+    if not noisy and not np.any(best.at_bound):
         sds = np.where(np.isfinite(fit.sds), np.sqrt(np.diag(best.cov)), np.nan)
-        fit = replace(fit, values=best.values, cov=best.cov, sds=sds, singular=best.frail)
+        fit = replace(fit, cov=best.cov, sds=sds, singular=best.frail)
     words = (
         fit.message
         if fit.singular or not fit.success
