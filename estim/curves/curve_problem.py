@@ -609,6 +609,7 @@ def _parameters(
                 f"cannot be combined with a prior for '{name}': truncate the prior instead",
                 field="bounds",
             )
+    _check_uncorrelated(priors)
     return tuple(
         Parameter(
             name,
@@ -618,6 +619,24 @@ def _parameters(
         )
         for name in names
     )
+
+
+def _check_uncorrelated(priors: Mapping[str, Any]) -> None:
+    """Raises InputError where two priors are ufloats that vary together."""
+    names = [name for name, prior in priors.items() if hasattr(prior, "error_components")]
+    if len(names) < 2:
+        return
+    from uncertainties import correlation_matrix
+
+    together = np.triu(np.abs(correlation_matrix([priors[name] for name in names])), 1)
+    if np.max(together) > 1e-9:  # rounding errors
+        i, j = np.unravel_index(np.argmax(together), together.shape)
+        raise InputError(
+            f"must not be correlated with priors[{names[j]}] (|r| = {together[i, j]:.2g}): write "
+            'both in the formula by independent parameters (docs/your-own-curve.md, "Priors")',
+            field=f"priors[{names[i]}]",
+            value=priors[names[i]],
+        )
 
 
 def _stated_prior(prior: object, field: str, *, low: float, held: str = "") -> Prior:

@@ -29,8 +29,8 @@ from estim.fitting.gauss_newton import End, descended, inverse_information, near
 from estim.fitting.least_squares import (
     WITHIN_REACH,
     Fit,
-    far_apart,
     at_mode,
+    far_apart,
     fit_least_squares,
     led_here,
     settled,

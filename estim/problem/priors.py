@@ -754,8 +754,7 @@ _FROZEN: Mapping[str, Callable[..., Prior]] = {
 
 def of_other_package(stated: Any, field: str) -> Any:
     """The prior that a frozen distribution of scipy.stats stands for, and the `Quantity` that a
-    `ufloat` of uncertainties does (its correlations with others are left out); anything else as it
-    is.
+    `ufloat` of uncertainties does; anything else as it is.
 
     Raises InputError naming `field` for a distribution that is none of the priors.
     """
