@@ -411,6 +411,30 @@ def test_a_right_curve_whose_constant_lies_on_its_limit_is_no_poor_fit() -> None
     assert wrong.status == "poor-fit"
 
 
+@pytest.mark.parametrize(
+    ("formula", "x", "u_y"),
+    [
+        ("a + b*x", [0.0, 1.0, 2.0], None),  # residuals r(1, -2, 1): no line, no growth
+        ("a*x**2 + b", [-1.0, 0.0, 1.0], None),  # r(1, 0, -1): no autocorrelation
+        ("a + b*x", [-5.0, -5.0, 5.0, 5.0], 0.05),  # a curve through both means
+        ("a + b*x", [-5.0, -5.0, 5.0, 5.0], None),
+    ],
+)
+def test_what_the_curve_leaves_no_room_for_is_no_pattern(
+    formula: str, x: list[float], u_y: float | None
+) -> None:
+    """Statistics that are 0 whatever the errors are: rounding errors were compared with rounding
+    errors, and up to nine tenths of these data were refused.
+    """
+    at = np.array(x)
+    right = 1.0 + 2.0 * (at**2 if "**" in formula else at)
+    fits = [
+        fit_curve(formula, at, np.round(right + 0.05 * rng.standard_normal(at.size), 2), u_y=u_y)
+        for rng in map(np.random.default_rng, range(40))
+    ]
+    assert sum(fit.status == "poor-fit" for fit in fits) <= 1
+
+
 def test_a_parameter_on_its_limit_is_none_that_was_fitted() -> None:
     """Against the line without it, which SciPy solves."""
     x = np.linspace(0.0, 1.0, 6)

@@ -489,7 +489,9 @@ def _checks(
             drift[i] = max(drift[i], float(np.max(simulated["trend"][~void], initial=0.0)))
             simulated = {name: values[~void] for name, values in simulated.items()} | sizes[i]
             for name in least[i]:
-                enough = run.statistics[name] - _ALIKE * abs(run.statistics[name])
+                # the others are of the order of 1, and rounding where the curve leaves them no room
+                size = abs(run.statistics[name]) if name == "chi2" else 1.0
+                enough = run.statistics[name] - _ALIKE * size
                 least[i][name] += int(np.count_nonzero(simulated[name] >= enough))
                 seen[i][name] += simulated[name].size
         n += more
