@@ -47,8 +47,8 @@ ESTIMATED = {
     "diff": "difference",
     "fit": "slope",
     "line": "slope",
-    "mean": "averages.weighted",
-    "propagate": "g.gum",
+    "mean": "mean",
+    "propagate": "g",
 }
 KEYS = {"schema", "command", "exit_code", "lines", "estimates", "files", "results"}
 

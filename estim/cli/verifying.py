@@ -7,6 +7,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import io
+import math
 import os
 import sys
 import tempfile
@@ -34,6 +35,7 @@ from estim.common import (
 )
 from estim.verification import (
     Difference,
+    Moved,
     Verdict,
     compare_results,
     differences,
@@ -412,7 +414,7 @@ def diff(first: str, second: str, r: float | None) -> None:
     ]
     n, alone = len(pair.estimates), len(pair.lost) + len(pair.gained)
     verdict = (
-        f"{len(far)} of {n} estimates differ, {far[0].name} most, by {far[0].shift:+.2f} sd"
+        f"{len(far)} of {n} estimates differ, {far[0].name} most, by {_shift(far[0])}"
         if far
         else f"the {n} estimates in both results agree within {_FAR} sd"
     )
@@ -424,7 +426,9 @@ def diff(first: str, second: str, r: float | None) -> None:
             f"{format_rounded(mean, 0.1 * sd)} +- {format_rounded(sd, 0.1 * sd)}"
             for mean, sd in (row.first, row.second)
         )
-        moved = f"moved by {row.shift:+.2f} sd, sd x {row.ratio:.2f}"
+        moved = f"moved by {_shift(row)}"
+        if math.isfinite(row.ratio):
+            moved += f", sd x {row.ratio:.2f}"
         say(f"{row.name}: {values}{behind(row.unit)}, {moved}")
     if len(pair.estimates) > len(far):
         say(
@@ -436,6 +440,13 @@ def diff(first: str, second: str, r: float | None) -> None:
     for what, names in (("the first alone has", pair.lost), ("the second alone has", pair.gained)):
         if names:
             say(f"{what}: {_listed(names)}")
+
+
+def _shift(row: Moved) -> str:
+    """In standard deviations of the first result, or in its unit where that has none."""
+    if math.isfinite(row.shift):
+        return f"{row.shift:+.2f} sd"
+    return f"{row.second[0] - row.first[0]:+.3g}{behind(row.unit)}"
 
 
 def _given_result(text: str) -> dict[str, Any] | None:

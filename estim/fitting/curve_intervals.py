@@ -41,13 +41,16 @@ from estim.fitting.degrees_of_freedom import ErrorSizes, held
 from estim.fitting.derived import LOPSIDED
 from estim.fitting.edges import edge_of
 from estim.fitting.least_squares import Fit
-from estim.fitting.open_ends import side_left_open, vague
+from estim.fitting.open_ends import bending, side_left_open, vague
 from estim.fitting.optimum import Optimum
 from estim.fitting.profile import profile_intervals
 from estim.problem import Observations
 
 Ends = Mapping[float, tuple[float, float]]
 
+# standard deviations by which the curve bends within one: the ends of its profile then differ from
+# value ± 1.96 s by a tenth of s
+_CURVED = 0.1
 FEW = 10  # degrees of freedom up to which value ± s is not shown: it would hold less than 66 %
 
 
@@ -95,7 +98,8 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     beside = _within_reach(fixed, np.where(best.at_bound, free, np.sqrt(np.diag(cov))), dofs)
     symmetric = _symmetric(names, best.values, sds, dofs)
     bent = vague(fixed, sds)
-    if not (np.any(beside) or skewed or np.any(bent)):
+    curved = bent | (fixed.problem.unstated & (bending(fixed) >= _CURVED))
+    if not (np.any(beside) or skewed or np.any(curved)):
         return Spread(cov, sds, symmetric, (), ())
     intervals, left_open = profiled(
         fixed, held(float(np.min(dofs))), None if np.any(beside) or skewed else sds
@@ -131,7 +135,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
                 )
             )
             sds[i] = np.nan
-        elif not (np.any(beside) or skewed):
+        elif not (np.any(beside) or skewed or curved[i]):
             intervals[name] = symmetric[name]
     return Spread(cov, sds, intervals, tuple(notes), tuple(left_open))
 

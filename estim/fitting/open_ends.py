@@ -85,13 +85,22 @@ def vague(fit: Fit, sds: FloatArray) -> BoolArray:
     far = np.zeros(sds.size, dtype=bool)
     moved = _moved(fit.problem, fit.values, [fit.problem.names[i] for i in free])
     far[free] = moved * sds[free] >= _VAGUE
-    for i in np.flatnonzero(far):
-        with np.errstate(all="ignore"):
-            steps = np.outer((0.0, -1.0, 1.0), fit.cov[i] / np.sqrt(fit.cov[i, i]))
-            within = np.clip(fit.values + steps, *fit.problem.support())
-            ends = fit.posterior.residuals_at(within)
-        far[i] = not np.linalg.norm(ends[1] + ends[2] - 2.0 * ends[0]) < _STRAIGHT
-    return far
+    return far & (bending(fit) >= _STRAIGHT)
+
+
+def bending(fit: Fit) -> FloatArray:
+    """(n_par,) by how many standard deviations the residuals bend (their second difference) where
+    each parameter goes one standard deviation and the others follow it; inf where the curve ends.
+    """
+    sizes = np.sqrt(np.diag(fit.cov))
+    steps = fit.cov / np.where(sizes > 0.0, sizes, 1.0)
+    places = np.vstack([np.zeros(sizes.size), steps, -steps])
+    with np.errstate(all="ignore"):
+        ends = fit.posterior.residuals_at(np.clip(fit.values + places, *fit.problem.support()))
+        bent = np.linalg.norm(
+            ends[1 : sizes.size + 1] + ends[sizes.size + 1 :] - 2.0 * ends[0], axis=1
+        )
+    return np.where(np.isfinite(bent), bent, np.inf)
 
 
 def side_left_open(

@@ -5,7 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from estim.common import InputError, Quantity, behind, difference, e_n, read_with_unit, rounded
+from estim.common import (
+    InputError,
+    Quantity,
+    behind,
+    difference,
+    e_n,
+    read_with_unit,
+    rounded,
+    same_numbers,
+)
 from estim.distributions import student_quantile
 
 
@@ -26,8 +35,8 @@ class TwoValues:
 
     @property
     def agree(self) -> bool:
-        """Whether |E_n| <= 1."""
-        return abs(self.e_n) <= 1.0
+        """Whether |E_n| <= 1, but for rounding errors."""
+        return abs(self.e_n) <= 1.0 + 1e-9
 
     def __str__(self) -> str:
         apart = self.difference
@@ -70,7 +79,7 @@ def compare_values(
         else (*given, math.inf)
         for field, given in (("first", first), ("second", second))
     )
-    if unit != other:
+    if unit != other and not same_numbers(unit, other):
         raise InputError(f"must be in {unit}, as the first", field="second", value=other)
     if not abs(r) <= 1.0:
         raise InputError("must be between -1 and 1", field="r", value=r)

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
 
-from estim.common import InputError, Quantity, listed
+from estim.common import InputError, Quantity, in_unit, listed, same_numbers
 from estim.verification.comparing import different_values, estimate_in
 
 _LAYERS = ("parameters", "derived", "outputs", "coefficients")  # keys that say nothing in a name
+_METHODS = {"GUM": "gum", "Monte Carlo": "monte_carlo"}  # quoted -> where it stands
 _TOLD = ("schema", "kind", "formula", "status", "provenance")  # told as inputs
 
 
@@ -60,34 +61,49 @@ class ResultPair:
 def compare_results(first: Mapping[str, Any], second: Mapping[str, Any]) -> ResultPair:
     """Two `result.json` of any kind, decoded."""
     a, b = ({one.name: one for one in estimates(record)} for record in (first, second))
-    both = [Moved(name, a[name].unit, a[name].value, b[name].value) for name in a if name in b]
+    units = {name: _units_in(b[name].unit, a[name].unit) for name in a if name in b}
+    both = [
+        Moved(name, a[name].unit, a[name].value, (size * b[name].value[0], size * b[name].value[1]))
+        for name, size in units.items()
+        if size is not None
+    ]
     both.sort(key=lambda one: -abs(one.shift) if math.isfinite(one.shift) else 0.0)
-    gained = tuple(name for name in b if name not in a)
-    lost = tuple(name for name in a if name not in b)
+    gained = tuple(name for name in b if units.get(name) is None)
+    lost = tuple(name for name in a if units.get(name) is None)
     told = [one.place for one in (*a.values(), *b.values())]
     others = [
         where
         for where in different_values(first, second)
         if _root(where) not in _TOLD and not _within(where, told)
     ]
-    return ResultPair(tuple(_inputs(first, second)), tuple(both), tuple(others), lost, gained)
+    unlike = [
+        f"unit of {name}: {a[name].unit} and {b[name].unit}"
+        for name, size in units.items()
+        if size != 1.0
+    ]
+    inputs = (*_inputs(first, second), *unlike)
+    return ResultPair(inputs, tuple(both), tuple(others), lost, gained)
+
+
+def _units_in(unit: str, wanted: str) -> float | None:
+    """How many of the unit `wanted` one of `unit` is; None where that is not known."""
+    if unit == wanted or same_numbers(unit, wanted):
+        return 1.0
+    return in_unit(1.0, unit, wanted)
 
 
 def only_estimate(record: Mapping[str, Any]) -> tuple[Quantity, str, float]:
-    """The one estimate of a decoded `result.json`, the recommended one of a mean, its unit, and the
-    degrees of freedom of its uncertainty.
+    """The one estimate of a decoded `result.json`, its unit, and the degrees of freedom of its
+    uncertainty.
 
     Raises InputError where it has several, or none.
     """
-    averages, best = record.get("averages"), record.get("recommended")
-    node = {"mean": averages.get(best)} if isinstance(averages, dict) else _table(record, "outputs")
-    found = list(estimates(node or record))
-    names = {one.name.partition(".")[0] for one in found}
-    if len(names) != 1:
+    found = list(estimates(_table(record, "outputs") or record))
+    if len(found) != 1:
         raise InputError(
             "must have one estimate, to be compared with a value",
             field="result",
-            quoted=listed(sorted(names)),
+            quoted=listed(sorted(one.name for one in found)),
         )
     return Quantity(*found[0].value), found[0].unit or "1", found[0].dof
 
@@ -114,7 +130,9 @@ class _Estimate:
 
 
 def estimates(record: Mapping[str, Any]) -> Iterator[_Estimate]:
-    """Every value with its uncertainty in a decoded `result.json` of any kind."""
+    """Every value with its uncertainty in a decoded `result.json` of any kind; of several methods
+    for one value that which the report quotes.
+    """
     return _estimates("", "", "", record)
 
 
@@ -129,6 +147,14 @@ def _estimates(name: str, place: str, unit: str, node: object) -> Iterator[_Esti
             dof = math.inf
         yield _Estimate(name, place, unit, value, dof)
         return
+    averages, methods = _table(node, "averages"), [_METHODS.get(str(node.get("quoted")), "")]
+    if averages:
+        node, methods = averages, [str(node.get("recommended"))]
+        name, place = name or "mean", f"{place}.averages" if place else "averages"
+    for key in methods:
+        if key in node:
+            yield from _estimates(name, f"{place}.{key}", unit, node[key])
+            return
     for key, inner in node.items():
         shown = name if key in _LAYERS else f"{name}.{key}" if name else key
         yield from _estimates(shown, f"{place}.{key}" if place else key, unit, inner)
