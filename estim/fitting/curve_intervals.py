@@ -10,6 +10,9 @@
   Student's t too; for a line they are the same as those above.
 - Where y was counted, or its errors are a share of the curve: profiles, with z of the normal
   distribution.  Few events or a large share make them lopsided, even for a line.
+- Where the curve bends within the errors of a parameter without a stated value: its profile, with
+  the same quantiles.  One-sided errors of value ± 1.96 s add up in right fits: 73 to 93 % of them
+  held the true constant of decays and saturations with errors of 4 to 20 %, profiles 94 to 97 %.
 - Where an edge (of bounds or of a prior) is within reach of any interval: profiles
   (`estim.fitting.profile`) with the same quantiles.  An interval then ends at the edge.  A side
   without an edge that nothing closes has no end, and the parameter no interval: a flat prior leaves
@@ -26,7 +29,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray
+from estim.arrays import BoolArray, FloatArray, IntArray
 from estim.common import (
     PROBABILITIES,
     Amount,
@@ -48,8 +51,8 @@ from estim.problem import Observations
 
 Ends = Mapping[float, tuple[float, float]]
 
-# standard deviations by which the curve bends within one: the ends of its profile then differ from
-# value ± 1.96 s by a tenth of s
+# standard deviations by which the curve bends within one: an end of its profile may then differ
+# from value ± 1.96 s by a fifth of s
 _CURVED = 0.1
 FEW = 10  # degrees of freedom up to which value ± s is not shown: it would hold less than 66 %
 
@@ -101,9 +104,12 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     curved = bent | (fixed.problem.unstated & (bending(fixed) >= _CURVED))
     if not (np.any(beside) or skewed or np.any(curved)):
         return Spread(cov, sds, symmetric, (), ())
-    intervals, left_open = profiled(
-        fixed, held(float(np.min(dofs))), None if np.any(beside) or skewed else sds
+    everything = skewed or bool(np.any(beside))
+    asked = np.ones_like(curved) if everything or np.any(bent) else curved
+    profiles, left_open = profiled(
+        fixed, held(float(np.min(dofs))), None if everything else sds, np.flatnonzero(asked)
     )
+    intervals = {**symmetric, **profiles}
     notes: list[Finding] = []
     unheld = {finding.parameters[0].name for finding in left_open}
     for i, (name, parameter) in enumerate(zip(names, fixed.problem.parameters, strict=True)):
@@ -135,7 +141,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
                 )
             )
             sds[i] = np.nan
-        elif not (np.any(beside) or skewed or curved[i]):
+        elif not (everything or curved[i]):
             intervals[name] = symmetric[name]
     return Spread(cov, sds, intervals, tuple(notes), tuple(left_open))
 
@@ -183,23 +189,23 @@ def _symmetric(
 
 
 def profiled(
-    fit: Fit, sizes: ErrorSizes, sds: FloatArray | None = None
+    fit: Fit, sizes: ErrorSizes, sds: FloatArray | None = None, which: IntArray | None = None
 ) -> tuple[dict[str, Ends], list[Finding]]:
     """Name -> probability -> profile interval, which ends at the edge on an open side; nan for a
     parameter that has a side without any end.
 
     sizes : of its errors.  sds : (n_par,) where an interval that reaches too many of these has no
-        end worth the name.
+        end worth the name.  which : indices of the parameters, all if None.
     """
     intervals: dict[str, Ends] = {}
     left_open: list[Finding] = []
-    for interval, parameter, sd in zip(
-        profile_intervals(fit, probabilities=PROBABILITIES, sizes=sizes),
-        fit.problem.parameters,
-        np.full(len(fit.names), np.inf) if sds is None else sds,
-        strict=True,
-    ):
-        unheld = side_left_open(interval, parameter, float(sd))
+    chosen = np.arange(len(fit.names)) if which is None else which
+    profiles = profile_intervals(
+        fit, names=[fit.names[i] for i in chosen], probabilities=PROBABILITIES, sizes=sizes
+    )
+    for i, interval in zip(chosen, profiles, strict=True):
+        parameter, sd = fit.problem.parameters[i], math.inf if sds is None else float(sds[i])
+        unheld = side_left_open(interval, parameter, sd)
         left_open += unheld
         intervals[parameter.name] = {
             p: (math.nan, math.nan) if unheld else (interval.low[p], interval.high[p])
