@@ -5,7 +5,7 @@ how a person reads them.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -143,7 +143,7 @@ class CurveFit:
     def remarks(self) -> tuple[Finding, ...]:
         """What to know before using it, nothing wrong."""
         lacking = unasked(self.fit) if self.complete else []
-        return (*self.seen, *(replace(item, run="") for item in lacking))
+        return (*self.seen, *lacking)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -585,6 +585,12 @@ class CurveFit:
             f"{phrase('residual sd = {sd:.4g} (estimated: u_y was not given)', sd=self.sigma)}, "
             f"dof = {self.dof}; {self.message}"
         )
+
+
+def unnamed(findings: Iterable[Finding], fit: Fit) -> tuple[Finding, ...]:
+    """The findings, without the name that the points of `fit` have where nobody gave them one."""
+    several = len(fit.problem.runs) > 1
+    return tuple(finding if several else replace(finding, run="") for finding in findings)
 
 
 def _number(value: float) -> float | None:

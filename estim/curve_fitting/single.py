@@ -34,7 +34,7 @@ from estim.checks import (
     wrong_curves,
 )
 from estim.common import PROBABILITIES, Amount, Finding, Kind, Status, decide, phrase, wrong
-from estim.curve_fitting.result import CurveFit
+from estim.curve_fitting.result import CurveFit, unnamed
 from estim.curves import (
     AxisNames,
     Component,
@@ -352,17 +352,11 @@ def fit_errors(
     findings += [
         fit.unheld,
         *pressed_edges(fit, Kind.PRESSED_LIMIT),
-        *(
-            replace(f, run=f.run if len(goodness) > 1 else "")
-            for f in failed_tests(goodness, dof=fit.dof)
-        ),
-        *(
-            replace(f, run=f.run if len(fit.problem.runs) > 1 else "")
-            for f in too_many_outliers(fit)
-        ),
+        *failed_tests(goodness, dof=fit.dof),
+        *too_many_outliers(fit),
         None if fit.singular else stated_values(fit, check_stated_values(fit)),
     ]
-    found = wrong([finding for finding in findings if finding is not None])
+    found = unnamed(wrong([finding for finding in findings if finding is not None]), fit)
     return CurveFit(
         names=fit.names,
         values=values,
@@ -427,8 +421,6 @@ def _fit_discrepancy(posed: CurveProblem, complete: CurveFit, rng: np.random.Gen
     (deviation,) = fit.deviations
     goodness = check_goodness(fit, rng=rng)
     solutions = [f for f in complete.findings if f.kind is Kind.SEVERAL_SOLUTIONS]
-    tests = [replace(f, run="") for f in failed_tests(goodness, dof=fit.dof)]
-    refused = [replace(f, run="") for f in wrong_curves(fit.deviations)]
     values, names = np.clip(deviation.mean, *problem.support()).tolist(), fit.names
     outside = values_outside(dict(zip(names, values, strict=True)), deviation.intervals)
     findings = wrong(
@@ -436,11 +428,12 @@ def _fit_discrepancy(posed: CurveProblem, complete: CurveFit, rng: np.random.Gen
             *solutions,
             *outside,
             *pressed_edges(fit, Kind.PRESSED_LIMIT),
-            *tests,
-            *refused,
+            *failed_tests(goodness, dof=fit.dof),
+            *wrong_curves(fit.deviations),
             stated_values(fit, check_stated_values(fit)),
         ]
     )
+    findings = unnamed(findings, fit)
     about = deviation_finding(deviation, x_unit=posed.axes.x_unit, y_unit=posed.axes.y_unit)
     sds, near = sds_near_limits(deviation, problem)
     return replace(
@@ -454,7 +447,7 @@ def _fit_discrepancy(posed: CurveProblem, complete: CurveFit, rng: np.random.Gen
         sigma=None if complete.sigma is None else deviation.noise[1],
         status=decide(findings),
         findings=findings,
-        seen=(*near, replace(about, run="")),
+        seen=unnamed([*near, about], fit),
         goodness=goodness,
         fit=fit,
     )
@@ -525,7 +518,10 @@ def _concluded(
     about = curve_findings(
         held, best, p_value, chi2, dof, goodness, estimated=sigma is not None, perfect=perfect
     )
-    findings = wrong([*solutions, *outside, *uncertainty.open, *about, *stated])
+    findings = unnamed(wrong([*solutions, *outside, *uncertainty.open, *about, *stated]), fit)
+    remarks = curve_remarks(
+        fit, best, p_value, chi2, dof, goodness, stated=sigma is None, perfect=perfect
+    )
     modelled = isinstance(posed, CurveProblem) and posed.lacks is not None
     return CurveFit(
         names=held.names,
@@ -539,12 +535,7 @@ def _concluded(
         sigma=sigma,
         status=decide(findings),
         findings=findings,
-        seen=(
-            *uncertainty.notes,
-            *curve_remarks(
-                fit, best, p_value, chi2, dof, goodness, stated=sigma is None, perfect=perfect
-            ),
-        ),
+        seen=unnamed([*uncertainty.notes, *remarks], fit),
         complete=not (findings or perfect or modelled),
         message=_message(best, sigma, perfect, [*map(tell, same_curve(fit)), *_said(problem)]),
         goodness=goodness,
