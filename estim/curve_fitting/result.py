@@ -45,7 +45,7 @@ from estim.fitting import (
     profile_intervals,
     shown_value,
 )
-from estim.given_numbers import real_numbers
+from estim.given_numbers import check_probability, real_numbers
 from estim.problem import Observations, Problem
 from estim.words import advice, advice_for, tell
 
@@ -223,8 +223,7 @@ class CurveFit:
         return self._predicted(run, places, probability)
 
     def _predicted(self, run: Observations, places: FloatArray, probability: float) -> Prediction:
-        if not 0.0 < probability < 1.0:
-            raise InputError("must lie between 0 and 1", field="probability", value=probability)
+        check_probability(probability)
         value = np.array(run.drawn(self.values, places))
         gradient = replace(run.points, x=places).gradient(self.values, self.names)
         # the curve is known as well whatever its parameters are: exp(b) in place of a

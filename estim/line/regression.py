@@ -44,7 +44,7 @@ from estim.arrays import FloatArray
 from estim.checks import P_POOR_FIT
 from estim.common import InputError, Shown, Tabled, format_p, format_quantity, phrase
 from estim.distributions import chi2_quantile, chi2_tail, student_quantile
-from estim.given_numbers import real_number, real_numbers
+from estim.given_numbers import check_probability, real_number, real_numbers
 from estim.line.angle_profile import (
     LineData,
     Profile,
@@ -444,8 +444,7 @@ def coverage_factor(fit: LineFit, *, probability: float, convention: str | None 
     """k such that estimate -+ k u holds the value with that probability: Student's t where the
     scale is from the residuals.
     """
-    if not 0.0 < probability < 1.0:
-        raise InputError("must lie between 0 and 1", field="probability", value=probability)
+    check_probability(probability)
     tail = 0.5 * (1.0 - probability)
     standard_error(fit, convention)
     scaled = (fit.recommended if convention is None else convention) == "scaled"

@@ -23,6 +23,7 @@ import numpy as np
 
 from estim.arrays import BoolArray, FloatArray
 from estim.common import InputError, Shown, Tabled, interval, later, phrase, rounded
+from estim.given_numbers import check_probability
 from estim.propagation.copula import copula_matrix, draw_inputs
 from estim.propagation.evaluation import (
     MeasurementFunction,
@@ -38,7 +39,7 @@ from estim.propagation.inputs import (
     check_inputs,
     correlation_matrix,
 )
-from estim.propagation.linear import check_probability, frozen, how_many, output_names
+from estim.propagation.linear import frozen, how_many, output_names
 from estim.propagation.tail_index import NO_MEAN, NO_VARIANCE, tail_index
 
 IntervalKind = Literal["symmetric", "shortest"]
