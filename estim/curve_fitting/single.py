@@ -247,7 +247,7 @@ def pose_points(
         else provisional(named, start, bounds, said["priors"], {*fixed, *said["tied"]})
     )
     posed = pose_curve(
-        curve if named is None else named.expression,
+        curve if named is None else named.formula,
         points.x,
         points.y,
         **{**said, "start": begin, "bounds": limits},
@@ -266,9 +266,7 @@ def pose_points(
         r_xy=points.r_xy,
         level=level,
     )
-    return (
-        posed if named is None else started(replace(posed, called=named.called), named, held=start)
-    )
+    return posed if named is None else started(replace(posed, called=named.text), named, held=start)
 
 
 def fit_stated(

@@ -8,7 +8,7 @@ import inspect
 import math
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,37 +29,9 @@ from estim.problem import MOST_REWEIGHTED, Flat, errors_widened, typical_size
 _SIZE = "size_of_density"
 
 
-@dataclass(frozen=True, eq=False)
-class BareFormula:
-    """A formula of the user's, some of whose parameters have no start; it is asked what a
-    `ModelSum` is.
-    """
-
-    formula: Formula
-
-    @property
-    def expression(self) -> Formula:
-        return self.formula
-
-    @property
-    def called(self) -> str:
-        return ""
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        return self.formula.names
-
-    @property
-    def limits(self) -> dict[str, Limits]:
-        return {}
-
-
-Unstarted = ModelSum | BareFormula
-
-
 def unstarted(
     curve: object, start: Collection[str], fixed: Collection[str], tied: Collection[str]
-) -> Unstarted | None:
+) -> ModelSum | None:
     """What finds the starts that are not given, of models by name or of a formula of x; None where
     none is missing, or nothing can.
     """
@@ -78,7 +50,7 @@ def unstarted(
     formula = read_formula(curve, field="curve")
     constant = formula.names == (formula.text,)
     missing = {*formula.names} - {*start, *fixed}
-    return BareFormula(formula) if (formula.uses_x or constant) and missing else None
+    return ModelSum("", formula) if (formula.uses_x or constant) and missing else None
 
 
 def in_time(curve: Any, axis: str, *named: object) -> Any:
@@ -154,7 +126,7 @@ def called_by_name(curve: object, *named: Collection[str]) -> ModelSum | None:
 
 
 def provisional(
-    asked: Unstarted,
+    asked: ModelSum,
     start: Mapping[str, float],
     bounds: Mapping[str, Limits],
     priors: Collection[str],
@@ -170,7 +142,7 @@ def provisional(
     return {name: within(limits.get(name)) for name in free} | dict(start), limits
 
 
-def started(posed: CurveProblem, asked: Unstarted, *, held: Collection[str]) -> CurveProblem:
+def started(posed: CurveProblem, asked: ModelSum, *, held: Collection[str]) -> CurveProblem:
     """The problem with starts found from its points but for the parameters `held`, whose starts are
     the user's.  Raises InputError.
     """
@@ -205,8 +177,7 @@ def started(posed: CurveProblem, asked: Unstarted, *, held: Collection[str]) -> 
         starts = guess_starts(
             formula, posed.x, posed.y / width, gain / width, known=fixed, limits=positive
         )
-    if isinstance(asked, ModelSum):
-        starts = _in_order(asked, starts, limits)
+    starts = _in_order(asked, starts, limits)
     begun = {
         name: Flat(known[name].prior.low, known[name].prior.high, starts[name], start_stated=False)
         for name in limits
