@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray, Named
-from estim.common import Notation, later, phrase
+from estim.common import Notation, PhraseTable, later, phrase
 from estim.curves.differences import with_gradient
 from estim.model import (
     Body,
@@ -73,14 +73,18 @@ _READINGS = {"scale_x": "scale_x", "scale_t": "scale_t", "distortion": "bow"}
 _BEYOND_SCALES = _FORCES.keys() | {"sag", "distortion", "moment", "release_energy", "release_speed"}
 _STEP = 1e-4  # relative, of differences: motion under any force is good to 1e-10 or so
 _DEGREES = float(np.degrees(1.0))
-_SIZES = {
-    "once": later("amplitude of the moment once per turn / (M g R)"),
-    "twice": later("amplitude of the moment twice per turn / (M g R)"),
-}
-_PHASES = {
-    "once": later("phase of the moment once per turn, largest at θ"),
-    "twice": later("phase of the moment twice per turn, largest at 2 θ"),
-}
+_SIZES = PhraseTable(
+    {
+        "once": "amplitude of the moment once per turn / (M g R)",
+        "twice": "amplitude of the moment twice per turn / (M g R)",
+    }
+)
+_PHASES = PhraseTable(
+    {
+        "once": "phase of the moment once per turn, largest at θ",
+        "twice": "phase of the moment twice per turn, largest at 2 θ",
+    }
+)
 
 
 def body_of(arguments: Named) -> tuple[Body, dict[str, Any]]:
@@ -569,9 +573,9 @@ def _of_forces(known: _Known, arguments: Named, rolling: Derived | None) -> dict
     for k, (_, cosine, sine) in zip(("once", "twice"), forces.turning, strict=True):
         if f"moment_{k}_cos" in arguments or f"moment_{k}_sin" in arguments:
             size, angle = turn_amplitude(cosine, sine)
-            quantities[f"moment_{k}"] = _derived("1", size, phrase(_SIZES[k]), Notation(f"a_{k}"))
+            quantities[f"moment_{k}"] = _derived("1", size, _SIZES[k], Notation(f"a_{k}"))
             quantities[f"moment_{k}_phase"] = _derived(
-                "rad", angle, phrase(_PHASES[k]), Notation(f"p_{k}", "°", _DEGREES)
+                "rad", angle, _PHASES[k], Notation(f"p_{k}", "°", _DEGREES)
             )
     return quantities
 

@@ -19,7 +19,7 @@ from estim.calibration import (
     uniformity_band,
 )
 from estim.campaign import Campaign
-from estim.common import FigureChoice, decide, later, percentage, phrase
+from estim.common import FigureChoice, PhraseTable, decide, percentage, phrase
 from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, fill, grid, name_ticks
 from estim.problem import Problem
 from estim.reports.pages import Drawers, page
@@ -30,7 +30,7 @@ from estim.words import direction_words, tell
 
 SCHEMA = "estim-calibration/1"
 _AT = {"sbc": "priors", "coverage": "fit"}
-_ENGINES = {"importance sampling": later("importance sampling"), "chain": later("chain")}
+_ENGINES = PhraseTable({"importance sampling": "importance sampling", "chain": "chain"})
 
 
 class CoverageRecord(Record):
@@ -152,7 +152,7 @@ def calibration_record(campaign: Campaign, c: Calibration) -> CalibrationRecord:
 def _part(c: Calibration, record: CalibrationRecord) -> Mapping[str, object]:
     """What the template says of one calibration."""
     engines = [
-        phrase("{count} by {how}", count=count, how=phrase(_ENGINES[how]))
+        phrase("{count} by {how}", count=count, how=_ENGINES[how])
         for how, count in sorted(c.how.items())
         if how != "none"
     ]

@@ -17,6 +17,7 @@ from estim.common import (
     QUANTILES,
     FigureChoice,
     Notation,
+    PhraseTable,
     Quantity,
     format_quantity,
     later,
@@ -36,12 +37,14 @@ from estim.reports.trials import UNKNOWN_LABELS, trials_section
 from estim.sampling import Summary, summarise, trusted
 from estim.words import advice_for
 
-_METHODS = {
-    "ols": later("ordinary least squares (the paper's)"),
-    "weighted": later("weighted by u(θ_min) alone"),
-    "york": later("York: errors in both variables"),
-    "posterior": later("Bayesian, true tilts marginalised"),
-}
+_METHODS = PhraseTable(
+    {
+        "ols": "ordinary least squares (the paper's)",
+        "weighted": "weighted by u(θ_min) alone",
+        "york": "York: errors in both variables",
+        "posterior": "Bayesian, true tilts marginalised",
+    }
+)
 
 
 _STRENGTHS = (

@@ -10,7 +10,17 @@ from functools import partial
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import FigureChoice, behind, bracketed, gravest, interval, later, phrase, rounded
+from estim.common import (
+    FigureChoice,
+    PhraseTable,
+    behind,
+    bracketed,
+    gravest,
+    interval,
+    later,
+    phrase,
+    rounded,
+)
 from estim.distributions import student_quantile
 from estim.drawing import BLUE, GREEN, INK, ORANGE, PALE, Axes, Figure, grid, legend_below
 from estim.measurement import Propagation, Region, ellipse
@@ -21,21 +31,23 @@ from estim.reports.records import Record, Report
 from estim.reports.result import Provenance, provenance_of
 
 _DIGITS = 3  # of u in tables: one more than a statement has
-_INTERVALS = {"symmetric": later("symmetric"), "shortest": later("shortest")}
-_LAWS = {
-    "normal": later("normal"),
-    "rectangular": later("rectangular"),
-    "triangular": later("triangular"),
-    "trapezoidal": later("trapezoidal"),
-    "curvilinear-trapezoidal": later("curvilinear-trapezoidal"),
-    "arcsine": later("arcsine"),
-    "t": later("t"),
-    "standardised-t": later("standardised-t"),
-    "exponential": later("exponential"),
-    "lognormal": later("lognormal"),
-    "gamma": later("gamma"),
-    "exact": later("exact"),
-}
+_INTERVALS = PhraseTable({"symmetric": "symmetric", "shortest": "shortest"})
+_LAWS = PhraseTable(
+    {
+        "normal": "normal",
+        "rectangular": "rectangular",
+        "triangular": "triangular",
+        "trapezoidal": "trapezoidal",
+        "curvilinear-trapezoidal": "curvilinear-trapezoidal",
+        "arcsine": "arcsine",
+        "t": "t",
+        "standardised-t": "standardised-t",
+        "exponential": "exponential",
+        "lognormal": "lognormal",
+        "gamma": "gamma",
+        "exact": "exact",
+    }
+)
 _BY_DRAWS = {
     "symmetric": later(
         "{what}: {best} the probabilistically symmetric {percent} coverage interval {ends}, by "
@@ -356,7 +368,7 @@ def measurement_report(
         wanted=figures,
         result=result,
         percent=f"{100.0 * result.probability:g}",
-        which_interval=phrase(_INTERVALS[result.interval]),
+        which_interval=_INTERVALS[result.interval],
         laws=_LAWS,
         cell=_cell,
         ends=_ends,
