@@ -4,7 +4,6 @@ them until there are points, and what these give.
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
@@ -22,7 +21,7 @@ from estim.curves.models import ModelSum as ModelSum
 from estim.curves.models import known_models as known_models
 from estim.curves.models import read_model as read_model
 from estim.curves.projected import linear_in as linear_in
-from estim.curves.several_abscissas import OfPoints
+from estim.curves.several_abscissas import OfPoints, arguments_taken
 from estim.curves.starting_values import guess_starts
 from estim.problem import MOST_REWEIGHTED, Flat, errors_widened, typical_size
 
@@ -77,13 +76,9 @@ def with_defaults(
         return {**dict.fromkeys(free, 1.0), **(start or {})}
     if not callable(curve) or start:
         return start
-    try:
-        parameters = inspect.signature(curve).parameters.values()
-    except (TypeError, ValueError):
-        return start
     known = {
         p.name: float(p.default)
-        for p in parameters
+        for p in arguments_taken(curve)
         if isinstance(p.default, int | float)
         and not isinstance(p.default, bool)
         and not any(p.name in names for names in held if names)
@@ -97,10 +92,7 @@ def arguments_of(curve: object, *named: Collection[str]) -> tuple[str, ...]:
     named : as for `called_by_name`.  Raises InputError.
     """
     if callable(curve):
-        try:
-            _, *parameters = inspect.signature(getattr(curve, "rhs", curve)).parameters.values()
-        except (TypeError, ValueError):
-            return ()
+        parameters = arguments_taken(getattr(curve, "rhs", curve))[1:]
         begin = [entry for entry in getattr(curve, "at_start", ()) if isinstance(entry, str)]
         return (*(p.name for p in parameters if p.kind is not p.VAR_KEYWORD), *begin)
     models = called_by_name(curve, *named)
