@@ -17,7 +17,7 @@ from estim.arrays import FloatArray
 
 def normal_below(z: ArrayLike) -> FloatArray:
     """P(Z <= z)."""
-    return np.asarray(special.ndtr(z))
+    return special.ndtr(z)
 
 
 def normal_tail(z: ArrayLike) -> FloatArray:
@@ -59,4 +59,4 @@ def chi2_tail(chi2: ArrayLike, dof: ArrayLike) -> FloatArray:
 
 def chi2_quantile(probability: ArrayLike, dof: ArrayLike) -> FloatArray:
     """x with P(chi^2 of `dof` degrees of freedom <= x) = probability."""
-    return np.asarray(2.0 * special.gammaincinv(0.5 * np.asarray(dof), probability))
+    return 2.0 * special.gammaincinv(0.5 * np.asarray(dof), probability)

@@ -285,7 +285,7 @@ def solve(
     gram = gram / (scale[:, :, None] * scale[:, None, :])
     gram += np.asarray(damping).reshape(-1, 1, 1) * np.eye(gram.shape[1])
     gradient = (np.swapaxes(columns, 1, 2) @ target[:, :, None])[..., 0] / scale
-    return np.asarray(np.linalg.solve(gram, gradient[..., None])[..., 0] / scale)
+    return np.linalg.solve(gram, gradient[..., None])[..., 0] / scale
 
 
 def _finite(values: FloatArray) -> FloatArray:

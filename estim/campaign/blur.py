@@ -49,7 +49,7 @@ def relative_blur(run: Run, noise: StatedNoise, size: FloatArray) -> FloatArray 
     frames = np.arange(t.size)
     before, after = np.maximum(frames - _REACH, 0), np.minimum(frames + _REACH, t.size - 1)
     speed = (position[after] - position[before]) / (t[after] - t[before])
-    return np.asarray(size_with_blur(size, speed, exposure) / size)
+    return size_with_blur(size, speed, exposure) / size
 
 
 def blurs(levels: Sequence[Levels], runs: Sequence[Run]) -> Iterator[tuple[float, NoiseTable]]:

@@ -303,13 +303,13 @@ def notes_of(
 
 def known_to(value: FloatArray, u: FloatArray) -> FloatArray:
     """Standard uncertainties, 0 where they are what rounding leaves of an exact value."""
-    return np.asarray(np.where(u <= _ROUNDING * np.abs(value), 0.0, u))
+    return np.where(u <= _ROUNDING * np.abs(value), 0.0, u)
 
 
 def correlations(covariance: FloatArray) -> FloatArray:
     """The correlation matrix of a covariance matrix; 0 beside what is exact."""
     scale = diagonal_scale(covariance)
-    return np.asarray(np.where(np.eye(len(scale)) > 0.0, 1.0, covariance / np.outer(scale, scale)))
+    return np.where(np.eye(len(scale)) > 0.0, 1.0, covariance / np.outer(scale, scale))
 
 
 def of_one_disk(source: CampaignFile, body: str) -> tuple[str, ...]:

@@ -182,7 +182,7 @@ def _root(matrix: FloatArray) -> FloatArray:
     """L with L L^T = `matrix` (n, n), but for rounding in directions that nothing determines."""
     scale = diagonal_scale(matrix)
     unit = matrix / np.outer(scale, scale) + ALONE * np.eye(len(matrix))
-    return np.asarray(np.linalg.cholesky(unit) * scale[:, None])
+    return np.linalg.cholesky(unit) * scale[:, None]
 
 
 def _own(fit: Fit, used: Collection[str], shared: NDArray[np.int64]) -> list[int]:
@@ -243,7 +243,7 @@ def each_without_one(quadratics: Sequence[Quadratic]) -> tuple[Quadratic, ...]:
     def others(parts: FloatArray) -> FloatArray:
         nothing = np.zeros_like(parts[:1])
         before, after = np.cumsum(parts[:-1], axis=0), np.cumsum(parts[:0:-1], axis=0)[::-1]
-        return np.asarray(np.concatenate([nothing, before]) + np.concatenate([after, nothing]))
+        return np.concatenate([nothing, before]) + np.concatenate([after, nothing])
 
     return tuple(
         zip(*(others(np.array(parts)) for parts in zip(*quadratics, strict=True)), strict=True)
@@ -302,4 +302,4 @@ def _block(
 
 
 def _symmetric(matrix: FloatArray) -> FloatArray:
-    return np.asarray(0.5 * (matrix + matrix.T))
+    return 0.5 * (matrix + matrix.T)

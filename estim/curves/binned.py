@@ -83,7 +83,7 @@ class BinnedCurve:
         here = self._at_events(arguments)
         inside, least = self._integrals(arguments, here)
         scale = np.where(least[:, None] >= 0.0, self._scale(inside), np.nan)
-        return np.asarray(scale * here), np.asarray(scale * inside)
+        return scale * here, scale * inside
 
     def local_rate(self, t: FloatArray, arguments: Named) -> LocalCurve:
         """The density with its gradient at t (n,), for single arguments."""
@@ -125,8 +125,8 @@ class BinnedCurve:
         n_draw = n_draws(arguments)
         if not self.events.size:
             return np.zeros((n_draw, 0))
-        return np.asarray(
-            np.broadcast_to(self.density.value(self.events, arguments), (n_draw, self.events.size))
+        return np.broadcast_to(
+            self.density.value(self.events, arguments), (n_draw, self.events.size)
         )
 
     def _quadrature(self, arguments: Named) -> tuple[FloatArray, FloatArray, IntArray]:
@@ -282,15 +282,13 @@ class BinnedCurve:
         if self.total is None:
             return np.ones((inside.shape[0], 1))
         with np.errstate(all="ignore"):
-            return np.asarray(self.total / np.sum(inside, axis=1, keepdims=True))
+            return self.total / np.sum(inside, axis=1, keepdims=True)
 
     def _pull(self, inside: FloatArray, slope: FloatArray) -> FloatArray:
         """By how much less the bins gain where their sum is held."""
         if self.total is None:
             return np.zeros_like(inside)
-        return np.asarray(
-            inside / np.sum(inside, axis=1, keepdims=True) * np.sum(slope, axis=1, keepdims=True)
-        )
+        return inside / np.sum(inside, axis=1, keepdims=True) * np.sum(slope, axis=1, keepdims=True)
 
     def _bin_of(self, x: FloatArray) -> IntArray:
         return np.clip(np.searchsorted(self.low, x, side="right") - 1, 0, self.low.size - 1)
@@ -317,7 +315,7 @@ class _Panels:
 
 def _places(low: FloatArray, high: FloatArray) -> FloatArray:
     """(10, n_panel) the nodes."""
-    return np.asarray(0.5 * (low + high) + 0.5 * (high - low) * _AT[:, None])
+    return 0.5 * (low + high) + 0.5 * (high - low) * _AT[:, None]
 
 
 def _panels_of(

@@ -325,10 +325,9 @@ def _as_read(
         rest = 6.0 * v * a[0]
     else:  # the derivatives of x are v, a, a' v, a'' v^2 + a a'
         rest = 10.0 * v * (a[2] * v**2 + a[0] * a[1]) + 20.0 * a[0] * a[1] * v
-    return np.asarray(
-        (found * readings.stretch(x) - readings.parabola()[1] * rest)
-        / (1.0 + np.asarray(readings.scale_t)) ** (order + 1)
-    )
+    return (found * readings.stretch(x) - readings.parabola()[1] * rest) / (
+        1.0 + np.asarray(readings.scale_t)
+    ) ** (order + 1)
 
 
 def _position(since: FloatArray, known: _Known, angular: bool) -> FloatArray:

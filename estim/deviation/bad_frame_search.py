@@ -369,4 +369,4 @@ def _scan(
 
 def _mean(logs: Sequence[FloatArray]) -> FloatArray:
     """Logarithm of the mean of what these are the logarithms of."""
-    return np.asarray(np.logaddexp.reduce(np.array(logs), axis=0) - np.log(len(logs)))
+    return np.logaddexp.reduce(np.array(logs), axis=0) - np.log(len(logs))

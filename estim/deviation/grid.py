@@ -99,4 +99,4 @@ def _noise_scales(scales: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
 
 
 def _normalised(log_weight: FloatArray) -> FloatArray:
-    return np.asarray(log_weight - np.logaddexp.reduce(log_weight))
+    return log_weight - np.logaddexp.reduce(log_weight)

@@ -43,9 +43,7 @@ class Displaced:
     shift: FloatArray
 
     def value(self, x: FloatArray, arguments: Named) -> FloatArray:
-        return np.asarray(
-            self.curve.value(x, arguments) + np.asarray(arguments[_ARGUMENT]) * self._at(x)
-        )
+        return self.curve.value(x, arguments) + np.asarray(arguments[_ARGUMENT]) * self._at(x)
 
     def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
         inner, moved = self.curve.local(x, arguments), self._at(x)
@@ -62,7 +60,7 @@ class Displaced:
         if np.array_equal(x, self.x):
             return self.shift
         order = np.argsort(self.x)
-        return np.asarray(np.interp(x, self.x[order], self.shift[order]))
+        return np.interp(x, self.x[order], self.shift[order])
 
 
 def frame_causes(base: Fit) -> tuple[Cause, ...]:

@@ -294,7 +294,7 @@ def _inverse(matrix: FloatArray, problem: Problem) -> FloatArray:
     except np.linalg.LinAlgError:
         root = None
     inverse = np.linalg.pinv(scaled, hermitian=True) if root is None else root.T @ root
-    return np.asarray(inverse / np.outer(units, units))
+    return inverse / np.outer(units, units)
 
 
 def _condition(matrix: FloatArray, inverse: FloatArray, problem: Problem) -> float:

@@ -117,9 +117,7 @@ class ProfileSearch:
         standard deviations.
         """
         with np.errstate(all="ignore"):
-            return np.asarray(
-                2.0 * information(self.posterior, values) * np.outer(self.scale, self.scale)
-            )
+            return 2.0 * information(self.posterior, values) * np.outer(self.scale, self.scale)
 
     def _heights(self, likelihood: Likelihood, own: IntArray, rows: FloatArray) -> FloatArray:
         """(n_point, n_row) -2 log likelihood of a group, inf where there is none, at rows (n_point,

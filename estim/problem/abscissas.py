@@ -43,7 +43,7 @@ _LEAST_SPREAD = 1e-3  # share of the variance of x that is left to the true absc
 
 NODES: FloatArray = np.asarray(_STEP * np.arange(-_REACH - 1, _REACH + 2), dtype=np.float64)
 _WEIGHTS = np.exp(-0.5 * NODES[1:-1] ** 2 / (1.0 - 0.5 * _STEP**2))
-LOG_WEIGHTS: FloatArray = np.asarray(np.log(_WEIGHTS / np.sum(_WEIGHTS)))
+LOG_WEIGHTS: FloatArray = np.log(_WEIGHTS / np.sum(_WEIGHTS))
 
 
 def hide_the_range(x: FloatArray, sd: FloatArray) -> bool:
@@ -72,7 +72,7 @@ class TrueAbscissas:
         all alike.
         """
         nodes = NODES if np.any(self.spread) else np.zeros(3)
-        return np.asarray(self.centre[..., None] + self.spread[..., None] * nodes)
+        return self.centre[..., None] + self.spread[..., None] * nodes
 
 
 def true_abscissas(x: FloatArray, sd: FloatArray) -> TrueAbscissas:
@@ -143,7 +143,7 @@ class Predictive:
     def terms(self, y: FloatArray, tails: Tails, named: Named) -> tuple[FloatArray, FloatArray]:
         """z and the logarithm of each term of the density of y (..., n_obs), shaped like `mean`."""
         z = (y[..., None] - self.mean) / np.sqrt(self.variance)
-        return z, np.asarray(
+        return z, (
             self.log_weight
             + tails.log_density(z, deepened(tails, named))
             - 0.5 * np.log(self.variance)
@@ -175,7 +175,7 @@ def summed(log_terms: FloatArray) -> FloatArray:
     top = np.max(log_terms, axis=-1, keepdims=True)
     top = np.where(np.isfinite(top), top, 0.0)
     with np.errstate(divide="ignore"):
-        return np.asarray(np.log(np.sum(np.exp(log_terms - top), axis=-1)) + top[..., 0])
+        return np.log(np.sum(np.exp(log_terms - top), axis=-1)) + top[..., 0]
 
 
 def predictive(values: FloatArray, variance: FloatArray, share: float = 0.0) -> Predictive:

@@ -99,13 +99,13 @@ class Correlated(Noise):
         return np.sqrt(np.diag(np.zeros_like(self.cov) if self.cov_x is None else self.cov_x))
 
     def reading_gain(self) -> FloatArray:
-        return np.asarray(np.sqrt(np.diag(self.cov)))
+        return np.sqrt(np.diag(self.cov))
 
     def read(
         self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
     ) -> FloatArray:
         """Of the points that the matrix is stated for; `gain` is in it."""
-        return np.asarray(true + np.linalg.cholesky(self.cov) @ rng.standard_normal(true.size))
+        return true + np.linalg.cholesky(self.cov) @ rng.standard_normal(true.size)
 
     def carried(
         self, by_x: FloatArray, by_y: FloatArray, named: Named

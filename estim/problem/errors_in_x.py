@@ -89,7 +89,7 @@ class LatentErrors(Likelihood):
         if np.max(true_abscissas(self.x, self._sd_of_x(named)).common) == 0.0 or self._well_known(
             named
         ):
-            return np.asarray(np.sum(self.pointwise(named), axis=1))
+            return np.sum(self.pointwise(named), axis=1)
         return self._by_blocks(named, self._integrated)
 
     def standardised(self, named: Named) -> FloatArray:
@@ -166,7 +166,7 @@ class LatentErrors(Likelihood):
         """
         steep = (self.points.slope(named) - self.lean) * self._sd_of_x(named)[0]
         of_curve = self.share * np.broadcast_to(self.points.value(named), (1, self.y.size))[0]
-        return np.asarray(np.sqrt(self._own_variance(named)[0] + steep**2 + of_curve**2))
+        return np.sqrt(self._own_variance(named)[0] + steep**2 + of_curve**2)
 
     def scores(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
         """(n_obs, n_par) derivatives of each log L_i; of the noise parameters those in `ends`."""
@@ -299,7 +299,7 @@ class LatentErrors(Likelihood):
             )
             square -= 2.0 * curvature[:, 0, 1] * gradient[:, 0] * gradient[:, 1]
             log_density = density.log_density(self.y, tails, named)
-            return np.asarray(
+            return (
                 np.sum(log_density, axis=-1)
                 + 0.5 * square / determinant
                 - 0.5 * np.log(determinant)

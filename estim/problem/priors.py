@@ -194,7 +194,7 @@ class _CutNormal(Prior):
         return np.where((value >= self.low) & (value <= self.high), log_p, -np.inf)
 
     def residual(self, value: ArrayLike) -> FloatArray:
-        return np.asarray((np.asarray(value) - self.mean) / self.scale)
+        return (np.asarray(value) - self.mean) / self.scale
 
     def residual_slope(self, value: ArrayLike) -> FloatArray:
         return np.full(np.shape(value), 1.0 / self.scale)
@@ -579,17 +579,17 @@ class LogNormal(Prior):
         return np.where(value > 0.0, log_p, -np.inf)
 
     def pull(self, value: ArrayLike) -> FloatArray:
-        return np.asarray((np.log(np.maximum(value, _TINY)) - math.log(self.median)) / self.log_sd)
+        return (np.log(np.maximum(value, _TINY)) - math.log(self.median)) / self.log_sd
 
     def residual(self, value: ArrayLike) -> FloatArray:
         # the factor 1/value of the density completes the square: the mode is at exp(mu - log_sd^2)
         return self.pull(value) + self.log_sd
 
     def residual_slope(self, value: ArrayLike) -> FloatArray:
-        return np.asarray(1.0 / (np.maximum(value, _TINY) * self.log_sd))
+        return 1.0 / (np.maximum(value, _TINY) * self.log_sd)
 
     def quantile(self, probability: ArrayLike) -> FloatArray:
-        return np.asarray(self.median * np.exp(self.log_sd * normal_quantile(probability)))
+        return self.median * np.exp(self.log_sd * normal_quantile(probability))
 
     def draw(self, rng: np.random.Generator, size: int) -> FloatArray:
         return self.median * np.exp(self.log_sd * rng.standard_normal(size))
@@ -689,9 +689,7 @@ class Beta(Prior):
 
     def residual(self, value: ArrayLike) -> FloatArray:
         (a, b), (up, down) = self._powers, self._from_mode(value)
-        return np.asarray(
-            np.sign(up) * np.sqrt(2.0 * (a * (up - np.log1p(up)) + b * (down - np.log1p(down))))
-        )
+        return np.sign(up) * np.sqrt(2.0 * (a * (up - np.log1p(up)) + b * (down - np.log1p(down))))
 
     def residual_slope(self, value: ArrayLike) -> FloatArray:
         (a, b), (up, down) = self._powers, self._from_mode(value)
@@ -706,9 +704,7 @@ class Beta(Prior):
         from scipy.special import betaincinv
 
         a, b = self._powers
-        return np.asarray(
-            self.low + (self.high - self.low) * betaincinv(a + 1.0, b + 1.0, probability)
-        )
+        return self.low + (self.high - self.low) * betaincinv(a + 1.0, b + 1.0, probability)
 
     def describe(self, unit: str = "1") -> str:
         words = phrase(

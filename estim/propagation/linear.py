@@ -212,7 +212,7 @@ def uncertainty_components(inputs: Sequence[Input], sensitivities: FloatArray) -
     whatever its derivative.
     """
     u_in = np.array([quantity.u for quantity in inputs])[:, np.newaxis]
-    return np.asarray(np.where(u_in == 0.0, 0.0, sensitivities.reshape(len(inputs), -1) * u_in))
+    return np.where(u_in == 0.0, 0.0, sensitivities.reshape(len(inputs), -1) * u_in)
 
 
 def frozen(array: Any) -> FloatArray:

@@ -360,7 +360,7 @@ def _features(z: FloatArray) -> FloatArray:
 def _near(z: FloatArray) -> FloatArray:
     """z (n, d), those beyond `_REACH` drawn back to it."""
     length = np.sqrt(np.sum(z**2, axis=1, keepdims=True))
-    return np.asarray(z * np.minimum(1.0, _REACH / np.maximum(length, 1e-300)))
+    return z * np.minimum(1.0, _REACH / np.maximum(length, 1e-300))
 
 
 def _gauss_newton(
@@ -458,7 +458,7 @@ def hermite_nodes(n_node: int, n_dim: int) -> tuple[FloatArray, FloatArray]:
 
 def log_volume(root: FloatArray) -> FloatArray:
     """(n_draw,) log determinant of lower triangular roots (n_draw, n_own, n_own)."""
-    return np.asarray(np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1))
+    return np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
 
 
 def _blocks(n: int) -> list[slice]:

@@ -115,7 +115,7 @@ def tempered(log_weights: FloatArray, least: float) -> tuple[FloatArray, float]:
             low, high = (middle, high) if kish_ess(powered(middle)) >= least else (low, middle)
         high = max(low, 1e-6)
     weights = np.exp(powered(high))
-    return np.asarray(weights / np.sum(weights)), high
+    return (weights / np.sum(weights)), high
 
 
 def systematic(weights: FloatArray, n: int, rng: np.random.Generator) -> IntArray:

@@ -111,7 +111,7 @@ class Proposal:
         if self.weights.size == 1:
             return self.means[0] + normal @ self.factors[0].T
         which = rng.choice(self.weights.size, n, p=self.weights)
-        return np.asarray(self.means[which] + np.einsum("nij,nj->ni", self.factors[which], normal))
+        return self.means[which] + np.einsum("nij,nj->ni", self.factors[which], normal)
 
     def distances(self, draws: FloatArray) -> FloatArray:
         """(n_component, n_draw) squared distances from the centres in units of the scale
@@ -121,7 +121,7 @@ class Proposal:
         whitened = inverse.reshape(-1, self.n_par) @ (draws - self.means[0]).T
         whitened -= (inverse @ beside[:, :, None]).reshape(-1, 1)
         np.square(whitened, out=whitened)
-        return np.asarray(np.sum(whitened.reshape(*beside.shape, len(draws)), axis=1))
+        return np.sum(whitened.reshape(*beside.shape, len(draws)), axis=1)
 
     def component_log_densities(self, distances: FloatArray) -> FloatArray:
         """(n_component, n_draw) log of weight times density of each component."""

@@ -113,14 +113,14 @@ class Expansions:
         density falls off exponentially.
         """
         steep = np.where(self.at_bound, self.gradients, 0.0)
-        return np.asarray(self.curvatures + steep[:, :, None] ** 2 * np.eye(steep.shape[1]))
+        return self.curvatures + steep[:, :, None] ** 2 * np.eye(steep.shape[1])
 
     @property
     def log_marginals(self) -> FloatArray:
         """(n,) log marginal density: the integral over the parameters that are not held, up to a
         constant (Laplace's approximation).
         """
-        return np.asarray(self.log_densities - 0.5 * np.linalg.slogdet(self.precisions)[1])
+        return self.log_densities - 0.5 * np.linalg.slogdet(self.precisions)[1]
 
 
 def ridge_proposal(
@@ -299,7 +299,7 @@ def expanded(
     finite = np.all(np.isfinite(values), axis=1)
     values = np.where(finite[:, None], values, 0.0)
     plus, minus = values[:, : len(eye)], values[:, len(eye) : 2 * len(eye)]
-    inverse = np.asarray(np.linalg.inv(coordinates.factor))
+    inverse = np.linalg.inv(coordinates.factor)
     if curvatures is None:
         centre, pairs = values[:, 2 * len(eye), None], values[:, 2 * len(eye) + 1 :]
         single = plus + minus - 2.0 * centre
@@ -347,4 +347,4 @@ def _newton_step(coordinates: Coordinates, at: Expansions) -> FloatArray:
     better = coordinates.log_densities(trials) > at.log_densities[:, None]
     # the longest fraction that leads higher
     best = trials[np.arange(len(trials)), np.argmax(better, axis=1)]
-    return np.asarray(np.where(np.any(better, axis=1)[:, None], best, at.points))
+    return np.where(np.any(better, axis=1)[:, None], best, at.points)
