@@ -27,6 +27,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, Named, all_finite, diagonal_scale
+from estim.distributions import normal_log_density
 from estim.problem.abscissas import (
     LOG_WEIGHTS,
     Predictive,
@@ -46,7 +47,6 @@ from estim.problem.whitened import Tabled
 
 _BLOCK = 1_000_000  # values of the curve computed at once
 _FAREST = 5.0
-_LOG_ROOT_2PI = 0.5 * np.log(2.0 * np.pi)
 ROOTED = 2.0 * math.sqrt(EXACT)  # `Likelihood.resolved` of what `rooted` gives
 
 
@@ -219,7 +219,7 @@ class LatentErrors(Likelihood):
         return (
             e,
             self._scores(y, named, names, {})[..., : len(names)],
-            moved * np.exp(0.5 * e**2 + _LOG_ROOT_2PI)[None, :, None],
+            moved / np.exp(normal_log_density(e))[None, :, None],
         )
 
     def _of_curve(self, names: Sequence[str]) -> BoolArray:

@@ -20,6 +20,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from estim.arrays import FloatArray, Named
+from estim.distributions import normal_log_density
 from estim.problem.differences import covariance_in_bands, used_columns
 from estim.problem.likelihood import Ends, Likelihood, Points, n_draws
 from estim.problem.noise_variance import NoiseVariance, Scale
@@ -218,7 +219,7 @@ class GaussianErrors(Likelihood):
         variance = self._diagonal(named)
         inverse = self.form.precisions(variance)
         deviation = self.form.turned_back(self._turned(named) / variance) / np.sqrt(inverse)
-        return -0.5 * deviation**2 + 0.5 * np.log(inverse / (2.0 * np.pi))
+        return normal_log_density(deviation) + 0.5 * np.log(inverse)
 
     def residuals(self, named: Named) -> FloatArray:
         return self._turned(named) / np.sqrt(self._diagonal(named))

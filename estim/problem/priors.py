@@ -34,9 +34,8 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import InputError, Label, Quantity, format_quantity, phrase, with_unit
-from estim.distributions import normal_below, normal_quantile, normal_tail
+from estim.distributions import normal_below, normal_log_density, normal_quantile, normal_tail
 
-_LOG_ROOT_2PI = 0.5 * math.log(2.0 * math.pi)
 # standard deviations beyond which a normal distribution has no probability that a number could show
 _FAR = 8.0
 # of the way from the mode to a limit of a beta distribution, short of the limit, where its residual
@@ -186,11 +185,8 @@ class _CutNormal(Prior):
 
     def log_density(self, value: ArrayLike) -> FloatArray:
         value = np.asarray(value)
-        log_p = (
-            -0.5 * ((value - self.mean) / self.scale) ** 2
-            - math.log(self.scale * self.mass)
-            - _LOG_ROOT_2PI
-        )
+        z = (value - self.mean) / self.scale
+        log_p = normal_log_density(z) - math.log(self.scale * self.mass)
         return np.where((value >= self.low) & (value <= self.high), log_p, -np.inf)
 
     def residual(self, value: ArrayLike) -> FloatArray:
@@ -325,7 +321,7 @@ class TruncatedNormal(_CutNormal):
         """Mean m = h_a - h_b and variance 1 + (a - m) h_a - (b - m) h_b in standard deviations from
         `mean`; h : density at an end over the mass.
         """
-        heights = np.exp(-0.5 * self._ends**2 - _LOG_ROOT_2PI) / self.mass
+        heights = np.exp(normal_log_density(self._ends)) / self.mass
         mean = float(heights[0] - heights[1])
         a, b = np.where(heights > 0.0, self._ends - mean, 0.0) * heights
         return mean, float(1.0 + a - b)
@@ -570,11 +566,8 @@ class LogNormal(Prior):
 
     def log_density(self, value: ArrayLike) -> FloatArray:
         value = np.asarray(value, dtype=float)
-        log_p = (
-            -0.5 * self.pull(value) ** 2
-            - np.log(np.maximum(value, _TINY))
-            - math.log(self.log_sd)
-            - _LOG_ROOT_2PI
+        log_p = normal_log_density(self.pull(value)) - np.log(
+            np.maximum(value, _TINY) * self.log_sd
         )
         return np.where(value > 0.0, log_p, -np.inf)
 

@@ -9,7 +9,6 @@ from functools import partial
 
 import numpy as np
 
-from estim.arrays import FloatArray
 from estim.common import (
     FigureChoice,
     PhraseTable,
@@ -21,7 +20,7 @@ from estim.common import (
     phrase,
     rounded,
 )
-from estim.distributions import student_quantile
+from estim.distributions import student_log_density, student_quantile
 from estim.drawing import BLUE, GREEN, INK, ORANGE, PALE, Axes, Figure, grid, legend_below
 from estim.measurement import Propagation, Region, ellipse
 from estim.reports.budget import budget_figure
@@ -453,7 +452,8 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
         x = np.linspace(min(left, start - room), max(right, stop + room), 400)
         ax.plot(
             x,
-            _density((x - value) / u, dof) / u,
+            # normal for very many degrees of freedom
+            np.exp(student_log_density((x - value) / u, min(dof, 1e6))) / u,
             color=ORANGE,
             lw=1.6,
             label=phrase("the GUM's normal or t distribution"),
@@ -462,15 +462,6 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
         for end in (start, stop):
             ax.axvline(end, color=ORANGE, lw=1.4, ls="--", label=label)
     ax.set_ylim(bottom=0.0)
-
-
-def _density(z: FloatArray, dof: float) -> FloatArray:
-    """Of Student's t distribution, which is normal for very many degrees of freedom."""
-    dof = min(dof, 1e6)
-    log_norm = (
-        math.lgamma(0.5 * (dof + 1.0)) - math.lgamma(0.5 * dof) - 0.5 * math.log(dof * math.pi)
-    )
-    return np.exp(log_norm - 0.5 * (dof + 1.0) * np.log1p(z**2 / dof))
 
 
 def shares_figure(propagation: Propagation) -> Figure:

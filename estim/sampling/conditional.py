@@ -26,12 +26,12 @@ import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, IntArray
 from estim.common import InputError, NumericalError
+from estim.distributions import normal_log_density
 from estim.fitting import Fit
 from estim.problem import LogNormal, NormalErrors, Observations, Posterior, Prior
 from estim.sampling.importance import log_sum_exp
 
 _ROWS = 512  # rows of a block: its arrays stay in the cache
-_LOG_2PI = math.log(2.0 * math.pi)
 _REACH = 4.0  # standard deviations of s within which the quadratic terms are used
 _N_REFINE, _WIDER = 10, 1.5
 # error of polynomials from which modes are sought at each draw, and by how many steps at most
@@ -192,8 +192,8 @@ class RunTerm:
         points = mode[:, None, :] + np.einsum("nij,qj->nqi", root, nodes)
         repeated = np.repeat(shared, nodes.shape[0], axis=0)
         log_p = self.log_joint(repeated, points.reshape(repeated.shape[0], k)).reshape(n_draw, -1)
-        terms = log_p + log_weights + 0.5 * np.sum(nodes**2, axis=1)
-        log_m = log_sum_exp(terms, axis=1) + log_volume(root) + 0.5 * k * _LOG_2PI
+        terms = log_p + log_weights - np.sum(normal_log_density(nodes), axis=1)
+        log_m = log_sum_exp(terms, axis=1) + log_volume(root)
         return np.where(np.isnan(log_m), -np.inf, log_m)
 
     def draw_own(
@@ -204,7 +204,7 @@ class RunTerm:
         """
         mode, root = self.around(shared, expansion)
         z = rng.standard_normal(mode.shape)
-        log_q = -0.5 * np.sum(z**2, axis=1) - log_volume(root) - 0.5 * mode.shape[1] * _LOG_2PI
+        log_q = np.sum(normal_log_density(z), axis=1) - log_volume(root)
         return mode + np.einsum("nij,nj->ni", root, z), log_q
 
     def refine_own(
@@ -298,7 +298,7 @@ def _require_the_same(term: RunTerm) -> None:
     """The likelihood that the steps below imply must be that of the run."""
     centre = term.centre[None, :]
     residuals, variance, *_ = term.normal.opened(term.posterior.problem.named(centre), ())
-    implied = -0.5 * float(np.sum(residuals**2 + np.log(variance) + _LOG_2PI))
+    implied = float(np.sum(normal_log_density(residuals) - 0.5 * np.log(variance)))
     if not math.isclose(
         implied, float(term.posterior.log_likelihood(centre)[0]), rel_tol=1e-8, abs_tol=1e-6
     ):
