@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, log_sum_exp
 from estim.deviation.components import Deviation, Family
 from estim.deviation.linearised import Linearised
 from estim.deviation.terms import Terms, Weight, terms_of
@@ -65,9 +65,7 @@ class Mixture:
                 residuals[chunk],
                 weight=None if weight is None else replace(weight, ratio=weight.ratio[chunk]),
             )
-            highest = np.max(logs, axis=0)
-            np.exp(np.subtract(logs, highest, out=logs), out=logs)
-            total[chunk] = highest + np.log(np.sum(logs, axis=0))
+            total[chunk] = log_sum_exp(logs, axis=0)
         return total
 
     def log_components(self, residuals: FloatArray, *, weight: Weight | None = None) -> FloatArray:

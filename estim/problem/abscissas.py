@@ -30,7 +30,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, Named
+from estim.arrays import BoolArray, FloatArray, Named, log_sum_exp
 from estim.distributions import normal_below, normal_quantile, normal_tail
 from estim.problem.tails import Tails
 
@@ -132,7 +132,7 @@ class Predictive:
     @property
     def shares(self) -> FloatArray:
         """Weights whose sum over the components is 1."""
-        return np.exp(self.log_weight - summed(self.log_weight)[..., None])
+        return np.exp(self.log_weight - log_sum_exp(self.log_weight, axis=-1)[..., None])
 
     def of(self, part: slice = slice(None)) -> Predictive:
         """Those of some points, of one draw, for many y of each: (n_part, 1, n_component)."""
@@ -151,7 +151,7 @@ class Predictive:
 
     def log_density(self, y: FloatArray, tails: Tails, named: Named) -> FloatArray:
         """(..., n_obs)."""
-        return summed(self.terms(y, tails, named)[1])
+        return log_sum_exp(self.terms(y, tails, named)[1], axis=-1)
 
     def normal_score(self, y: FloatArray, tails: Tails, named: Named) -> FloatArray:
         """(..., n_obs) y mapped to a standard normal variable through its distribution function."""
@@ -168,14 +168,6 @@ class Predictive:
 def deepened(tails: Tails, named: Named) -> dict[str, FloatArray]:
     """Parameters of the tails with one more axis, for components."""
     return {name: np.asarray(named[name], dtype=float)[..., None] for name in tails.parameters}
-
-
-def summed(log_terms: FloatArray) -> FloatArray:
-    """log sum exp over the last axis; -inf where every term is."""
-    top = np.max(log_terms, axis=-1, keepdims=True)
-    top = np.where(np.isfinite(top), top, 0.0)
-    with np.errstate(divide="ignore"):
-        return np.log(np.sum(np.exp(log_terms - top), axis=-1)) + top[..., 0]
 
 
 def predictive(values: FloatArray, variance: FloatArray, share: float = 0.0) -> Predictive:

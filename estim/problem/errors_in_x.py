@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, Named, all_finite, diagonal_scale
+from estim.arrays import BoolArray, FloatArray, Named, all_finite, diagonal_scale, log_sum_exp
 from estim.distributions import normal_log_density
 from estim.problem.abscissas import (
     LOG_WEIGHTS,
@@ -36,7 +36,6 @@ from estim.problem.abscissas import (
     predictive,
     predictive_slopes,
     slopes_in_x,
-    summed,
     true_abscissas,
 )
 from estim.problem.curve import EXACT
@@ -408,7 +407,7 @@ def rooted(information: FloatArray, score: FloatArray, n: int) -> tuple[FloatArr
 
 def _shares(terms: FloatArray) -> FloatArray:
     """Terms of a sum over components as shares of it; 0 where the sum is 0."""
-    total = summed(terms)[..., None]
+    total = log_sum_exp(terms, axis=-1)[..., None]
     return np.exp(terms - np.where(np.isfinite(total), total, 0.0))
 
 

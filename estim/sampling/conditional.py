@@ -24,12 +24,11 @@ from functools import cached_property
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray
+from estim.arrays import BoolArray, FloatArray, IntArray, log_sum_exp
 from estim.common import InputError, NumericalError
 from estim.distributions import normal_log_density
 from estim.fitting import Fit
 from estim.problem import LogNormal, NormalErrors, Observations, Posterior, Prior
-from estim.sampling.importance import log_sum_exp
 
 _ROWS = 512  # rows of a block: its arrays stay in the cache
 _REACH = 4.0  # standard deviations of s within which the quadratic terms are used

@@ -20,10 +20,10 @@ from functools import cached_property
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, log_sum_exp
 from estim.common import NumericalError
 from estim.sampling.factors import lower_factor
-from estim.sampling.importance import kish_ess, log_sum_exp, pareto_smoothed, tempered
+from estim.sampling.importance import kish_ess, pareto_smoothed, tempered
 from estim.sampling.protocol import Density, log_density_in_batches
 
 DOF = 5  # tails heavier than those of most posteriors
@@ -132,7 +132,7 @@ class Proposal:
     def log_density(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) normalised log density at draws (n_draw, n_par)."""
         parts = self.component_log_densities(self.distances(draws))
-        return parts[0] if parts.shape[0] == 1 else log_sum_exp(parts, axis=0)
+        return log_sum_exp(parts, axis=0)
 
 
 def adapt_proposal(

@@ -23,9 +23,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray
+from estim.arrays import BoolArray, FloatArray, IntArray, log_sum_exp
 from estim.sampling.factors import lower_factor
-from estim.sampling.importance import log_sum_exp
 from estim.sampling.proposal import Proposal
 from estim.sampling.protocol import Density, Support, log_density_in_batches
 
