@@ -81,7 +81,7 @@ def identify(fit: Fit) -> Identifiability:
     problem = fit.problem
     sds = prior_sds(problem, fit.cov)
     whitened = fit.posterior.information(fit.values) * np.outer(sds, sds)
-    values, vectors = np.linalg.eigh(0.5 * (whitened + whitened.T))
+    values, vectors = np.linalg.eigh(whitened)
     values = np.maximum(values, 0.0)
     pulls = np.square(fit.posterior.prior_slopes(fit.values) * sds)
     seen = np.sqrt(np.diag(whitened))

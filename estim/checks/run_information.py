@@ -170,7 +170,7 @@ def _beyond(alone: Quadratic, stated: FloatArray) -> Quadratic:
     information, score = alone
     root = _root(information + stated)
     turned = np.linalg.inv(root)
-    shares, vectors = np.linalg.eigh(_symmetric(turned @ information @ turned.T))
+    shares, vectors = np.linalg.eigh(turned @ information @ turned.T)
     informative = shares > _LEAST_OF_MIXTURE
     rows = vectors[:, informative].T @ root.T
     return rows.T @ (shares[informative, None] * rows), rows.T @ (
@@ -261,7 +261,7 @@ def measurements(copies: Sequence[Copies]) -> Rows:
     total = total_of([copy.together for copy in copies])[0]
     turned = np.asarray(np.linalg.inv(_root(total)).T, dtype=np.float64)  # s = turned . coordinates
     runs = [copy.together for copy in copies if copy.sources != (PRIORS,)]
-    shares, vectors = np.linalg.eigh(_symmetric(turned.T @ total_of(runs)[0] @ turned))
+    shares, vectors = np.linalg.eigh(turned.T @ total_of(runs)[0] @ turned)
     directions = vectors[:, shares > _LEAST_TOLD]
     blocks = [_block(copy, turned, directions) for copy in copies]
     above, n_row = 0, sum(t.size for t, _, _ in blocks)
@@ -285,7 +285,7 @@ def _block(
     in directions `told`.
     """
     every = block_diag(*[turned] * len(copies.sources))
-    spectrum, vectors = np.linalg.eigh(_symmetric(every.T @ copies.information @ every))
+    spectrum, vectors = np.linalg.eigh(every.T @ copies.information @ every)
     informative = spectrum > _LEAST_SHARE
     half = np.sqrt(spectrum[informative])
     rows = half[:, None] * vectors[:, informative].T
@@ -294,12 +294,6 @@ def _block(
     for name in copies.sources:
         mine = rows[:, copies.of(name)]
         design += mine
-        shares, axes = np.linalg.eigh(
-            _symmetric(told.T @ turned.T @ copies.alone(name)[0] @ turned @ told)
-        )
+        shares, axes = np.linalg.eigh(told.T @ turned.T @ copies.alone(name)[0] @ turned @ told)
         moves[name] = mine @ (told @ axes[:, shares > _LEAST_SHARE])
     return t, design, moves
-
-
-def _symmetric(matrix: FloatArray) -> FloatArray:
-    return 0.5 * (matrix + matrix.T)

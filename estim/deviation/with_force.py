@@ -104,7 +104,7 @@ def likelihood_of_normal(
     """
     scale = np.sqrt(np.diag(cov))
     beyond = np.linalg.inv(cov / np.outer(scale, scale)) - prior[0] * np.outer(scale, scale)
-    spectrum, basis = np.linalg.eigh(0.5 * (beyond + beyond.T))
+    spectrum, basis = np.linalg.eigh(beyond)
     information = (basis * np.maximum(spectrum, 0.0)) @ basis.T / np.outer(scale, scale)
     return information, information @ mean + prior[0] @ mean - prior[1]
 

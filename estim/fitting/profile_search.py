@@ -176,7 +176,7 @@ def search_of(fit: Fit) -> ProfileSearch:
     if not all_finite(whitened):
         whitened = np.zeros_like(whitened)
     # its eigenvalues are positive: terms that all but cancel leave rounding errors for some
-    known, basis = np.linalg.eigh(0.5 * (whitened + whitened.T))
+    known, basis = np.linalg.eigh(whitened)
     cov = (basis / (1.0 + np.maximum(known, 0.0))) @ basis.T * np.outer(sds, sds)
     low = np.array([p.prior.low for p in fit.problem.parameters])
     high = np.array([p.prior.high for p in fit.problem.parameters])
