@@ -23,6 +23,7 @@ from estim.common import (
     code,
     format_p,
     markdown,
+    number,
     one_line,
     phrase,
     signed,
@@ -346,16 +347,16 @@ class CurveFit:
         parameters = {
             name: {
                 "value": self.values[name],
-                "sd": _number(self.sds[name]),
+                "sd": number(self.sds[name]),
                 "unit": units[name],
                 "intervals": {
-                    f"{p:g}": list(map(_number, ends)) for p, ends in self.intervals[name].items()
+                    f"{p:g}": list(map(number, ends)) for p, ends in self.intervals[name].items()
                 },
             }
             for name in self.names
         }
         derived = {
-            name: {"value": found.value, "sd": _number(found.sd), "unit": found.unit}
+            name: {"value": found.value, "sd": number(found.sd), "unit": found.unit}
             for name, found in self.derived.items()
         }
         return {
@@ -366,10 +367,10 @@ class CurveFit:
             "parameters": parameters,
             "derived": derived,
             "fixed": dict(self.fixed),
-            "covariance": [list(map(_number, row)) for row in self.cov.tolist()],
+            "covariance": [list(map(number, row)) for row in self.cov.tolist()],
             "chi2": self.chi2,
             "dof": self.dof,
-            "p_value": _number(self.p_value),
+            "p_value": number(self.p_value),
             "sigma": self.sigma,
             "n_obs": self.problem.n_obs,
         }
@@ -590,10 +591,6 @@ def unnamed(findings: Iterable[Finding], fit: Fit) -> tuple[Finding, ...]:
     """The findings, without the name that the points of `fit` have where nobody gave them one."""
     several = len(fit.problem.runs) > 1
     return tuple(finding if several else replace(finding, run="") for finding in findings)
-
-
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _derived_words(found: LinearDerived) -> str:

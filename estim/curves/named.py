@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, number
 from estim.curves.curve_problem import CurveProblem
 from estim.curves.formula import Formula, read_formula
 from estim.curves.models import Limits, named_model, names_only
@@ -145,7 +145,7 @@ def started(posed: CurveProblem, asked: ModelSum, *, held: Collection[str]) -> C
     )
     width = np.ones(posed.y.size) if bins is None else bins[:, 1] - bins[:, 0]
     limits = {
-        name: (_finite(p.prior.low), _finite(p.prior.high))
+        name: (number(p.prior.low), number(p.prior.high))
         for name, p in known.items()
         if name not in held and isinstance(p.prior, Flat)
     }
@@ -236,10 +236,6 @@ def _in_order(
         for own, found in zip(names, values, strict=True):
             ordered.update(zip(own, found, strict=True))
     return ordered
-
-
-def _finite(end: float) -> float | None:
-    return end if math.isfinite(end) else None
 
 
 def within(limits: Limits | None) -> float:

@@ -19,13 +19,12 @@ from estim.calibration import (
     uniformity_band,
 )
 from estim.campaign import Campaign
-from estim.common import FigureChoice, PhraseTable, decide, percentage, phrase
+from estim.common import FigureChoice, PhraseTable, decide, number, percentage, phrase
 from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, fill, grid, name_ticks
 from estim.problem import Problem
 from estim.reports.pages import Drawers, page
 from estim.reports.records import Record, Report
 from estim.reports.result import Provenance, provenance
-from estim.sampling import number
 from estim.words import direction_words, tell
 
 SCHEMA = "estim-calibration/1"

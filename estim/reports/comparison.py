@@ -9,13 +9,13 @@ import numpy as np
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL
-from estim.common import FigureChoice, PhraseTable, phrase, significant
+from estim.common import FigureChoice, PhraseTable, number, phrase, significant
 from estim.problem import Parameter
 from estim.reports.models import values_figure
 from estim.reports.pages import page
 from estim.reports.records import Record
 from estim.reports.result import provenance
-from estim.sampling import Summary, number
+from estim.sampling import Summary
 from estim.studies.refits import Refit
 
 _DATA = PhraseTable({"positions": "positions", "speeds": "speeds"})

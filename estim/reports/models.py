@@ -10,14 +10,23 @@ import numpy as np
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL
-from estim.common import FigureChoice, PhraseTable, bracketed, later, phrase, signed, split_level
+from estim.common import (
+    FigureChoice,
+    PhraseTable,
+    bracketed,
+    later,
+    number,
+    phrase,
+    signed,
+    split_level,
+)
 from estim.drawing import BLUE, GREY, INK, ORANGE, PALE, Axes, Figure, grid, name_ticks, new_figure
 from estim.explanation import P_NOT_BROUGHT_BACK, Predicted
 from estim.problem import Parameter
 from estim.reports.pages import Drawers, page
 from estim.reports.records import Record
 from estim.reports.result import provenance
-from estim.sampling import Summary, number
+from estim.sampling import Summary
 from estim.studies.model_comparison import (
     FORCE,
     START,

@@ -48,6 +48,7 @@ from estim.common import (
     format_quantity,
     later,
     listed,
+    number,
     one_line,
     phrase,
     signed,
@@ -92,7 +93,7 @@ from estim.reports.records import (
     parameter_summary,
 )
 from estim.reports.rolling import RollingSummary, rolling_summaries
-from estim.sampling import number, summarise, trusted
+from estim.sampling import summarise, trusted
 from estim.studies.budget import PRIOR, READINGS, STATED, Budget
 from estim.studies.determination import Determination
 from estim.versions import engine_versions, version

@@ -10,12 +10,11 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import Rolling, way_of
-from estim.common import QUANTILES, phrase, significant
+from estim.common import QUANTILES, number, phrase, significant
 from estim.drawing import GREY, ORANGE, Axes, Figure, draw_bands, grid, legend_below
 from estim.pipeline import Analysis
 from estim.problem import Motion, Problem
 from estim.reports.records import Record
-from estim.sampling import number
 from estim.words import tell
 
 

@@ -20,6 +20,7 @@ from estim.common import (
     e_n,
     format_quantity,
     later,
+    number,
     phrase,
 )
 from estim.drawing import BLUE, GREY, INK, ORANGE, Axes, Figure, draw_bands, grid, legend_below
@@ -36,7 +37,7 @@ from estim.line import (
 from estim.reports.pages import Drawers, page
 from estim.reports.records import Record, Report
 from estim.reports.result import Provenance, provenance_of
-from estim.sampling import Summary, number, trusted
+from estim.sampling import Summary, trusted
 from estim.words import advice_for, told_apart
 
 _LINES = PhraseTable(

@@ -20,4 +20,4 @@ from estim.sampling.diagnostics import mcse_mean, mixing_of
 from estim.sampling.importance import K_HAT_LIMIT, pareto_smoothed
 from estim.sampling.marginal_draws import marginal_chain
 from estim.sampling.proposal import adapt_proposal
-from estim.sampling.summary import Summary, number, summarise, summarise_parameter, trusted
+from estim.sampling.summary import Summary, summarise, summarise_parameter, trusted

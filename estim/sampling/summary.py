@@ -4,13 +4,11 @@ allows them.
 
 from __future__ import annotations
 
-import math
-
 import msgspec
 import numpy as np
 
 from estim.arrays import FloatArray, all_finite
-from estim.common import PROBABILITIES, Status
+from estim.common import PROBABILITIES, Status, number
 from estim.fitting import Fit, Limit, limit_of
 
 
@@ -31,11 +29,6 @@ class Summary(msgspec.Struct, frozen=True):
     q84: float | None
     q975: float | None
     limit: Limit | None = None
-
-
-def number(value: float) -> float | None:
-    """`value`, or None where JSON has no word for it."""
-    return float(value) if math.isfinite(value) else None
 
 
 def summarise(draws: FloatArray, *, unit: str, meaning: str) -> Summary:
