@@ -71,7 +71,6 @@ _FORCES = {  # argument -> field of Forces
 # argument -> field of Readings
 _READINGS = {"scale_x": "scale_x", "scale_t": "scale_t", "distortion": "bow"}
 _BEYOND_SCALES = _FORCES.keys() | {"sag", "distortion", "moment", "release_energy", "release_speed"}
-_STEP = 1e-4  # relative, of differences: motion under any force is good to 1e-10 or so
 _DEGREES = float(np.degrees(1.0))
 _SIZES = PhraseTable(
     {
@@ -243,7 +242,7 @@ class PhaseCurve:
         if not _BEYOND_SCALES & arguments.keys():
             return self._scaled(x, arguments)
         (square, slope), gradient = with_gradient(
-            lambda columns: self._square_and_slope(x, columns), arguments, step=_STEP
+            lambda columns: self._square_and_slope(x, columns), arguments
         )
         return LocalCurve(square, slope, gradient)
 
@@ -376,7 +375,7 @@ class MotionCurve:
     def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
         """The gradient is by central differences."""
         (position, velocity), gradient = with_gradient(
-            lambda columns: self.state(x, columns), arguments, step=_STEP
+            lambda columns: self.state(x, columns), arguments
         )
         return LocalCurve(position, velocity, gradient)
 

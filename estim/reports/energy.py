@@ -119,7 +119,7 @@ def drift_words(drift: DriftSummary) -> str:
         "joint fit of more runs, or a wider prior, lets the data determine it.",
         gain=max(drift.gain, 0.0),
         p=format_p(drift.p_value),
-        share=percentage(drift.narrowing, 2),
+        share=percentage(drift.narrowing),
         limit=significant(drift.limit, 2),
     )
 

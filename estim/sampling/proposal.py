@@ -27,6 +27,7 @@ from estim.sampling.importance import kish_ess, pareto_smoothed, tempered
 from estim.sampling.protocol import Density, log_density_in_batches
 
 DOF = 5  # tails heavier than those of most posteriors
+_N_COMPONENT = 8  # of a mixture fitted to draws from elsewhere
 # share and width (in sds of the whole) of the component that guards a mixture
 _WIDE_SHARE, _WIDE_FACTOR = 0.05, 2.0
 _FAR_SHARE, _FAR_FACTOR = 0.25, 3.0  # the same for `Proposal.widened`
@@ -293,12 +294,12 @@ def _guarded(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Propo
     return mixture.beside(Proposal.single(mean, _WIDE_FACTOR**2 * cov), _WIDE_SHARE)
 
 
-def mixture_of_draws(draws: FloatArray, n_component: int, rng: np.random.Generator) -> Proposal:
+def mixture_of_draws(draws: FloatArray, rng: np.random.Generator) -> Proposal:
     """A mixture fitted to draws (n_draw, n_par) of equal weight that come from elsewhere, with the
     component that guards it.
     """
     weights = np.full(len(draws), 1.0 / len(draws))
-    return _guarded(_split(draws, weights, n_component, rng), draws, weights)
+    return _guarded(_split(draws, weights, _N_COMPONENT, rng), draws, weights)
 
 
 def _shrunk_into_support(density: Density, mixture: Proposal, rng: np.random.Generator) -> Proposal:
