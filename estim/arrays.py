@@ -42,3 +42,8 @@ def log_sum_exp(terms: FloatArray, axis: int | None = None) -> FloatArray:
 def max_abs(array: ArrayLike) -> float:
     """The largest absolute value."""
     return float(np.max(np.abs(array)))
+
+
+def sds_of(covariance: FloatArray) -> FloatArray:
+    """(n,) standard deviations of a covariance (n, n)."""
+    return np.sqrt(np.diag(covariance))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray, all_finite
+from estim.arrays import FloatArray, all_finite, sds_of
 from estim.checks import P_FLOOR, Goodness, unasked
 from estim.common import (
     Finding,
@@ -476,7 +476,7 @@ class CurveFit:
         """(n_par, n_par) correlation matrix; nan beside a parameter without a standard
         deviation.
         """
-        sds = np.sqrt(np.diag(self.cov))
+        sds = sds_of(self.cov)
         with np.errstate(invalid="ignore", divide="ignore"):
             return self.cov / np.outer(sds, sds)
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray, max_abs
+from estim.arrays import FloatArray, max_abs, sds_of
 from estim.checks import (
     check_goodness,
     check_stated_values,
@@ -278,7 +278,7 @@ def fit_stated(
     for _ in range(rounds):
         before, best = best.values, _on(problem, best, rng, unstated=False)
         moved = np.abs(best.values - before)
-        if np.all(moved <= _SETTLED * np.sqrt(np.diag(best.cov))):
+        if np.all(moved <= _SETTLED * sds_of(best.cov)):
             break
     fit = _whole_fit(problem, best.values, best, rng)
     return _concluded(posed, best, problem, fit, fit, rng=rng)

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray
+from estim.arrays import BoolArray, FloatArray, sds_of
 from estim.common import (
     PROBABILITIES,
     Amount,
@@ -83,7 +83,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
             (),
         )
     free = fixed.scale  # of a parameter on its edge too
-    sds = np.where(best.at_bound, np.nan, np.sqrt(np.diag(cov)))
+    sds = np.where(best.at_bound, np.nan, sds_of(cov))
     informed = np.square(fixed.posterior.prior_slopes(best.values))
     dofs = (
         _degrees_of_freedom(cov, informed, dof)
@@ -92,7 +92,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     )
     ended = any(_at_end(run, fixed) for run in fixed.problem.runs)
     skewed = any(run.noise.counted is not None or run.noise.share for run in fixed.problem.runs)
-    beside = _within_reach(fixed, np.where(best.at_bound, free, np.sqrt(np.diag(cov))), dofs)
+    beside = _within_reach(fixed, np.where(best.at_bound, free, sds_of(cov)), dofs)
     symmetric = _symmetric(names, best.values, sds, dofs)
     bent = vague(fixed, sds)
     if not (np.any(beside) or skewed or np.any(bent)):

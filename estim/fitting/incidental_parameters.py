@@ -34,7 +34,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, sds_of
 from estim.fitting.fisher_information import on_limit
 from estim.problem import JeffreysPrior, Measure, Posterior, uses_of
 
@@ -59,7 +59,7 @@ def measure_of(
         return None
     low, high = problem.support()
     # what lies on a limit stays there
-    near = np.minimum(values - low, high - values) < np.sqrt(np.diag(cov))
+    near = np.minimum(values - low, high - values) < sds_of(cov)
     near[shared] = False
     still = on_limit(posterior, values, near)
     if still.any():

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from estim.arrays import FloatArray, all_finite, diagonal_scale
+from estim.arrays import FloatArray, all_finite, diagonal_scale, sds_of
 from estim.common import Finding, InputError, NumericalError, phrase
 from estim.deviation import FoundDeviation, FoundForce, NormalParts
 from estim.distributions import chi2_tail
@@ -136,7 +136,7 @@ class Fit:
     @property
     def scale(self) -> FloatArray:
         """(n_par,) standard deviations by `cov`, of a parameter on an edge too."""
-        return np.sqrt(np.diag(self.cov))
+        return sds_of(self.cov)
 
     @property
     def lacking(self) -> tuple[FoundForce | FoundDeviation, ...]:
@@ -309,7 +309,7 @@ def _condition(matrix: FloatArray, inverse: FloatArray, problem: Problem) -> flo
 
 def _spread(matrix: FloatArray, problem: Problem) -> FloatArray:
     """(n_par,) standard deviations from an information matrix, inf for what it says nothing of."""
-    scale = np.sqrt(np.diag(_inverse(matrix, problem)))
+    scale = sds_of(_inverse(matrix, problem))
     return np.where(scale > 0.0, scale, np.inf)
 
 
@@ -487,7 +487,7 @@ def _describe(
     inverse = _inverse(scaled, problem)
     singular = _condition(scaled, inverse, problem) > _ILL
     cov = inverse / np.outer(spread, spread)
-    curvature = np.sqrt(np.diag(cov))
+    curvature = sds_of(cov)
     sds = np.full(problem.n_par, np.nan) if singular else curvature.copy()
     at_bound = []
     for i, parameter in enumerate(problem.parameters):

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.arrays import FloatArray, Named, all_finite
+from estim.arrays import FloatArray, Named, all_finite, sds_of
 from estim.common import Amount, Finding, InputError, Kind, NumericalError, phrase
 from estim.fitting.further_optima import far_places, further_optima
 from estim.fitting.gauss_newton import End, descended, inverse_information, near_bound, stepped
@@ -440,7 +440,7 @@ def fit_optimum(problem: Problem, *, rng: np.random.Generator, n_start: int = N_
         fit_least_squares(problem, rng=rng, n_start=1, start=best.values), best, rng
     )
     if not problem.noise_names and not np.any(best.at_bound):
-        sds = np.where(np.isfinite(fit.sds), np.sqrt(np.diag(best.cov)), np.nan)
+        sds = np.where(np.isfinite(fit.sds), sds_of(best.cov), np.nan)
         fit = replace(fit, values=best.values, cov=best.cov, sds=sds, singular=best.frail)
     words = (
         fit.message

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray, all_finite
+from estim.arrays import BoolArray, FloatArray, IntArray, all_finite, sds_of
 from estim.fitting.fisher_information import information, prior_sds
 from estim.fitting.least_squares import Fit
 from estim.problem import Likelihood, Posterior
@@ -180,4 +180,4 @@ def search_of(fit: Fit) -> ProfileSearch:
     cov = (basis / (1.0 + np.maximum(known, 0.0))) @ basis.T * np.outer(sds, sds)
     low = np.array([p.prior.low for p in fit.problem.parameters])
     high = np.array([p.prior.high for p in fit.problem.parameters])
-    return ProfileSearch(fit.posterior, low, high, np.sqrt(np.diag(cov)), sds, cov)
+    return ProfileSearch(fit.posterior, low, high, sds_of(cov), sds, cov)

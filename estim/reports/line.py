@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, sds_of
 from estim.campaign import Campaign, gamma_origin
 from estim.checks import Estimate, result_table, screen_lines
 from estim.common import (
@@ -199,7 +199,7 @@ def _row(analysis: LineAnalysis, method: str) -> LineRow:
         line = analysis.chain.flat[:, [analysis.chain.names.index(name) for name in names]]
         intercept, slope = line.mean(axis=0).tolist()
         cov = np.cov(line.T)
-        errors = {"posterior sd": [*np.sqrt(np.diag(cov)).tolist(), float(cov[0, 1])]}
+        errors = {"posterior sd": [*sds_of(cov).tolist(), float(cov[0, 1])]}
         row = LineRow(intercept, slope, math.nan, None, math.nan, errors, None, None, *told)
     else:
         fit = {"ols": analysis.ols, "weighted": analysis.weighted, "york": analysis.york}[method]

@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 
+from estim.arrays import sds_of
 from estim.common import (
     FigureChoice,
     PhraseTable,
@@ -555,7 +556,7 @@ def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
         lw=1.5,
         label=phrase("{percent} ellipse of the draws", percent=percent),
     )
-    half = region.k_rectangle_drawn * np.sqrt(np.diag(region.drawn))
+    half = region.k_rectangle_drawn * sds_of(region.drawn)
     (a, b), (c, d) = region.mean - half, region.mean + half
     ax.plot(
         [a, c, c, a, a],
