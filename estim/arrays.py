@@ -28,12 +28,17 @@ def diagonal_scale(matrix: FloatArray) -> FloatArray:
     return np.sqrt(np.where(diagonal > 1e-200, diagonal, 1.0))
 
 
+def finite_or(values: ArrayLike, otherwise: ArrayLike) -> FloatArray:
+    """`values`, with `otherwise` in place of those that are not finite."""
+    return np.where(np.isfinite(values), values, otherwise)
+
+
 def log_sum_exp(terms: FloatArray, axis: int | None = None) -> FloatArray:
     """log sum exp without overflow; -inf where all terms are.  Several times faster than those of
     NumPy and SciPy.
     """
     largest = np.max(terms, axis=axis, keepdims=True)
-    safe = np.where(np.isfinite(largest), largest, 0.0)
+    safe = finite_or(largest, 0.0)
     with np.errstate(divide="ignore"):
         total = np.log(np.sum(np.exp(terms - safe), axis=axis, keepdims=True)) + safe
     return np.squeeze(total, axis=axis)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray, max_abs, sds_of
+from estim.arrays import FloatArray, finite_or, max_abs, sds_of
 from estim.checks import (
     check_goodness,
     check_stated_values,
@@ -397,7 +397,7 @@ def _profiled_over_curvature(
         ratio = 0.5 * (high - low) / (one * fit.sds)
         alone = np.array([p.prior.sd for p in fit.problem.parameters]) / fit.sds
     of_curve = [name not in fit.problem.noise_names for name in fit.names]
-    ratio = np.minimum(ratio, np.where(np.isfinite(alone), alone, math.inf))
+    ratio = np.minimum(ratio, finite_or(alone, math.inf))
     return np.where(np.isfinite(ratio) & (ratio > 1.0) & of_curve, ratio, 1.0)
 
 

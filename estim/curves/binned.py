@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray, Named
+from estim.arrays import BoolArray, FloatArray, IntArray, Named, finite_or
 from estim.problem import EXACT, Curve, LocalCurve, n_draws, some_draws
 
 _AT, _WEIGHTS = np.polynomial.legendre.leggauss(10)
@@ -263,7 +263,7 @@ class BinnedCurve:
         )
         filled = first < last
         if np.any(filled):
-            flat = np.append(np.where(np.isfinite(here), here, 0.0).ravel(), 0.0)
+            flat = np.append(finite_or(here, 0.0).ravel(), 0.0)
             pairs = (panels.draw * n_event)[filled, None] + np.column_stack([first, last])[filled]
             highest[filled] = np.maximum.reduceat(flat, pairs.ravel())[::2]
         return highest
@@ -344,7 +344,7 @@ def _highest_mark(panels: _Panels, places: FloatArray, heights: FloatArray) -> F
     none.
     """
     highest = np.zeros(panels.draw.size)
-    for place, height in zip(places.T, np.where(np.isfinite(heights), heights, 0.0).T, strict=True):
+    for place, height in zip(places.T, finite_or(heights, 0.0).T, strict=True):
         at = place[panels.draw]
         inside = np.flatnonzero((at >= panels.low) & (at <= panels.high))
         highest[inside] = np.maximum(highest[inside], height[panels.draw[inside]])

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from estim.arrays import FloatArray, all_finite, diagonal_scale, sds_of
+from estim.arrays import FloatArray, all_finite, diagonal_scale, finite_or, sds_of
 from estim.common import Finding, InputError, NumericalError, phrase
 from estim.deviation import FoundDeviation, FoundForce, NormalParts
 from estim.distributions import chi2_tail
@@ -401,7 +401,7 @@ def _fit_curve(
     def jacobian(parameters: Parameters) -> FloatArray:
         columns = posterior.jacobian(filled(parameters))[:, free]
         # a point beside the edge of where the curve is defined has no say in the step
-        return np.where(np.isfinite(columns), columns, 0.0)
+        return finite_or(columns, 0.0)
 
     creeps = any(run.creeps for run in posterior.likelihoods)
     tolerance = 1e-5 if creeps else tolerance  # steps by the information finish

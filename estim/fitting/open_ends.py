@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray
+from estim.arrays import BoolArray, FloatArray, finite_or
 from estim.common import Amount, Finding, Kind
 from estim.distributions import chi2_tail
 from estim.fitting.least_squares import Fit
@@ -132,5 +132,5 @@ def _moved(problem: Problem, values: FloatArray, names: list[str]) -> FloatArray
         if width > 0.0:
             with np.errstate(all="ignore"):
                 steps = np.abs(run.points.gradient(named, names)) / width
-            moved = np.maximum(moved, np.max(np.where(np.isfinite(steps), steps, 0.0), axis=0))
+            moved = np.maximum(moved, np.max(finite_or(steps, 0.0), axis=0))
     return moved

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray, all_finite, sds_of
+from estim.arrays import BoolArray, FloatArray, IntArray, all_finite, finite_or, sds_of
 from estim.fitting.fisher_information import information, prior_sds
 from estim.fitting.least_squares import Fit
 from estim.problem import Likelihood, Posterior
@@ -163,8 +163,8 @@ def _quotients(
     """Difference quotients from `down` to `up`; from or to the middle where the density is zero on
     that side.
     """
-    up, above = np.where(np.isfinite(above), up, at), np.where(np.isfinite(above), above, here)
-    down, below = np.where(np.isfinite(below), down, at), np.where(np.isfinite(below), below, here)
+    up, above = np.where(np.isfinite(above), up, at), finite_or(above, here)
+    down, below = np.where(np.isfinite(below), down, at), finite_or(below, here)
     return np.divide(above - below, up - down, out=np.zeros(up.shape), where=up > down)
 
 

@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, finite_or
 from estim.calibration import curve_at, follow, release_times
 from estim.campaign import (
     Campaign,
@@ -235,7 +235,7 @@ class _Followed:
         if where == "t_s":
             columns[table.coordinate] = y
         else:
-            columns[table.rate] = np.where(np.isfinite(y), y, 0.0)  # at rest
+            columns[table.rate] = finite_or(y, 0.0)  # at rest
         old = table.columns[where]
         if where != "t_s" and "t_s" in table.columns:
             columns["t_s"] = np.interp(places, old, table.columns["t_s"])

@@ -30,7 +30,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, Named, log_sum_exp
+from estim.arrays import BoolArray, FloatArray, Named, finite_or, log_sum_exp
 from estim.distributions import normal_below, normal_quantile, normal_tail
 from estim.problem.tails import Tails
 
@@ -206,7 +206,7 @@ def slopes_in_x(values: FloatArray, spread: FloatArray) -> FloatArray:
     """
     with np.errstate(all="ignore"):
         slope = np.gradient(values, _STEP, axis=-1) / spread[..., None]
-    return np.where(np.isfinite(slope), slope, 0.0)
+    return finite_or(slope, 0.0)
 
 
 def _defined(values: FloatArray) -> BoolArray:

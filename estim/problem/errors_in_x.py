@@ -26,7 +26,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, Named, all_finite, diagonal_scale, log_sum_exp
+from estim.arrays import (
+    BoolArray,
+    FloatArray,
+    Named,
+    all_finite,
+    diagonal_scale,
+    finite_or,
+    log_sum_exp,
+)
 from estim.distributions import normal_log_density
 from estim.problem.abscissas import (
     LOG_WEIGHTS,
@@ -408,7 +416,7 @@ def rooted(information: FloatArray, score: FloatArray, n: int) -> tuple[FloatArr
 def _shares(terms: FloatArray) -> FloatArray:
     """Terms of a sum over components as shares of it; 0 where the sum is 0."""
     total = log_sum_exp(terms, axis=-1)[..., None]
-    return np.exp(terms - np.where(np.isfinite(total), total, 0.0))
+    return np.exp(terms - finite_or(total, 0.0))
 
 
 def _error_nodes(tails: Tails, named: Named) -> tuple[FloatArray, FloatArray]:

@@ -24,7 +24,7 @@ from functools import cached_property
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray, log_sum_exp
+from estim.arrays import BoolArray, FloatArray, IntArray, finite_or, log_sum_exp
 from estim.common import InputError, NumericalError
 from estim.distributions import normal_log_density
 from estim.fitting import Fit
@@ -225,7 +225,7 @@ class RunTerm:
             proposed = mode + _WIDER * np.einsum("nij,nj->ni", root, z)
             new = self.log_joint(shared, proposed) + 0.5 * np.sum(z**2, axis=1)
             accepted = np.isfinite(new) & (
-                np.log(rng.random(new.size)) < new - np.where(np.isfinite(excess), excess, -1e300)
+                np.log(rng.random(new.size)) < new - finite_or(excess, -1e300)
             )
             own = np.where(accepted[:, None], proposed, own)
             excess = np.where(accepted, new, excess)
