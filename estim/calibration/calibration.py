@@ -173,7 +173,7 @@ def run_trials(
     trials = run_parallel(trial, range(n_trial), jobs=jobs, progress=progress)
     return Calibration(
         what=what,
-        runs=tuple(run.name for run in design.problem.runs),
+        runs=design.problem.run_names,
         reported=reported,
         labels=reported_labels(fit.problem, fit.values),
         truth=np.array([t.truth for t in trials]),

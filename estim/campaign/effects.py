@@ -123,7 +123,7 @@ def _reach(run: Observations, centres: Mapping[str, float]) -> tuple[float, floa
         return centres[source] if isinstance(source, str) else source
 
     unit = centre("radius") if isinstance(run.motion, RollingMotion) and run.motion.angular else 1.0
-    since = unit * ((run.y if run.positions else run.x) - centre("offset"))
+    since = unit * (run.position - centre("offset"))
     return min(float(np.min(since)), 0.0), max(float(np.max(since)), 0.0)
 
 

@@ -52,7 +52,7 @@ def check_speeds(
     quantities : of the run, SI units.
     """
     radius, gamma, rho, g = (_largest(quantities[name]) for name in ("radius", "gamma", "rho", "g"))
-    position = run.y if run.positions else run.x
+    position = run.position
     unit = _centre(quantities["radius"]) if angular else 1.0
     reach, speed = max_abs(position), _typical_speed(run, position)
 

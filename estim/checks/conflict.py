@@ -95,7 +95,7 @@ def check_stated_values(fit: Fit) -> Conflict:
     """
     problem = fit.problem
     curve = np.array(problem.of_curve, dtype=np.int64)
-    slopes = fit.posterior.prior_slopes(fit.values)[curve]
+    slopes = fit.prior_slopes[curve]
     stated = np.flatnonzero(slopes != 0.0)
     if not stated.size:
         return Conflict(0.0, 0, 1.0, {})

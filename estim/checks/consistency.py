@@ -191,14 +191,14 @@ def check_consistency(fit: Fit) -> Consistency:
         raise InputError(
             "must have a parameter of the curve in common to be compared",
             field="runs",
-            value=", ".join(r.name for r in problem.runs),
+            value=", ".join(problem.run_names),
         )
     if fit.singular:
         raise NumericalError(
             "runs cannot be compared around a fit that leaves a combination of parameters "
             "undetermined"
         )
-    names = [run.name for run in problem.runs]
+    names = problem.run_names
     copies = [
         *(copy for group in problem.groups for copy in copies_of(fit, group, shared)),
         copies_of_priors(fit, shared),

@@ -382,7 +382,7 @@ def untested(fit: Fit) -> tuple[Goodness, ...]:
     """Residuals of which no test can be made: as many parameters as points, or rounding errors
     only.
     """
-    named = fit.problem.named(fit.values)
+    named = fit.named
     return tuple(
         Goodness(run.name, z, *raw_and_sd, {}, np.nan, _pattern(z), curve=False)
         for run, z, raw_and_sd in zip(

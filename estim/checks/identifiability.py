@@ -83,7 +83,7 @@ def identify(fit: Fit) -> Identifiability:
     whitened = fit.posterior.information(fit.values) * np.outer(sds, sds)
     values, vectors = np.linalg.eigh(whitened)
     values = np.maximum(values, 0.0)
-    pulls = np.square(fit.posterior.prior_slopes(fit.values) * sds)
+    pulls = np.square(fit.prior_slopes * sds)
     seen = np.sqrt(np.diag(whitened))
     directions = tuple(
         _direction(fit, float(value), vector, float(np.sum(pulls * vector**2)), sds, seen)

@@ -141,13 +141,13 @@ def copies_of(fit: Fit, group: Group, shared: NDArray[np.int64]) -> tuple[Copies
     """The runs of a group, each with its own values of the shared parameters; their own parameters
     of the curve fitted with their priors.
     """
-    names = tuple(run.name for run in group.runs)
+    names = group.run_names
     force = next(
         (candidate for candidate in fit.forces if candidate.alone and candidate.runs == names), None
     )
     if force is None:
         return (_tied_copies(fit, group, shared),)
-    off, slopes = fit.posterior.prior_residuals(fit.values), fit.posterior.prior_slopes(fit.values)
+    off, slopes = fit.posterior.prior_residuals(fit.values), fit.prior_slopes
     moved, copies, stated = fit.values - force.about, [], copies_of_priors(fit, shared).information
     for run, (information, score) in zip(group.runs, force.alone, strict=True):
         nuisance = np.array(_own(fit, run.parameters, shared), dtype=np.int64)
@@ -200,7 +200,7 @@ def _tied_copies(fit: Fit, group: Group, shared: NDArray[np.int64]) -> Copies:
     """The runs of a group as its likelihood ties them."""
     problem = fit.problem
     common = [problem.names[i] for i in shared]
-    named: dict[str, FloatArray] = dict(problem.named(fit.values))
+    named: dict[str, FloatArray] = problem.named(fit.values)
     runs, copied = [], []
     for run in group.runs:
         renamed = {name: f"{name} of {run.name}" for name in common}
@@ -214,10 +214,7 @@ def _tied_copies(fit: Fit, group: Group, shared: NDArray[np.int64]) -> Copies:
         .scoring(named, [*copied, *(problem.names[i] for i in nuisance)])
     )
     slopes = np.hstack(
-        [
-            np.zeros((len(nuisance), len(copied))),
-            np.diag(fit.posterior.prior_slopes(fit.values)[nuisance]),
-        ]
+        [np.zeros((len(nuisance), len(copied))), np.diag(fit.prior_slopes[nuisance])]
     )
     rows = np.vstack([jacobian, slopes])
     z = np.append(residuals, fit.posterior.prior_residuals(fit.values)[nuisance])
@@ -229,7 +226,7 @@ def _tied_copies(fit: Fit, group: Group, shared: NDArray[np.int64]) -> Copies:
 def copies_of_priors(fit: Fit, shared: NDArray[np.int64]) -> Copies:
     """The priors of the shared parameters as residuals; a uniform one says nothing."""
     pull = fit.posterior.prior_residuals(fit.values)[shared]
-    slope = fit.posterior.prior_slopes(fit.values)[shared]
+    slope = fit.prior_slopes[shared]
     return Copies((PRIORS,), np.diag(slope**2), -pull * slope)
 
 

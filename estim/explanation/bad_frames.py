@@ -69,8 +69,8 @@ def frame_causes(base: Fit) -> tuple[Cause, ...]:
 
     None of a run whose errors are not normal.
     """
-    problem, named, causes = base.problem, base.problem.named(base.values), []
-    whole = np.diag(np.square(base.posterior.prior_slopes(base.values)))
+    problem, named, causes = base.problem, base.named, []
+    whole = np.diag(np.square(base.prior_slopes))
     parts = []
     for run, likelihood in zip(problem.runs, base.posterior.likelihoods, strict=True):
         if likelihood.normal is None:

@@ -140,7 +140,7 @@ def _at_end(run: Observations, fit: Fit) -> bool:
     """Whether the curve lies where the likelihood of a count of 0 ends, or of no failure."""
     if (counted := run.noise.counted) is None:
         return False
-    mean = run.drawn(fit.problem.named(fit.values))
+    mean = run.drawn(fit.named)
     return bool(np.any((mean < 0.0) | (mean > counted.law.ceiling)))
 
 

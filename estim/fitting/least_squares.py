@@ -104,6 +104,16 @@ class Fit:
     def problem(self) -> Problem:
         return self.posterior.problem
 
+    @property
+    def named(self) -> dict[str, FloatArray]:
+        """Parameter -> its value at the mode."""
+        return self.problem.named(self.values)
+
+    @property
+    def prior_slopes(self) -> FloatArray:
+        """(n_par,) those of the priors at the mode."""
+        return self.posterior.prior_slopes(self.values)
+
     @cached_property
     def sampled(self) -> Posterior:
         """`posterior` as it is sampled: in a joint fit with the measure of readings

@@ -72,7 +72,7 @@ class RollingBasis:
         like = {name: name for name in self.names} | {run.name: run.like for run in change.runs}
         tables = dict(changed.tables)
         remarks = list[str]()
-        named = self.fit.problem.named(self.fit.values)
+        named = self.fit.named
         measured = {
             run.name: _Followed(run, tables[run.name], named, self.release.get(run.name, 0.0))
             for run in self.fit.problem.runs

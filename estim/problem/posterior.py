@@ -44,6 +44,10 @@ class Problem:
         return tuple(p.name for p in self.parameters)
 
     @property
+    def run_names(self) -> tuple[str, ...]:
+        return tuple(run.name for run in self.runs)
+
+    @property
     def n_par(self) -> int:
         return len(self.parameters)
 

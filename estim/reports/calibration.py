@@ -153,7 +153,7 @@ def calibration_record(campaign: Campaign, c: Calibration) -> CalibrationRecord:
         n_rank=N_RANK,
         numbers=numbers,
         ranks={name: c.ranks[:, i].tolist() for i, name in enumerate(c.reported)},
-        provenance=provenance(campaign, list(c.runs), c.seed),
+        provenance=provenance(campaign, c.runs, c.seed),
     )
 
 

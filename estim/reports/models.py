@@ -123,7 +123,7 @@ def models_report(
     rows, problem = comparison.rows, comparison.rows[0].analysis.problem
     common = _common(rows)
     summaries = [_summary(row) for row in rows]
-    runs = [run.name for run in problem.runs]
+    runs = problem.run_names
     drawn = _shown(rows)
     record = {
         "title": campaign.title,

@@ -336,14 +336,14 @@ def result_of(
             if run.motion is not None
         },
         runs={run.name: _run(campaign, analysis, i) for i, run in enumerate(problem.runs)},
-        provenance=provenance(campaign, [run.name for run in problem.runs], analysis.seed),
+        provenance=provenance(campaign, problem.run_names, analysis.seed),
         choices=choices_for(diagnosis.findings),
     )
     result.__dict__["labels"] = labels_of(problem, fit.values)
     return result
 
 
-def provenance(campaign: Subject, runs: list[str], seed: int) -> Provenance:
+def provenance(campaign: Subject, runs: Iterable[str], seed: int) -> Provenance:
     """Where numbers came from: digests of the campaign and of the tables of `runs`, the seed,
     versions of what computed them.
     """

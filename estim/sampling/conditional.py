@@ -276,9 +276,7 @@ def run_terms(fit: Fit, sampled: IntArray) -> tuple[RunTerm, ...]:
         columns = np.array([problem.names.index(name) for name in alone.names], dtype=np.int64)
         given = np.isin(columns, sampled)
         if likelihood.normal is None:
-            raise InputError(
-                _NOT_NORMAL, field="run", value=", ".join(run.name for run in group.runs)
-            )
+            raise InputError(_NOT_NORMAL, field="run", value=", ".join(group.run_names))
         posterior = dataclasses.replace(fit.posterior, problem=alone, likelihoods=(likelihood,))
         term = RunTerm(
             posterior,
