@@ -52,3 +52,8 @@ def max_abs(array: ArrayLike) -> float:
 def sds_of(covariance: FloatArray) -> FloatArray:
     """(n,) standard deviations of a covariance (n, n)."""
     return np.sqrt(np.diag(covariance))
+
+
+def squared_rows(rows: FloatArray) -> FloatArray:
+    """(n, k, k) the outer product of each of the rows (n, k) with itself."""
+    return rows[:, :, None] * rows[:, None, :]

@@ -22,7 +22,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.arrays import FloatArray, finite_or
+from estim.arrays import FloatArray, finite_or, squared_rows
 
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
@@ -282,7 +282,7 @@ def solve(
     gram = np.swapaxes(columns, 1, 2) @ columns
     scale = np.sqrt(np.diagonal(gram, axis1=1, axis2=2))
     scale = np.where(scale > 0.0, scale, 1.0)
-    gram = gram / (scale[:, :, None] * scale[:, None, :])
+    gram = gram / squared_rows(scale)
     gram += np.asarray(damping).reshape(-1, 1, 1) * np.eye(gram.shape[1])
     gradient = (np.swapaxes(columns, 1, 2) @ target[:, :, None])[..., 0] / scale
     return np.linalg.solve(gram, gradient[..., None])[..., 0] / scale
@@ -507,8 +507,8 @@ def _learned(
         observed = np.sum(steps * changes, axis=1)
         updated = (
             hessians
-            + _squared(changes) / observed[:, None, None]
-            - _squared(before) / expected[:, None, None]
+            + squared_rows(changes) / observed[:, None, None]
+            - squared_rows(before) / expected[:, None, None]
         )
         sound = (
             np.any(np.abs(steps) > telling, axis=1)
@@ -516,10 +516,6 @@ def _learned(
             & np.all(np.isfinite(updated), axis=(1, 2))
         )
     return np.where(sound[:, None, None], updated, hessians)
-
-
-def _squared(vectors: FloatArray) -> FloatArray:
-    return vectors[:, :, None] * vectors[:, None, :]
 
 
 def _damped(
@@ -531,11 +527,7 @@ def _damped(
     scale = np.sqrt(np.maximum(np.diagonal(hessians, axis1=1, axis2=2), 0.0))
     scale = np.where(free & (scale > 0.0) & np.isfinite(scale), scale, 1.0)
     identity = np.eye(scale.shape[1])
-    unit = np.where(
-        free[:, :, None] & free[:, None, :],
-        hessians / (scale[:, :, None] * scale[:, None, :]),
-        identity,
-    )
+    unit = np.where(free[:, :, None] & free[:, None, :], hessians / squared_rows(scale), identity)
     with np.errstate(all="ignore"):
         step = (
             -np.linalg.solve(

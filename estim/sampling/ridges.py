@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray, log_sum_exp
+from estim.arrays import BoolArray, FloatArray, IntArray, log_sum_exp, squared_rows
 from estim.sampling.factors import lower_factor
 from estim.sampling.proposal import Proposal
 from estim.sampling.protocol import Density, Support, log_density_in_batches
@@ -173,10 +173,9 @@ def coordinates_at_modes(
     held = np.tile(np.arange(n_par), n_mode)
     own = covs[np.arange(held.size), held, held]
     slope = covs[np.arange(held.size), held] / own[:, None]
-    given = covs - own[:, None, None] * slope[:, :, None] * slope[:, None, :]
+    given = covs - own[:, None, None] * squared_rows(slope)
     one = eye[held]
-    others = (1.0 - one)[:, :, None] * (1.0 - one)[:, None, :]
-    factors = lower_factor(others * given + own[:, None, None] * one[:, :, None] * one[:, None, :])
+    factors = lower_factor(squared_rows(1.0 - one) * given + own[:, None, None] * squared_rows(one))
     return Coordinates(density, held, factors, slope, low, high), np.repeat(modes, n_par, axis=0)
 
 
@@ -192,7 +191,7 @@ def path_proposal(coordinates: Coordinates, centres: FloatArray) -> Proposal:
             tangents[path] = np.gradient(points[path], axis=0)
             spacing[path] = tangents[path, at.held[path]]
     # standard deviation of a component along its path, over the spacing of the points
-    covariances += 0.6**2 * tangents[:, :, None] * tangents[:, None, :]
+    covariances += 0.6**2 * squared_rows(tangents)
     # else half of the draws of a component on a bound would lie beyond it
     for i, (low, high) in enumerate(zip(at.low, at.high, strict=True)):
         margin = np.minimum(np.sqrt(covariances[:, i, i]), 0.25 * (high - low))
