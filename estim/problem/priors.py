@@ -762,6 +762,11 @@ def of_other_package(stated: Any, field: str) -> Any:
     return _FROZEN[name](**at)
 
 
+def centre_of(source: float | Prior) -> float:
+    """An exact value, or the centre of a prior."""
+    return source if isinstance(source, float) else source.centre
+
+
 def as_prior(quantity: Quantity, *, low: float) -> Prior:
     """The prior that a measured value stands for: normal, impossible below the physical limit
     `low`.
