@@ -33,7 +33,7 @@ def relative_blur(run: Run, noise: StatedNoise, size: FloatArray) -> FloatArray 
     exposure = noise.table.exposure_s
     if exposure is None:
         return None
-    t, position = run.columns["t_s"], run.columns[run.coordinate]
+    t, position = run.columns["t_s"], run.position
     interval = float(np.median(np.diff(t)))
     if not (math.isfinite(exposure) and 0.0 < exposure <= interval * (1.0 + 1e-6)):
         raise noise.error(

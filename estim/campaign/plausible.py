@@ -24,7 +24,7 @@ def check_reading_error(sigma: Scale, run: Run, noise: StatedNoise) -> None:
     Raises InputError at its line where it is a tenth of the path or more: of such positions nothing
     can be learnt.
     """
-    reach = float(np.ptp(run.columns[run.coordinate]))
+    reach = float(np.ptp(run.position))
     if sigma.parameter is None and sigma.value >= 0.1 * reach > 0.0:
         key, unit, slip = (
             ("sigma_x_m", "m", "is it in mm?")

@@ -46,11 +46,7 @@ def curve_findings(
     findings += pressed_edges(fixed, Kind.PRESSED_LIMIT, estimated=estimated)
     for failed in failed_tests(goodness, dof=dof):
         if failed.test == "chi2" and (len(goodness) == 1 or not failed.run):
-            kind = (
-                Kind.COUNTS_SCATTER
-                if any(run.noise.counted is not None for run in fixed.problem.runs)
-                else Kind.CHI2_TOO_LARGE
-            )
+            kind = Kind.COUNTS_SCATTER if fixed.problem.counted else Kind.CHI2_TOO_LARGE
             # which only a simulated one is exactly
             least = {"least": P_FLOOR} if p_value == P_FLOOR else {}
             findings.append(Finding(kind, p=p_value, size=chi2, numbers={"dof": dof, **least}))

@@ -45,7 +45,7 @@ def jeffreys_prior(
     """
     problem = posterior.problem
     free = np.flatnonzero(problem.unstated | (problem.limited & limited))
-    if not free.size or any(run.noise.counted is not None for run in problem.runs):
+    if not free.size or problem.counted:
         return None
     uses = sum(np.isin(free, columns).astype(int) for columns in problem.columns)
     named, runs = problem.named(values), []

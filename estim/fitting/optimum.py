@@ -354,7 +354,7 @@ def _fades(search: SeparableSearch, i: int, places: FloatArray) -> bool:
     """Whether the curve depends less and less on parameter i between two reaches, `places` (n,
     n_par) in turn, all others following: Jeffreys' prior then gives its posterior an end.
     """
-    if any(run.noise.counted is not None for run in search.posterior.problem.runs):
+    if search.posterior.problem.counted:
         return False
     sizes = []
     for place in places:

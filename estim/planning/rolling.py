@@ -129,7 +129,7 @@ def rolling_basis(campaign: Campaign, names: Sequence[str], fit: Fit) -> Rolling
     for table in campaign.tables.values():
         # the farthest reading has an error: the ramp is taken to end 2 % beyond it
         ramp[table.coordinate] = max(
-            ramp.get(table.coordinate, 0.0), 1.02 * float(np.max(table.columns[table.coordinate]))
+            ramp.get(table.coordinate, 0.0), 1.02 * float(np.max(table.position))
         )
     release = release_times(campaign, fit.problem, fit.values)
     return RollingBasis(
@@ -171,7 +171,7 @@ class _Followed:
         """Its table with other frames, or followed farther."""
         places = _denser(self.table.columns[self.where], change.frames)
         if change.reach > 1.0:
-            end = change.reach * float(np.max(self.table.columns[self.table.coordinate]))
+            end = change.reach * float(np.max(self.table.position))
             places = self._farther(places, end)
         return self._measured(places, change.error)
 

@@ -52,6 +52,11 @@ class Problem:
         return len(self.parameters)
 
     @property
+    def counted(self) -> bool:
+        """Whether the y of some run are counts."""
+        return any(run.noise.counted is not None for run in self.runs)
+
+    @property
     def many(self) -> bool:
         """Whether a run has so many points that only a few draws are computed at once."""
         return any(run.n_obs > 3000 for run in self.runs)
@@ -146,7 +151,7 @@ class Problem:
         """`readings`, and where the data of some runs are counts, also the parameters of single
         runs that have no stated prior, which is then flat.
         """
-        if not any(run.noise.counted is not None for run in self.runs):
+        if not self.counted:
             return self.readings
         uses = uses_of(self.runs)
         unstated = (p.name for p, free in zip(self.parameters, self.unstated, strict=True) if free)

@@ -92,7 +92,7 @@ def farthest_recorded(campaign: Campaign, run: Observations) -> float:
     ):
         return way_of(run)
     table = campaign.tables[run.name]
-    return float(np.max(table.columns[table.coordinate]))
+    return float(np.max(table.position))
 
 
 def _turned(run: Observations) -> bool:
