@@ -236,7 +236,7 @@ class RunTerm:
 class Expansion:
     """Mode and covariance of a run's own parameters as functions of the shared ones.
 
-    centre, whiten : (n_shared,), (n_shared, n_shared) bring s to unit scale.
+    centre, scale : (n_shared,) bring s to unit scale.
     coefficients : (n_feature, n_out) of 1, z_i, z_i z_j.
     n_own : own parameters; out of a row come their mode, then the lower triangular root of their
         covariance (logarithms on its diagonal).
@@ -244,7 +244,7 @@ class Expansion:
     """
 
     centre: FloatArray
-    whiten: FloatArray
+    scale: FloatArray
     coefficients: FloatArray
     n_own: int
     rough: bool
@@ -253,7 +253,7 @@ class Expansion:
         """Mode (n_draw, n_own) and root (n_draw, n_own, n_own) of the covariance at shared (n_draw,
         n_shared).
         """
-        z, k = (shared - self.centre) @ self.whiten.T, self.n_own
+        z, k = (shared - self.centre) / self.scale, self.n_own
         root = np.zeros((shared.shape[0], k, k))
         lower = np.tril_indices(k)
         # far out it stays: else a volume that grows without end would make up for any misfit
@@ -321,10 +321,9 @@ def expand(term: RunTerm, shared: FloatArray, start: FloatArray) -> Expansion:
     root[:, diagonal, diagonal] = np.log(root[:, diagonal, diagonal])
     lower = np.tril_indices(k)
     out = np.hstack([modes, root[:, lower[0], lower[1]]])
-    scale = np.std(shared, axis=0)
-    whiten = np.diag(1.0 / np.where(scale > 0.0, scale, 1.0))
-    centre = np.mean(shared, axis=0)
-    features = _features((shared - centre) @ whiten.T)
+    centre, scale = np.mean(shared, axis=0), np.std(shared, axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    features = _features((shared - centre) / scale)
     # from this fall of log m(s) on, a point counts as excluded
     weight = np.exp(0.125 * np.maximum(log_p - np.nanmax(log_p), -20.0))[:, None]
     usable = np.all(np.isfinite(out), axis=1) & (weight[:, 0] > 0.0)
@@ -338,7 +337,7 @@ def expand(term: RunTerm, shared: FloatArray, start: FloatArray) -> Expansion:
     )
     error = np.sqrt(np.average(miss**2, axis=0, weights=weight[usable, 0] ** 2))
     # conditional standard deviations, root mean square
-    return Expansion(centre, whiten, coefficients, k, bool(np.max(error, initial=0.0) > _ROUGH))
+    return Expansion(centre, scale, coefficients, k, bool(np.max(error, initial=0.0) > _ROUGH))
 
 
 def _diagonal_places(k: int) -> IntArray:
