@@ -28,6 +28,32 @@ def diagonal_scale(matrix: FloatArray) -> FloatArray:
     return np.sqrt(np.where(diagonal > 1e-200, diagonal, 1.0))
 
 
+def finite_or(values: ArrayLike, otherwise: ArrayLike) -> FloatArray:
+    """`values`, with `otherwise` in place of those that are not finite."""
+    return np.where(np.isfinite(values), values, otherwise)
+
+
+def log_sum_exp(terms: FloatArray, axis: int | None = None) -> FloatArray:
+    """log sum exp without overflow; -inf where all terms are.  Several times faster than those of
+    NumPy and SciPy.
+    """
+    largest = np.max(terms, axis=axis, keepdims=True)
+    safe = finite_or(largest, 0.0)
+    with np.errstate(divide="ignore"):
+        total = np.log(np.sum(np.exp(terms - safe), axis=axis, keepdims=True)) + safe
+    return np.squeeze(total, axis=axis)
+
+
 def max_abs(array: ArrayLike) -> float:
     """The largest absolute value."""
     return float(np.max(np.abs(array)))
+
+
+def sds_of(covariance: FloatArray) -> FloatArray:
+    """(n,) standard deviations of a covariance (n, n)."""
+    return np.sqrt(np.diag(covariance))
+
+
+def squared_rows(rows: FloatArray) -> FloatArray:
+    """(n, k, k) the outer product of each of the rows (n, k) with itself."""
+    return rows[:, :, None] * rows[:, None, :]

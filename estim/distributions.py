@@ -1,4 +1,4 @@
-"""Tails and quantiles of the normal, Student's t and the chi-squared distribution, from
+"""Densities, tails and quantiles of the normal, Student's t and the chi-squared distribution, from
 scipy.special: scipy.stats is slow to import.
 
 What to use when: for an interval value ± k u `normal_quantile` where u was stated and
@@ -14,10 +14,17 @@ from scipy import special
 
 from estim.arrays import FloatArray
 
+_LOG_ROOT_2PI = 0.5 * np.log(2.0 * np.pi)
+
+
+def normal_log_density(z: ArrayLike) -> FloatArray:
+    """log p(z) of Z, normal of mean 0 and variance 1."""
+    return -0.5 * np.square(z) - _LOG_ROOT_2PI
+
 
 def normal_below(z: ArrayLike) -> FloatArray:
     """P(Z <= z)."""
-    return np.asarray(special.ndtr(z))
+    return special.ndtr(z)
 
 
 def normal_tail(z: ArrayLike) -> FloatArray:
@@ -28,6 +35,13 @@ def normal_tail(z: ArrayLike) -> FloatArray:
 def normal_quantile(probability: ArrayLike) -> FloatArray:
     """z with P(Z <= z) = probability."""
     return np.asarray(special.ndtri(probability))
+
+
+def student_log_density(t: ArrayLike, dof: float) -> FloatArray:
+    """log p(t) of T for finitely many `dof` > 0 degrees of freedom."""
+    half = 0.5 * (dof + 1.0)
+    norm = special.gammaln(half) - special.gammaln(0.5 * dof) - 0.5 * np.log(dof * np.pi)
+    return norm - half * np.log1p(np.square(t) / dof)
 
 
 def student_tail(t: ArrayLike, dof: ArrayLike) -> FloatArray:
@@ -59,4 +73,4 @@ def chi2_tail(chi2: ArrayLike, dof: ArrayLike) -> FloatArray:
 
 def chi2_quantile(probability: ArrayLike, dof: ArrayLike) -> FloatArray:
     """x with P(chi^2 of `dof` degrees of freedom <= x) = probability."""
-    return np.asarray(2.0 * special.gammaincinv(0.5 * np.asarray(dof), probability))
+    return 2.0 * special.gammaincinv(0.5 * np.asarray(dof), probability)

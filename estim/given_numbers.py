@@ -65,6 +65,12 @@ def real_number(value: Any, field: str, rule: str = "must be a number") -> float
     return float(number)
 
 
+def check_probability(probability: Any, field: str = "probability") -> None:
+    """Raises InputError naming `field` for what is no probability between 0 and 1."""
+    if not isinstance(probability, (float, int)) or not 0.0 < probability < 1.0:
+        raise InputError("must lie between 0 and 1", field=field, value=probability)
+
+
 def _masked(values: Any) -> int:
     """How many values are masked, also in lists of arrays and numbers."""
     if isinstance(values, np.ma.MaskedArray):

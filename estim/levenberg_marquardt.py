@@ -22,7 +22,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, finite_or, squared_rows
 
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
@@ -187,7 +187,7 @@ class LeastSquares:
                     for residuals in (self.residuals(points[part], which[part]),)
                 ]
             )
-        return np.where(np.isfinite(half), half, np.inf)
+        return finite_or(half, np.inf)
 
     def solved(self, points: FloatArray, which: Indices | None = None) -> FloatArray:
         """Points (n, n_par) with their linear parameters at the least-squares solution."""
@@ -196,7 +196,7 @@ class LeastSquares:
             base, columns = self.tangents(points[part], self.linear, 1.0, which[part])
             with np.errstate(all="ignore"):
                 step = solve(columns, -base)
-            solution[part, self.linear] += np.where(np.isfinite(step), step, 0.0)
+            solution[part, self.linear] += finite_or(step, 0.0)
         return solution
 
     def evaluate(
@@ -212,7 +212,7 @@ class LeastSquares:
         moving = np.concatenate([self.linear, self.nonlinear])
         for part in self._parts(len(points), moving.size):
             base, columns = self.tangents(points[part], moving, self.step, which[part])
-            columns = _finite(columns)
+            columns = finite_or(columns, 0.0)
             nonlinear = columns[:, :, self.linear.size :]
             if self.linear.size:
                 basis = np.linalg.qr(columns[:, :, : self.linear.size])[0]
@@ -278,20 +278,14 @@ def solve(
     """(n_point, n_col) damped least squares of target (n_point, n_res) by columns (n_point, n_res,
     n_col).
     """
-    columns, target = _finite(columns), _finite(target)
+    columns, target = finite_or(columns, 0.0), finite_or(target, 0.0)
     gram = np.swapaxes(columns, 1, 2) @ columns
     scale = np.sqrt(np.diagonal(gram, axis1=1, axis2=2))
     scale = np.where(scale > 0.0, scale, 1.0)
-    gram = gram / (scale[:, :, None] * scale[:, None, :])
+    gram = gram / squared_rows(scale)
     gram += np.asarray(damping).reshape(-1, 1, 1) * np.eye(gram.shape[1])
     gradient = (np.swapaxes(columns, 1, 2) @ target[:, :, None])[..., 0] / scale
-    return np.asarray(np.linalg.solve(gram, gradient[..., None])[..., 0] / scale)
-
-
-def _finite(values: FloatArray) -> FloatArray:
-    """The same with 0 where a value is not finite."""
-    finite = np.isfinite(values)
-    return values if np.all(finite) else np.where(finite, values, 0.0)
+    return np.linalg.solve(gram, gradient[..., None])[..., 0] / scale
 
 
 class _Descents:
@@ -513,8 +507,8 @@ def _learned(
         observed = np.sum(steps * changes, axis=1)
         updated = (
             hessians
-            + _squared(changes) / observed[:, None, None]
-            - _squared(before) / expected[:, None, None]
+            + squared_rows(changes) / observed[:, None, None]
+            - squared_rows(before) / expected[:, None, None]
         )
         sound = (
             np.any(np.abs(steps) > telling, axis=1)
@@ -522,10 +516,6 @@ def _learned(
             & np.all(np.isfinite(updated), axis=(1, 2))
         )
     return np.where(sound[:, None, None], updated, hessians)
-
-
-def _squared(vectors: FloatArray) -> FloatArray:
-    return vectors[:, :, None] * vectors[:, None, :]
 
 
 def _damped(
@@ -537,11 +527,7 @@ def _damped(
     scale = np.sqrt(np.maximum(np.diagonal(hessians, axis1=1, axis2=2), 0.0))
     scale = np.where(free & (scale > 0.0) & np.isfinite(scale), scale, 1.0)
     identity = np.eye(scale.shape[1])
-    unit = np.where(
-        free[:, :, None] & free[:, None, :],
-        hessians / (scale[:, :, None] * scale[:, None, :]),
-        identity,
-    )
+    unit = np.where(free[:, :, None] & free[:, None, :], hessians / squared_rows(scale), identity)
     with np.errstate(all="ignore"):
         step = (
             -np.linalg.solve(

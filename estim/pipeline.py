@@ -174,9 +174,7 @@ class Analysis:
 
     @property
     def _title(self) -> str:
-        return ": ".join(
-            part for part in (self.title, ", ".join(run.name for run in self.problem.runs)) if part
-        )
+        return ": ".join(part for part in (self.title, ", ".join(self.problem.run_names)) if part)
 
     @property
     def _tests(self) -> str:
@@ -452,7 +450,7 @@ def explained(
     progress : told how many of how many are done.  As it is where there are no candidates, or the
         curve alone cannot be refit.
     """
-    suspects = campaign.suspects([run.name for run in analysis.problem.runs])
+    suspects = campaign.suspects(analysis.problem.run_names)
     names = suspects.plain.names
     known = dict(zip(analysis.fit.names, analysis.fit.values.tolist(), strict=True))
     values = np.array([known[name] for name in names]) if known.keys() >= set(names) else None

@@ -99,7 +99,7 @@ def sbc(
 @pytest.mark.parametrize("n", [50, 400])
 def test_the_band_holds_all_of_a_uniform_distribution_function_as_often_as_it_says(n, rng):
     n_rank, repeats = 99, 4000
-    low, high = uniformity_band(n, n_rank)
+    low, high = uniformity_band(n)
     edge = np.arange(1, n_rank + 1) / (n_rank + 1)
     inside = 0
     for _ in range(repeats):
@@ -116,7 +116,7 @@ def test_the_band_holds_all_of_a_uniform_distribution_function_as_often_as_it_sa
 
 def test_p_values_of_uniform_ranks_are_uniform_and_those_of_others_small(rng):
     n, repeats = 150, 1500
-    p_values = np.array([uniformity_p_value(rng.integers(0, 100, n), 99) for _ in range(repeats)])
+    p_values = np.array([uniformity_p_value(rng.integers(0, 100, n)) for _ in range(repeats)])
     for level in (0.01, 0.05, 0.5):
         assert np.mean(p_values <= level) == pytest.approx(
             level, abs=3.5 * np.sqrt(level * (1 - level) / repeats)
@@ -125,7 +125,7 @@ def test_p_values_of_uniform_ranks_are_uniform_and_those_of_others_small(rng):
     for a, b in ((0.5, 0.5), (2.0, 2.0), (1.6, 1.0)):
         assert (
             np.median(
-                [uniformity_p_value((100 * rng.beta(a, b, n)).astype(int), 99) for _ in range(50)]
+                [uniformity_p_value((100 * rng.beta(a, b, n)).astype(int)) for _ in range(50)]
             )
             < 0.005
         )
@@ -136,8 +136,8 @@ def test_ranks_of_an_exact_posterior_are_uniform_and_those_of_a_narrow_one_are_n
     mu = rng.standard_normal(1500)
     centre = 0.5 * (mu + rng.standard_normal(1500))
     z = rng.standard_normal((99, 1500))
-    assert uniformity_p_value(np.sum(centre + np.sqrt(0.5) * z < mu, axis=0), 99) > 0.01
-    assert uniformity_p_value(np.sum(centre + 0.8 * np.sqrt(0.5) * z < mu, axis=0), 99) < 1e-4
+    assert uniformity_p_value(np.sum(centre + np.sqrt(0.5) * z < mu, axis=0)) > 0.01
+    assert uniformity_p_value(np.sum(centre + 0.8 * np.sqrt(0.5) * z < mu, axis=0)) < 1e-4
 
 
 def test_equal_numbers_get_random_ranks(rng):
@@ -145,7 +145,7 @@ def test_equal_numbers_get_random_ranks(rng):
     ranks = np.array([_rank(np.array([np.inf]), never, rng)[0] for _ in range(2000)])
     assert ranks.min() == 0
     assert ranks.max() == 99
-    assert uniformity_p_value(ranks, 99) > 0.001
+    assert uniformity_p_value(ranks) > 0.001
 
 
 # --- simulated data ---

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from estim import pipeline
+from estim.arrays import log_sum_exp
 from estim.campaign import load_campaign
 from estim.common import NumericalError, Status
 from estim.curve_fitting.several import fit_curves
@@ -19,7 +20,7 @@ from estim.pipeline import analyse_fit
 from estim.problem.priors import HalfNormal, LogNormal, Normal
 from estim.sampling import Optima, marginal_draws
 from estim.sampling.chain import Chain, Target, sample_posterior
-from estim.sampling.importance import difference, log_sum_exp
+from estim.sampling.importance import difference
 from estim.sampling.marginal import MarginalOptions, MarginalPosterior, sample_marginal
 from estim.sampling.marginal_density import Marginal
 from estim.sampling.protocol import Density

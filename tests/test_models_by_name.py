@@ -85,7 +85,7 @@ def test_a_sum_has_the_parameters_of_its_terms() -> None:
         "slope",
         "intercept",
     )
-    assert set(read_formula(asked.expression).names) == set(asked.parameters)
+    assert set(asked.formula.names) == set(asked.parameters)
     assert read_model("damped_oscillation").terms[0].prefix == ""
     assert read_model("my_damped_oscillation").terms[0].prefix == "my_"
 
@@ -149,7 +149,7 @@ def test_starts_weigh_the_points_by_their_errors() -> None:
     asked, x, rng = read_model("gaussian"), np.linspace(0.0, 20.0, 120), np.random.default_rng(2)
     true = {"amplitude": 9.0, "center": 6.0, "sigma": 1.4}
     u = np.where(np.arange(x.size) % 3 == 0, 100.0, 0.01)
-    y = read_formula(asked.expression).value(x, true)[0] + u * rng.standard_normal(x.size)
+    y = asked.formula.value(x, true)[0] + u * rng.standard_normal(x.size)
     start = guess_starts(asked.formula, x, y, u, known={}, limits=asked.limits)
     assert start == pytest.approx(true, rel=0.05)
 
@@ -184,7 +184,7 @@ def test_starts_weigh_the_points_by_their_errors() -> None:
 def test_without_noise_the_start_is_the_curve(text: str, true: dict[str, float]) -> None:
     """A search afterwards would hide a start of the wrong sign or phase."""
     asked, x = read_model(text), np.linspace(0.0, 20.0, 120)
-    formula = read_formula(asked.expression)
+    formula = asked.formula
     y = formula.value(x, true)[0]
     start = guess_starts(asked.formula, x, y, np.ones(x.size), known={}, limits=asked.limits)
     assert formula.value(x, start)[0] == pytest.approx(y, abs=1e-3 * float(np.ptp(y)))

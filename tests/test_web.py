@@ -411,7 +411,7 @@ def test_a_model_is_chosen_without_javascript(browser: Browser) -> None:
 
 
 def test_the_formulas_that_a_click_writes_are_those_of_the_models() -> None:
-    assert {name: read_model(name).expression for name in MODELS} == MODELS
+    assert {name: read_model(name).formula.text for name in MODELS} == MODELS
 
 
 @pytest.mark.slow

@@ -13,4 +13,4 @@ from estim.calibration.calibration import (
 )
 from estim.calibration.experiment import campaign_design, curve_at, follow, release_times
 from estim.calibration.trial import Engine, posterior_draws
-from estim.calibration.uniformity import edges, rank_counts, uniformity_band
+from estim.calibration.uniformity import EDGES, N_RANK, rank_counts, uniformity_band

@@ -40,7 +40,6 @@ import numpy as np
 from estim.arrays import BoolArray, FloatArray, IntArray
 from estim.calibration.experiment import Experiment
 from estim.calibration.trial import (
-    N_RANK,
     Engine,
     Trial,
     TrialPlan,
@@ -51,7 +50,7 @@ from estim.calibration.trial import (
     run_trial,
     stated_only,
 )
-from estim.calibration.uniformity import LEAST_P, uniformity_p_value
+from estim.calibration.uniformity import LEAST_P, N_RANK, uniformity_p_value
 from estim.common import (
     PROBABILITIES,
     Amount,
@@ -80,8 +79,8 @@ class Calibration:
 
     reported : name -> unit.
     labels : name -> how it is shown.  truth : (n_trial, n_reported).
-    ranks : (n_trial, n_reported) in 0 .. n_rank, -1 where the analysis failed.
-    covered : (n_trial, n_reported, 2), for `probabilities`; False where the analysis failed.
+    ranks : (n_trial, n_reported) in 0 .. N_RANK, -1 where the analysis failed.
+    covered : (n_trial, n_reported, 2), for PROBABILITIES; False where the analysis failed.
     n_rejected : truths drawn again because they gave no data or too few.
     how : engine -> trials.
     n_short : trials whose engine did not meet its target (they count as they are).
@@ -95,9 +94,7 @@ class Calibration:
     labels: Mapping[str, Label]
     truth: FloatArray
     ranks: IntArray
-    n_rank: int
     covered: BoolArray
-    probabilities: tuple[float, ...]
     n_rejected: int
     how: Mapping[str, int]
     n_short: int
@@ -119,10 +116,14 @@ class Calibration:
         column = self.ranks[:, list(self.reported).index(name)]
         return column[column >= 0]
 
+    def places_of(self, name: str) -> FloatArray:
+        """The same as shares of all ranks; 0.5 in the mean where estimates are not biased."""
+        return (self.ranks_of(name) + 0.5) / (N_RANK + 1)
+
     def p_value(self, name: str) -> float:
         """Of uniform ranks; nan where every trial failed."""
         ranks = self.ranks_of(name)
-        return uniformity_p_value(ranks, self.n_rank) if ranks.size else float("nan")
+        return uniformity_p_value(ranks) if ranks.size else float("nan")
 
     def share(self, name: str) -> FloatArray:
         """(2,) share of the trials whose interval held the truth."""
@@ -130,7 +131,7 @@ class Calibration:
 
     def share_sd(self) -> FloatArray:
         """(2,) standard deviation of that share where intervals keep their word."""
-        p = np.array(self.probabilities)
+        p = np.array(PROBABILITIES)
         return np.sqrt(p * (1.0 - p) / self.n_trial)
 
 
@@ -172,14 +173,12 @@ def run_trials(
     trials = run_parallel(trial, range(n_trial), jobs=jobs, progress=progress)
     return Calibration(
         what=what,
-        runs=tuple(run.name for run in design.problem.runs),
+        runs=design.problem.run_names,
         reported=reported,
         labels=reported_labels(fit.problem, fit.values),
         truth=np.array([t.truth for t in trials]),
         ranks=np.array([t.rank for t in trials]),
-        n_rank=N_RANK,
         covered=np.array([t.covered for t in trials]),
-        probabilities=PROBABILITIES,
         n_rejected=sum(t.n_rejected for t in trials),
         how=Counter(t.how for t in trials),
         n_short=sum(bool(t.shortfall) for t in trials),
@@ -236,7 +235,7 @@ def findings(calibration: Calibration) -> tuple[Finding, ...]:
                 )
             )
         for p, held, u in zip(
-            calibration.probabilities, calibration.share(name), calibration.share_sd(), strict=True
+            PROBABILITIES, calibration.share(name), calibration.share_sd(), strict=True
         ):
             if p - held > COVERAGE_SDS * u or (held - p > COVERAGE_SDS * u and not excused):
                 how = direction(calibration, name) or ("narrow" if held < p else "wide")
@@ -268,7 +267,7 @@ def direction(calibration: Calibration, name: str) -> str:
     "high", intervals "narrow" or "wide"; "none" where there is no posterior, "" where neither
     tells.
     """
-    place = (calibration.ranks_of(name) + 0.5) / (calibration.n_rank + 1)
+    place = calibration.places_of(name)
     if place.size == 0:
         return "none"
     shift = (float(np.mean(place)) - 0.5) * np.sqrt(12.0 * place.size)
@@ -283,7 +282,7 @@ def direction(calibration: Calibration, name: str) -> str:
 
 def coverage_sentence(calibration: Calibration, name: str) -> str:
     """'the 68 % interval of gamma[heavy] covered 66 ± 2 % of 500 simulated truths'."""
-    p, held = calibration.probabilities[0], float(calibration.share(name)[0])
+    p, held = PROBABILITIES[0], float(calibration.share(name)[0])
     n = calibration.n_trial
     sd = np.sqrt(max(held * (1.0 - held), 0.25 / n) / n)
     return phrase(

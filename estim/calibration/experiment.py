@@ -28,7 +28,7 @@ from typing import Protocol, TypeAlias, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray, Named, all_finite
+from estim.arrays import FloatArray, Named, all_finite, finite_or
 from estim.campaign import Campaign, NoiseTable
 from estim.common import InputError
 from estim.problem import Observations, Parameter, Problem
@@ -192,7 +192,7 @@ def _columns(
         return None
     # a row that was not fit may lie where the body never comes: there it is at rest, and selection
     # leaves it out again
-    curve = np.where(np.isfinite(curve), curve, 0.0)
+    curve = finite_or(curve, 0.0)
     y = noise.read(
         curve, table.columns.get("sigma_x_m" if run.positions else "sigma_v_m_s", same), named, rng
     )

@@ -14,6 +14,7 @@ import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, IntArray, all_finite
 from estim.calibration.experiment import Experiment
+from estim.calibration.uniformity import N_RANK
 from estim.common import PROBABILITIES, InputError, Label, NumericalError, Stream, stream
 from estim.fitting import Fit, fit_least_squares
 from estim.problem import Parameter, Prior, Problem
@@ -21,7 +22,6 @@ from estim.sampling import Target, adapt_proposal, certify, sample_posterior
 
 What = Literal["sbc", "coverage"]
 
-N_RANK = 99
 _MOST_TRIES = 2000  # truths drawn for one simulated campaign
 _KINDS = {"sbc": Stream.RANK_TRIALS, "coverage": Stream.COVERAGE_TRIALS}
 

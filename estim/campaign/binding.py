@@ -28,7 +28,7 @@ from estim.campaign.parts import (
 from estim.campaign.quantities import EFFECTS, GRIP, QUANTITIES, QuantityKind
 from estim.common import Quantity, format_quantity, phrase, signed
 from estim.model import Body
-from estim.problem import DefaultError, Prior, as_prior
+from estim.problem import DefaultError, Prior, as_prior, centre_of
 from estim.propagation import Input
 from estim.reading import KeyPath
 
@@ -99,10 +99,7 @@ def bind_quantities(levels: Levels) -> dict[str, Bound]:
     bound = {name: _bind(levels, name, where) for name in QUANTITIES}
     effects = {name: _bind(levels, name, where) for name in EFFECTS}
     bound |= {name: b for name, b in effects.items() if b.source != 0.0}
-    centre = {
-        name: b.source if isinstance(b.source, float) else b.source.centre
-        for name, b in bound.items()
-    }
+    centre = {name: centre_of(b.source) for name, b in bound.items()}
     others = centre["gamma"] / centre["rho"] + centre["trailing_fraction"]
     if others > 1.0:
         home = levels.first("gamma") or levels.tables[0]

@@ -33,7 +33,7 @@ def relative_blur(run: Run, noise: StatedNoise, size: FloatArray) -> FloatArray 
     exposure = noise.table.exposure_s
     if exposure is None:
         return None
-    t, position = run.columns["t_s"], run.columns[run.coordinate]
+    t, position = run.columns["t_s"], run.position
     interval = float(np.median(np.diff(t)))
     if not (math.isfinite(exposure) and 0.0 < exposure <= interval * (1.0 + 1e-6)):
         raise noise.error(
@@ -49,7 +49,7 @@ def relative_blur(run: Run, noise: StatedNoise, size: FloatArray) -> FloatArray 
     frames = np.arange(t.size)
     before, after = np.maximum(frames - _REACH, 0), np.minimum(frames + _REACH, t.size - 1)
     speed = (position[after] - position[before]) / (t[after] - t[before])
-    return np.asarray(size_with_blur(size, speed, exposure) / size)
+    return size_with_blur(size, speed, exposure) / size
 
 
 def blurs(levels: Sequence[Levels], runs: Sequence[Run]) -> Iterator[tuple[float, NoiseTable]]:

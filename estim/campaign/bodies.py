@@ -110,7 +110,7 @@ class RollingCampaign(Campaign):
             levels = self.levels(run.name)
             bound = bind_quantities(levels)
             sources = {q: b.source for q, b in bound.items() if q not in without and not b.usual}
-            reach = max_abs(run.y if run.positions else run.x)
+            reach = max_abs(run.position)
             known.append(
                 Surroundings(
                     sources,
@@ -303,7 +303,7 @@ class RollingCampaign(Campaign):
         """Every prior of a rolling body can be drawn from; raises InputError for an unmodelled
         force, which simulated data lack.
         """
-        self.require_complete([run.name for run in problem.runs], "estim calibrate")
+        self.require_complete(problem.run_names, "estim calibrate")
 
     def require_complete(self, names: Sequence[str], command: str) -> None:
         for name in names:

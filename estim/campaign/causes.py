@@ -18,7 +18,7 @@ from estim.campaign.prior_table import Value, read_source
 from estim.campaign.quantities import EFFECTS, QUANTITIES
 from estim.common import format_rounded, phrase
 from estim.curves import Place, Setting
-from estim.problem import Prior
+from estim.problem import Prior, centre_of
 
 _RESISTANCE = 0.01  # of the weight
 _SAG, _BOW = 0.005, 0.03  # of the length
@@ -45,8 +45,7 @@ class Surroundings:
         return source if isinstance(source, float) else None
 
     def centre(self, name: str) -> float:
-        source = self.sources[name]
-        return source if isinstance(source, float) else source.centre
+        return centre_of(self.sources[name])
 
 
 @dataclass(frozen=True, eq=False)

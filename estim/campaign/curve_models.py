@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from estim.campaign.causes import Sketch
-from estim.common import PhraseTable, later, phrase
+from estim.common import PhraseTable, phrase
 from estim.deviation import START_SD
 from estim.problem import Prior, Problem
 
@@ -34,14 +34,14 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
 
 WORDS: Mapping[str, str] = PhraseTable(
     {
-        "rolling-resistance": later("rolling resistance"),
-        "load-resistance": later("rolling resistance proportional to the load on the ramp"),
-        "resisting-moment": later("a resisting moment (bearing, cord)"),
-        "viscous-drag": later("drag that increases with the speed"),
-        "quadratic-drag": later("drag that increases with the square of the speed (air)"),
-        "moment-once": later("a moment once per turn"),
-        "moment-twice": later("a moment twice per turn"),
-        "free-start": later("a start that is not from rest"),
+        "rolling-resistance": "rolling resistance",
+        "load-resistance": "rolling resistance proportional to the load on the ramp",
+        "resisting-moment": "a resisting moment (bearing, cord)",
+        "viscous-drag": "drag that increases with the speed",
+        "quadratic-drag": "drag that increases with the square of the speed (air)",
+        "moment-once": "a moment once per turn",
+        "moment-twice": "a moment twice per turn",
+        "free-start": "a start that is not from rest",
     }
 )
 ADDED = frozenset(name for names in GROUPS.values() for name in names)

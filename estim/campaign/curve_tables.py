@@ -160,7 +160,7 @@ def read_curve(source: CampaignFile, table: CurveTable) -> tuple[Formula, ModelS
     key = "expression" if table.model is None else "model"
     with source.places.at(("curve", key)):
         named = None if table.model is None else read_model(table.model)
-        return read_formula(table.expression if named is None else named.expression), named
+        return read_formula(table.expression) if named is None else named.formula, named
 
 
 def is_density(table: CurveTable) -> bool | None:

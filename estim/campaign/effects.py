@@ -13,7 +13,7 @@ from estim.campaign.levels import Levels
 from estim.campaign.quantities import EFFECTS
 from estim.common import InputError
 from estim.curves import MotionCurve, PhaseCurve, Place, RollingMotion, Setting, energy_of_speed
-from estim.problem import Observations, Prior
+from estim.problem import Observations, Prior, centre_of
 from estim.reading import KeyPath
 
 _EXCLUSIVE = (("release_energy", "release_speed"), ("sag", "phi_slope"))
@@ -75,10 +75,7 @@ def _check_speed(levels: Levels, sources: Mapping[str, float | Prior]) -> None:
         return
     largest = max(abs(speed.centre), speed.sd)
     if abs(speed.centre) < _SDS * speed.sd:
-        centres = {
-            name: source if isinstance(source, float) else source.centre
-            for name, source in sources.items()
-        }
+        centres = {name: centre_of(source) for name, source in sources.items()}
         energy = energy_of_speed(centres | {"release_speed": largest})
         rule = (
             f"must lie {_SDS:g} standard uncertainties or more from 0, where speeds hardly "
@@ -123,7 +120,7 @@ def _reach(run: Observations, centres: Mapping[str, float]) -> tuple[float, floa
         return centres[source] if isinstance(source, str) else source
 
     unit = centre("radius") if isinstance(run.motion, RollingMotion) and run.motion.angular else 1.0
-    since = unit * ((run.y if run.positions else run.x) - centre("offset"))
+    since = unit * (run.position - centre("offset"))
     return min(float(np.min(since)), 0.0), max(float(np.max(since)), 0.0)
 
 
@@ -157,8 +154,7 @@ def _length(levels: Levels, name: str, of_what: str, sources: Mapping[str, float
             raise _error(levels, name, f"needs '{key}' beside it, {what}")
     place = _stated_place(levels, of_what)
     assert place is not None
-    length, source = place.length, sources[name]
-    centre = source if isinstance(source, float) else source.centre
+    length, centre = place.length, centre_of(sources[name])
     if abs(centre) > 0.1 * length:
         raise _error(
             levels,

@@ -45,17 +45,7 @@ from estim.campaign.curve_tables import (
 from estim.campaign.noise_models import NoiseModel
 from estim.campaign.own_curve_run import MAX_ROWS, RunOfCurve, rows_of
 from estim.common import InputError, language, phrase, same_numbers
-from estim.curves import (
-    AxisNames,
-    BareFormula,
-    Component,
-    CurveProblem,
-    Formula,
-    ModelSum,
-    Unstarted,
-    started,
-    units_of,
-)
+from estim.curves import AxisNames, Component, CurveProblem, Formula, ModelSum, started, units_of
 from estim.explanation import Suspects
 from estim.problem import Parameter, Problem, shared_first
 from estim.reading import KeyPath, Places, of_any_curve, run_of_table
@@ -75,7 +65,7 @@ class CurveCampaign(Campaign):
     axes: AxisNames
     table: CurveTable
     runs: Mapping[str, RunOfCurve]
-    asked: Unstarted
+    asked: ModelSum
     run_axes: Mapping[str, AxisNames]
     _problems: dict[tuple[str, ...], Problem] = field(default_factory=dict, init=False, repr=False)
 
@@ -311,7 +301,7 @@ class CurveCampaign(Campaign):
     def _bind(self, name: str, run: RunOfCurve) -> Parameter | float:
         """A parameter of the formula for one run: an unknown, or an exact value."""
         entry = run.entry(name)
-        if entry is None and not isinstance(self.asked, ModelSum):
+        if entry is None and not self.asked.terms:
             raise self.source.error(
                 f"is missing for run '{run.table.name}': say it under [curve.parameters] or "
                 f"[runs.parameters], as {name} = {{start = 1.0}}, or "
@@ -385,7 +375,7 @@ def read_curve_campaign(
         axes=axes,
         table=table,
         runs=MappingProxyType(every),
-        asked=BareFormula(formula) if named is None else named,
+        asked=ModelSum("", formula) if named is None else named,
         run_axes=MappingProxyType(run_axes),
     )
 

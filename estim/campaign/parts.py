@@ -28,6 +28,7 @@ from estim.campaign.part_table import (
     RodTable,
     TrailingTable,
 )
+from estim.campaign.quantities import QUANTITIES
 from estim.common import Notation, Quantity, later, read_quantity
 from estim.model import Body, Part, assemble, bolt, disk, ring, rod
 from estim.propagation import Input, LinearResult, propagate_linear
@@ -39,22 +40,16 @@ _MOST_PARTS, _ROUNDING, _NEGLIGIBLE = 100, 1e-9, 0.05
 _LARGEST = 10.0  # radii of the body: beyond, a length is in another unit
 _HARDLY_MATTER = frozenset({"particle_gyration", "trailing_fraction"})
 
+# quantities of a campaign that follow from the parts of a body
+OF_PARTS = ("gamma", "kappa", "rho", "particle_gyration", "trailing_fraction")
 OUTPUTS: Mapping[str, tuple[Notation, str, str]] = MappingProxyType(
-    {  # what follows from the parts of a body: how it is written, unit, meaning
+    {  # all that does: how it is written, unit, meaning
         "mass": (Notation("M"), "kg", later("total mass")),
-        "gamma": (Notation("γ"), "1", later("distance of the centre of mass from the axle / R")),
-        "kappa": (Notation("κ"), "1", later("inertia of the disk / (M_D R²)")),
-        "rho": (Notation("ρ"), "1", later("distance of the particle from the axle / R")),
-        "particle_gyration": (
-            Notation("k_P"),
-            "1",
-            later("radius of gyration of the particle / R"),
-        ),
-        "trailing_fraction": (
-            Notation("τ"),
-            "1",
-            later("fraction of the mass that does not rotate"),
-        ),
+        **{
+            name: (kind.notation, kind.unit, kind.english)
+            for name in OF_PARTS
+            for kind in (QUANTITIES[name],)
+        },
         "inertia_ratio": (
             Notation("j"),
             "1",
@@ -67,8 +62,6 @@ OUTPUTS: Mapping[str, tuple[Notation, str, str]] = MappingProxyType(
         ),
     }
 )
-# quantities of a campaign among them
-OF_PARTS = frozenset({"gamma", "kappa", "rho", "particle_gyration", "trailing_fraction"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,13 +303,13 @@ def notes_of(
 
 def known_to(value: FloatArray, u: FloatArray) -> FloatArray:
     """Standard uncertainties, 0 where they are what rounding leaves of an exact value."""
-    return np.asarray(np.where(u <= _ROUNDING * np.abs(value), 0.0, u))
+    return np.where(u <= _ROUNDING * np.abs(value), 0.0, u)
 
 
 def correlations(covariance: FloatArray) -> FloatArray:
     """The correlation matrix of a covariance matrix; 0 beside what is exact."""
     scale = diagonal_scale(covariance)
-    return np.asarray(np.where(np.eye(len(scale)) > 0.0, 1.0, covariance / np.outer(scale, scale)))
+    return np.where(np.eye(len(scale)) > 0.0, 1.0, covariance / np.outer(scale, scale))
 
 
 def of_one_disk(source: CampaignFile, body: str) -> tuple[str, ...]:

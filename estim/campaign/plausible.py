@@ -12,7 +12,7 @@ import numpy as np
 from estim.arrays import FloatArray, max_abs
 from estim.campaign.levels import StatedNoise
 from estim.common import InputError
-from estim.problem import Observations, Prior, Scale
+from estim.problem import Observations, Prior, Scale, centre_of
 from estim.reading import Run
 
 _SDS = 5.0  # how far a quantity may lie above its centre
@@ -24,7 +24,7 @@ def check_reading_error(sigma: Scale, run: Run, noise: StatedNoise) -> None:
     Raises InputError at its line where it is a tenth of the path or more: of such positions nothing
     can be learnt.
     """
-    reach = float(np.ptp(run.columns[run.coordinate]))
+    reach = float(np.ptp(run.position))
     if sigma.parameter is None and sigma.value >= 0.1 * reach > 0.0:
         key, unit, slip = (
             ("sigma_x_m", "m", "is it in mm?")
@@ -52,15 +52,15 @@ def check_speeds(
     quantities : of the run, SI units.
     """
     radius, gamma, rho, g = (_largest(quantities[name]) for name in ("radius", "gamma", "rho", "g"))
-    position = run.y if run.positions else run.x
-    unit = _centre(quantities["radius"]) if angular else 1.0
+    position = run.position
+    unit = centre_of(quantities["radius"]) if angular else 1.0
     reach, speed = max_abs(position), _typical_speed(run, position)
 
     def said(name: str) -> float:
         return _largest(quantities[name], size=True) if name in quantities else 0.0
 
     tilt = min(said("phi") + said("phi_zero") + said("phi_slope") * reach * unit, 0.5 * math.pi)
-    share = gamma / min(rho, _centre(quantities["rho"]))
+    share = gamma / min(rho, centre_of(quantities["rho"]))
     turning = sum(
         said(f"moment_{part}") for part in ("once_cos", "once_sin", "twice_cos", "twice_sin")
     )
@@ -84,7 +84,7 @@ def check_speeds(
         length = (
             f"{reach:.4g} rad"
             if angular
-            else f"{reach:.4g} m, {reach / _centre(quantities['radius']):.0f} radii,"
+            else f"{reach:.4g} m, {reach / centre_of(quantities['radius']):.0f} radii,"
         )
         most = f"gravity gives this body at most {bound:.3g} {rate} from rest"
         raise InputError(
@@ -117,10 +117,6 @@ def _typical_speed(run: Observations, position: FloatArray) -> float:
             0.9,
         )
     )
-
-
-def _centre(source: float | Prior) -> float:
-    return source if isinstance(source, float) else source.centre
 
 
 def _largest(source: float | Prior, *, size: bool = False) -> float:

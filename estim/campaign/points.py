@@ -174,7 +174,7 @@ def _differentiated(run: Run, noise: StatedNoise) -> Observed:
             field="sigma_x_m",
             file=run.file,
         )
-    t, position = run.columns["t_s"], run.columns[run.coordinate]
+    t, position = run.columns["t_s"], run.position
     blur = relative_blur(run, noise, np.full(run.n_row, 0.0 if sigma.parameter else typical))
     derivative, blank = _speeds(run, table)
     rows = derivative.rows
@@ -212,7 +212,7 @@ def _differentiated(run: Run, noise: StatedNoise) -> Observed:
 
 def _independent(run: Run, noise: StatedNoise) -> Observed:
     units, rate, table = _UNITS[run.coordinate], run.rate, noise.table
-    t, position = run.columns.get("t_s"), run.columns[run.coordinate]
+    t, position = run.columns.get("t_s"), run.position
     rows, blank, gain = np.arange(run.n_row), tuple[Finding, ...](), math.inf
     if rate in run.columns:
         speed = run.columns[rate]
@@ -295,7 +295,7 @@ def _positions(run: Run, noise: StatedNoise) -> Observed:
     typical = math.hypot(sigma.typical, step / math.sqrt(12.0))
     rest = np.full(run.n_row, 0.0 if sigma.parameter else typical) if relative is None else relative
     blur = relative_blur(run, noise, rest)
-    t, position = run.columns["t_s"], run.columns[run.coordinate]
+    t, position = run.columns["t_s"], run.position
     selection = select(position, None, t, window=_window(run, levels), sigma_position=0.0)
     check_count(selection, run, levels)
     rows = selection.kept
@@ -359,7 +359,7 @@ def _speeds(run: Run, table: NoiseTable) -> tuple[Derivative, tuple[Finding, ...
     """Speeds by differences, and how many frames have none."""
     stencil = STENCILS[table.derivative or "central"]
     derivative = differentiate(
-        run.columns["t_s"], run.columns[run.coordinate], stencil, file=run.file, lines=run.lines
+        run.columns["t_s"], run.position, stencil, file=run.file, lines=run.lines
     )
     missing = run.n_row - derivative.rows.size
     return derivative, (

@@ -120,7 +120,7 @@ def check_count(
             value=count,
             file=run.file,
         )
-    position = run.columns[run.coordinate]
+    position = run.position
     if np.max(position) - position[0] <= 0.1 * np.ptp(position):
         raise InputError(
             "must increase as the body moves from its release: it does not rise above its "

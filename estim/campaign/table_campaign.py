@@ -147,9 +147,7 @@ def text_of_table(
     stated = (*choices.start, *choices.low, *choices.high, *choices.value)
     variables = {*_ABSCISSAS}.intersection(choices.formula.replace("+", " ").split())
     model = called_by_name(choices.formula, stated, variables)
-    formula = read_formula(
-        choices.formula if model is None else model.expression, field="--formula"
-    )
+    formula = read_formula(choices.formula, field="--formula") if model is None else model.formula
     x, y, u_x, u_y = _axes(file, formula, choices, stated, named=model is not None)
     variable = variable_of(formula, x.column, x.name, stated)
     if variable not in (None, "x"):

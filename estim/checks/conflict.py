@@ -95,7 +95,7 @@ def check_stated_values(fit: Fit) -> Conflict:
     """
     problem = fit.problem
     curve = np.array(problem.of_curve, dtype=np.int64)
-    slopes = fit.posterior.prior_slopes(fit.values)[curve]
+    slopes = fit.prior_slopes[curve]
     stated = np.flatnonzero(slopes != 0.0)
     if not stated.size:
         return Conflict(0.0, 0, 1.0, {})
@@ -105,7 +105,7 @@ def check_stated_values(fit: Fit) -> Conflict:
     data = model.rows.T @ model.rows
     known = fitted(data, np.zeros(curve.size), stated, free)[0]
     known /= np.outer(slopes[stated], slopes[stated])
-    values, vectors = np.linalg.eigh(0.5 * (known + known.T))
+    values, vectors = np.linalg.eigh(known)
     least = _LEAST_OF_MIXTURE if fit.forces or fit.deviations else _LEAST
     compared = values > least
     informed = (

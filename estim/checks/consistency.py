@@ -38,7 +38,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.arrays import FloatArray, diagonal_scale
+from estim.arrays import FloatArray, diagonal_scale, sds_of
 from estim.checks.run_information import (
     PRIORS,
     Quadratic,
@@ -191,14 +191,14 @@ def check_consistency(fit: Fit) -> Consistency:
         raise InputError(
             "must have a parameter of the curve in common to be compared",
             field="runs",
-            value=", ".join(r.name for r in problem.runs),
+            value=", ".join(problem.run_names),
         )
     if fit.singular:
         raise NumericalError(
             "runs cannot be compared around a fit that leaves a combination of parameters "
             "undetermined"
         )
-    names = [run.name for run in problem.runs]
+    names = problem.run_names
     copies = [
         *(copy for group in problem.groups for copy in copies_of(fit, group, shared)),
         copies_of_priors(fit, shared),
@@ -298,5 +298,5 @@ def _estimate(centre: FloatArray, quadratic: Quadratic) -> SharedEstimate:
     inverse = (vectors[:, known] / values[known]) @ vectors[:, known].T
     undetermined = np.sum(vectors[:, ~known] ** 2, axis=1) > 1e-6
     mean = centre + (inverse @ (score / scale)) / scale
-    sd = np.sqrt(np.diag(inverse)) / scale
+    sd = sds_of(inverse) / scale
     return SharedEstimate(np.where(undetermined, np.nan, mean), np.where(undetermined, np.inf, sd))

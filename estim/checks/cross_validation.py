@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, log_sum_exp
 from estim.problem import Posterior
-from estim.sampling import K_HAT_LIMIT, log_sum_exp, pareto_smoothed
+from estim.sampling import K_HAT_LIMIT, pareto_smoothed
 
 INFLUENTIAL = K_HAT_LIMIT
 

@@ -381,7 +381,7 @@ def too_many_outliers(fit: Fit) -> list[Finding]:
     """
     findings = []
     for run in fit.problem.runs:
-        share = run.noise.outlier_share(fit.problem.named(fit.values))
+        share = run.noise.outlier_share(fit.named)
         if share > _CROWD:
             findings.append(Finding(Kind.OUTLIERS_CROWD, run=run.name, size=share))
     return findings

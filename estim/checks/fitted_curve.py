@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 from estim.checks.counts import counts_as_readings
 from estim.checks.diagnosis import failed_tests, marginal_tests, tolerated_pattern
@@ -47,17 +46,12 @@ def curve_findings(
     findings += pressed_edges(fixed, Kind.PRESSED_LIMIT, estimated=estimated)
     for failed in failed_tests(goodness, dof=dof):
         if failed.test == "chi2" and (len(goodness) == 1 or not failed.run):
-            kind = (
-                Kind.COUNTS_SCATTER
-                if any(run.noise.counted is not None for run in fixed.problem.runs)
-                else Kind.CHI2_TOO_LARGE
-            )
+            kind = Kind.COUNTS_SCATTER if fixed.problem.counted else Kind.CHI2_TOO_LARGE
             # which only a simulated one is exactly
             least = {"least": P_FLOOR} if p_value == P_FLOOR else {}
             findings.append(Finding(kind, p=p_value, size=chi2, numbers={"dof": dof, **least}))
         elif failed.test:
-            # points alone have no run to be named
-            findings.append(replace(failed, run=failed.run if len(goodness) > 1 else ""))
+            findings.append(failed)
     return findings
 
 
@@ -88,9 +82,7 @@ def curve_remarks(
     """What to know of a fit that may be ok.  stated : whether the size of the errors was.  perfect
     : whether there are residuals at all.
     """
-    remarks = [
-        replace(remark, run="") for run in fit.problem.runs for remark in counts_as_readings(run)
-    ]
+    remarks = [remark for run in fit.problem.runs for remark in counts_as_readings(run)]
     if _NO_DIGITS >= best.tolerance > _FEW_DIGITS and not perfect:
         remarks.append(Finding(Kind.ROUNDING, size=best.tolerance))
     if best.frail and not best.singular:
@@ -99,12 +91,8 @@ def curve_remarks(
         remarks.append(
             Finding(Kind.FEW_DEGREES, size=dof, numbers={"coverage": coverage_of_sd(dof)})
         )
-    covered = [replace(remark, run="") for good in goodness for remark in tolerated_pattern(good)]
-    remarks += covered + [
-        replace(remark, run=remark.run if len(goodness) > 1 else "")
-        for good in goodness
-        for remark in marginal_tests(good)
-    ]
+    covered = [remark for good in goodness for remark in tolerated_pattern(good)]
+    remarks += covered + [remark for good in goodness for remark in marginal_tests(good)]
     if stated and 1.0 - p_value < P_POOR_FIT and not covered:
         kind = (
             Kind.COUNTS_EVEN if fit.problem.runs[0].noise.counted is not None else Kind.CHI2_SMALL

@@ -382,7 +382,7 @@ def untested(fit: Fit) -> tuple[Goodness, ...]:
     """Residuals of which no test can be made: as many parameters as points, or rounding errors
     only.
     """
-    named = fit.problem.named(fit.values)
+    named = fit.named
     return tuple(
         Goodness(run.name, z, *raw_and_sd, {}, np.nan, _pattern(z), curve=False)
         for run, z, raw_and_sd in zip(
@@ -409,7 +409,7 @@ def _raw_and_sd(fit: Fit, named: Mapping[str, FloatArray]) -> list[tuple[FloatAr
     ys = posterior.by_run(likelihood.y for likelihood in posterior.likelihoods)
     sds = posterior.by_run(likelihood.sd(named) for likelihood in posterior.likelihoods)
     runs = zip(fit.problem.runs, ys, sds, strict=True)
-    return [(np.asarray(y - run.drawn(named)), sd) for run, y, sd in runs]
+    return [(y - run.drawn(named), sd) for run, y, sd in runs]
 
 
 def _scatter_ratio(run: Observations, named: Mapping[str, FloatArray]) -> float:
@@ -527,7 +527,7 @@ def _share_of_means(x: FloatArray, sd: FloatArray) -> Callable[[FloatArray], Flo
 
     def share(z: FloatArray) -> FloatArray:
         means = np.add.reduceat(z[:, order] * weights, begins, axis=1)
-        return np.asarray(np.sum(means**2, axis=1))
+        return np.sum(means**2, axis=1)
 
     return share
 

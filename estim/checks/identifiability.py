@@ -81,9 +81,9 @@ def identify(fit: Fit) -> Identifiability:
     problem = fit.problem
     sds = prior_sds(problem, fit.cov)
     whitened = fit.posterior.information(fit.values) * np.outer(sds, sds)
-    values, vectors = np.linalg.eigh(0.5 * (whitened + whitened.T))
+    values, vectors = np.linalg.eigh(whitened)
     values = np.maximum(values, 0.0)
-    pulls = np.square(fit.posterior.prior_slopes(fit.values) * sds)
+    pulls = np.square(fit.prior_slopes * sds)
     seen = np.sqrt(np.diag(whitened))
     directions = tuple(
         _direction(fit, float(value), vector, float(np.sum(pulls * vector**2)), sds, seen)

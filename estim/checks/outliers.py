@@ -60,7 +60,7 @@ def _average(likelihood: Likelihood, problem: Problem, draws: FloatArray) -> Flo
         likelihood.outlier_probability(problem.named(draws[i : i + size])).sum(axis=0)
         for i in range(0, draws.shape[0], size)
     ]
-    return np.asarray(np.sum(parts, axis=0) / draws.shape[0])
+    return np.sum(parts, axis=0) / draws.shape[0]
 
 
 def bad_frame(run: str, unit: str, step: float, jump: Jump) -> Finding:

@@ -176,11 +176,9 @@ def _jensen_shannon(weights: FloatArray, widths: FloatArray) -> FloatArray:
         )
     area, areas = p @ widths, q @ widths
     tilt = (areas - area) / (2.0 * np.log(2.0))
-    return np.asarray(
-        np.sqrt(
-            (np.maximum(reference @ widths + tilt, 0.0) + np.maximum(other @ widths - tilt, 0.0))
-            / (area + areas)
-        )
+    return np.sqrt(
+        (np.maximum(reference @ widths + tilt, 0.0) + np.maximum(other @ widths - tilt, 0.0))
+        / (area + areas)
     )
 
 

@@ -90,7 +90,7 @@ def check_rolling(
 
 def way_of(run: Observations) -> float:
     """The farthest reading of a run that is fit: what comes after it, the fit knows nothing of."""
-    return float(np.max(run.y if run.positions else run.x))
+    return float(np.max(run.position))
 
 
 def _of_run(

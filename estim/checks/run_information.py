@@ -141,13 +141,13 @@ def copies_of(fit: Fit, group: Group, shared: NDArray[np.int64]) -> tuple[Copies
     """The runs of a group, each with its own values of the shared parameters; their own parameters
     of the curve fitted with their priors.
     """
-    names = tuple(run.name for run in group.runs)
+    names = group.run_names
     force = next(
         (candidate for candidate in fit.forces if candidate.alone and candidate.runs == names), None
     )
     if force is None:
         return (_tied_copies(fit, group, shared),)
-    off, slopes = fit.posterior.prior_residuals(fit.values), fit.posterior.prior_slopes(fit.values)
+    off, slopes = fit.posterior.prior_residuals(fit.values), fit.prior_slopes
     moved, copies, stated = fit.values - force.about, [], copies_of_priors(fit, shared).information
     for run, (information, score) in zip(group.runs, force.alone, strict=True):
         nuisance = np.array(_own(fit, run.parameters, shared), dtype=np.int64)
@@ -170,7 +170,7 @@ def _beyond(alone: Quadratic, stated: FloatArray) -> Quadratic:
     information, score = alone
     root = _root(information + stated)
     turned = np.linalg.inv(root)
-    shares, vectors = np.linalg.eigh(_symmetric(turned @ information @ turned.T))
+    shares, vectors = np.linalg.eigh(turned @ information @ turned.T)
     informative = shares > _LEAST_OF_MIXTURE
     rows = vectors[:, informative].T @ root.T
     return rows.T @ (shares[informative, None] * rows), rows.T @ (
@@ -182,7 +182,7 @@ def _root(matrix: FloatArray) -> FloatArray:
     """L with L L^T = `matrix` (n, n), but for rounding in directions that nothing determines."""
     scale = diagonal_scale(matrix)
     unit = matrix / np.outer(scale, scale) + ALONE * np.eye(len(matrix))
-    return np.asarray(np.linalg.cholesky(unit) * scale[:, None])
+    return np.linalg.cholesky(unit) * scale[:, None]
 
 
 def _own(fit: Fit, used: Collection[str], shared: NDArray[np.int64]) -> list[int]:
@@ -200,7 +200,7 @@ def _tied_copies(fit: Fit, group: Group, shared: NDArray[np.int64]) -> Copies:
     """The runs of a group as its likelihood ties them."""
     problem = fit.problem
     common = [problem.names[i] for i in shared]
-    named: dict[str, FloatArray] = dict(problem.named(fit.values))
+    named: dict[str, FloatArray] = problem.named(fit.values)
     runs, copied = [], []
     for run in group.runs:
         renamed = {name: f"{name} of {run.name}" for name in common}
@@ -214,10 +214,7 @@ def _tied_copies(fit: Fit, group: Group, shared: NDArray[np.int64]) -> Copies:
         .scoring(named, [*copied, *(problem.names[i] for i in nuisance)])
     )
     slopes = np.hstack(
-        [
-            np.zeros((len(nuisance), len(copied))),
-            np.diag(fit.posterior.prior_slopes(fit.values)[nuisance]),
-        ]
+        [np.zeros((len(nuisance), len(copied))), np.diag(fit.prior_slopes[nuisance])]
     )
     rows = np.vstack([jacobian, slopes])
     z = np.append(residuals, fit.posterior.prior_residuals(fit.values)[nuisance])
@@ -229,7 +226,7 @@ def _tied_copies(fit: Fit, group: Group, shared: NDArray[np.int64]) -> Copies:
 def copies_of_priors(fit: Fit, shared: NDArray[np.int64]) -> Copies:
     """The priors of the shared parameters as residuals; a uniform one says nothing."""
     pull = fit.posterior.prior_residuals(fit.values)[shared]
-    slope = fit.posterior.prior_slopes(fit.values)[shared]
+    slope = fit.prior_slopes[shared]
     return Copies((PRIORS,), np.diag(slope**2), -pull * slope)
 
 
@@ -243,7 +240,7 @@ def each_without_one(quadratics: Sequence[Quadratic]) -> tuple[Quadratic, ...]:
     def others(parts: FloatArray) -> FloatArray:
         nothing = np.zeros_like(parts[:1])
         before, after = np.cumsum(parts[:-1], axis=0), np.cumsum(parts[:0:-1], axis=0)[::-1]
-        return np.asarray(np.concatenate([nothing, before]) + np.concatenate([after, nothing]))
+        return np.concatenate([nothing, before]) + np.concatenate([after, nothing])
 
     return tuple(
         zip(*(others(np.array(parts)) for parts in zip(*quadratics, strict=True)), strict=True)
@@ -261,7 +258,7 @@ def measurements(copies: Sequence[Copies]) -> Rows:
     total = total_of([copy.together for copy in copies])[0]
     turned = np.asarray(np.linalg.inv(_root(total)).T, dtype=np.float64)  # s = turned . coordinates
     runs = [copy.together for copy in copies if copy.sources != (PRIORS,)]
-    shares, vectors = np.linalg.eigh(_symmetric(turned.T @ total_of(runs)[0] @ turned))
+    shares, vectors = np.linalg.eigh(turned.T @ total_of(runs)[0] @ turned)
     directions = vectors[:, shares > _LEAST_TOLD]
     blocks = [_block(copy, turned, directions) for copy in copies]
     above, n_row = 0, sum(t.size for t, _, _ in blocks)
@@ -285,7 +282,7 @@ def _block(
     in directions `told`.
     """
     every = block_diag(*[turned] * len(copies.sources))
-    spectrum, vectors = np.linalg.eigh(_symmetric(every.T @ copies.information @ every))
+    spectrum, vectors = np.linalg.eigh(every.T @ copies.information @ every)
     informative = spectrum > _LEAST_SHARE
     half = np.sqrt(spectrum[informative])
     rows = half[:, None] * vectors[:, informative].T
@@ -294,12 +291,6 @@ def _block(
     for name in copies.sources:
         mine = rows[:, copies.of(name)]
         design += mine
-        shares, axes = np.linalg.eigh(
-            _symmetric(told.T @ turned.T @ copies.alone(name)[0] @ turned @ told)
-        )
+        shares, axes = np.linalg.eigh(told.T @ turned.T @ copies.alone(name)[0] @ turned @ told)
         moves[name] = mine @ (told @ axes[:, shares > _LEAST_SHARE])
     return t, design, moves
-
-
-def _symmetric(matrix: FloatArray) -> FloatArray:
-    return np.asarray(0.5 * (matrix + matrix.T))

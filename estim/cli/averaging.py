@@ -10,7 +10,7 @@ import click
 
 from estim.cli.options import OUT, PATH, report_options
 from estim.cli.tables import dialect_of, dialect_options
-from estim.cli.terminal import conclude, exit_unless, report_at, reserve_output, say, write_report
+from estim.cli.terminal import conclude, finish, reserve_output, say, write_report
 from estim.common import FigureChoice, phrase
 
 
@@ -61,5 +61,4 @@ def mean(
     status = found.mean.status
     stated = [mean_statement(found)] if status.ok else []
     conclude(phrase("mean"), status, [*stated, *quoted], found.facts)
-    report_at(folder / "report.md", ())
-    exit_unless(status.ok)
+    finish(folder, status.ok)

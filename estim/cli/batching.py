@@ -14,7 +14,7 @@ import click
 from estim.cli.formats import chosen
 from estim.cli.options import FOLDER, JOBS, PATH, STEPS, report_options
 from estim.cli.origin import note_of_others
-from estim.cli.terminal import exit_unless, pieces, report_at, reserve_output, say, write_report
+from estim.cli.terminal import finish, pieces, reserve_output, say, write_report
 from estim.common import EstimError, FigureChoice, InputError, held, phrase
 
 if TYPE_CHECKING:
@@ -148,5 +148,4 @@ def batch(
         if len(rows) != 1
         else phrase("{n} run: {what}", **values)
     )
-    report_at(place / "report.md", ())
-    exit_unless(all(row.status == "ok" for row in rows))
+    finish(place, all(row.status == "ok" for row in rows))

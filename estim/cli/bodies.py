@@ -34,4 +34,4 @@ def body(file: Path, out: Path | None, seed: int) -> None:
     write_report(folder, body_report(source, weighing, seed=seed))
     for line in body_lines(weighing):
         say(line)
-    report_at(folder / "report.md", ())
+    report_at(folder)

@@ -125,5 +125,5 @@ def calibrate(
                     [*map(tell, verdicts), *sentences],
                     [unlike] if unlike else [],
                 )
-            report_at(place / "report.md", loaded.source.files_outside())
+            report_at(place, loaded.source.files_outside())
     exit_unless(trusted)

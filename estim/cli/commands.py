@@ -52,6 +52,7 @@ from estim.cli.terminal import (
     conclude,
     exit_code,
     exit_unless,
+    finish,
     finished_pieces,
     groups_of,
     progress_bar,
@@ -267,7 +268,7 @@ def _fit_groups(
         explanations += [] if analysis.explanation is None else [analysis.explanation]
     if len(groups) > 1:
         write_report(folder, index_report(campaign, results, explanations))
-    report_at(folder / "report.md", campaign.source.files_outside())
+    report_at(folder, campaign.source.files_outside())
     if not can_write_netcdf():
         say(
             phrase(
@@ -336,8 +337,8 @@ def energy(
     write_report(
         folder, energy_report(loaded, analyses, records, drifts, seed=seed, figures=figures)
     )
-    report_at(folder / "report.md", loaded.source.files_outside())
-    exit_unless(all(energy_status(*pair).ok for pair in zip(analyses, drifts, strict=True)))
+    ok = all(energy_status(*pair).ok for pair in zip(analyses, drifts, strict=True))
+    finish(folder, ok, loaded.source.files_outside())
 
 
 @cli.command()
@@ -385,8 +386,8 @@ def reanalyse(
     sentences = reanalysis_lines(result)
     for what, status in result.statuses.items():
         conclude(called(what), status, sentences.get(what, ()))
-    report_at(folder / "report.md", loaded.source.files_outside(line=True, published=True))
-    exit_unless(all(status.ok for status in result.statuses.values()))
+    ok = all(status.ok for status in result.statuses.values())
+    finish(folder, ok, loaded.source.files_outside(line=True, published=True))
 
 
 @cli.command()

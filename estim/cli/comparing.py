@@ -51,6 +51,6 @@ def compare(
         write_report(
             place, compare_report(campaign, compared, seed=seed, figures=figures), within=folder
         )
-        report_at(place / "report.md", campaign.source.files_outside())
+        report_at(place, campaign.source.files_outside())
         all_ok = all_ok and any(model.analysis.diagnosis.ok for model in compared)
     return all_ok

@@ -10,15 +10,7 @@ import click
 
 from estim.cli.options import OUT, PATH, out_folder, report_options
 from estim.cli.tables import dialect_of, dialect_options
-from estim.cli.terminal import (
-    conclude,
-    exit_unless,
-    progress_bar,
-    report_at,
-    reserve_output,
-    say,
-    write_report,
-)
+from estim.cli.terminal import conclude, finish, progress_bar, reserve_output, say, write_report
 from estim.common import FigureChoice, InputError, phrase, read_quantity
 
 
@@ -128,8 +120,7 @@ def line(
     write_report(folder, straight_line_report(fitted, figures=figures))
     say(fitted.told)
     conclude(phrase("line"), fitted.status, straight_line_lines(fitted), fitted.facts)
-    report_at(folder / "report.md", ())
-    exit_unless(fitted.status.ok)
+    finish(folder, fitted.status.ok)
 
 
 def _fit_line_and_trials(campaign: Path, folder: Path, *, seed: int, figures: FigureChoice) -> None:
@@ -175,5 +166,5 @@ def _fit_line_and_trials(campaign: Path, folder: Path, *, seed: int, figures: Fi
     if released is not None:
         trial_sentences = trials_lines(loaded, released) if released.status.ok else released.reasons
         conclude(phrase("trials"), released.status, [*trial_sentences, *released.disagreements])
-    report_at(folder / "report.md", source.files_outside(runs=False, line=True))
-    exit_unless(all(analysis.status.ok for analysis in (line, released) if analysis is not None))
+    ok = all(analysis.status.ok for analysis in (line, released) if analysis is not None)
+    finish(folder, ok, source.files_outside(runs=False, line=True))

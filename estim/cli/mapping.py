@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from estim.cli.options import CAMPAIGN, OUT_MAP, PATH, out_folder, report_options
-from estim.cli.terminal import conclude, exit_unless, report_at, reserve_output, say, write_report
+from estim.cli.terminal import conclude, finish, reserve_output, say, write_report
 from estim.common import FigureChoice, decide
 
 if TYPE_CHECKING:
@@ -72,8 +72,8 @@ def map_motions(
         conclude(body_map.body, decide(body_map.findings), map(tell, body_map.findings))
         for sentence in map_lines(body_map):
             say(f"  {sentence}")
-    report_at(folder / "report.md", loaded.source.files_outside(line=line is not None))
-    exit_unless(decide(finding for body_map in maps for finding in body_map.findings).ok)
+    ok = decide(finding for body_map in maps for finding in body_map.findings).ok
+    finish(folder, ok, loaded.source.files_outside(line=line is not None))
 
 
 def _fitted(campaign: Campaign, fitted: Path) -> FittedValues:

@@ -130,6 +130,6 @@ def compare_models(
                 say(phrase("  not {name}: {why}", name=name, why=why))
             if price := price_words(comparison):
                 say(f"  {price}")
-            report_at(place / "report.md", loaded.source.files_outside())
+            report_at(place, loaded.source.files_outside())
             recommended = recommended and bool(comparison.recommended)
     exit_unless(recommended)

@@ -7,15 +7,7 @@ from pathlib import Path
 import click
 
 from estim.cli.options import CAMPAIGN, OUT_PLAN, RUNS, out_folder, report_options
-from estim.cli.terminal import (
-    conclude,
-    exit_unless,
-    groups_of,
-    pieces,
-    report_at,
-    reserve_output,
-    write_report,
-)
+from estim.cli.terminal import conclude, finish, groups_of, pieces, reserve_output, write_report
 from estim.common import FigureChoice, phrase
 
 
@@ -59,5 +51,4 @@ def plan_next(
     write_report(folder, plan_report(result, figures=figures))
     status, reasons = plan_status(result)
     conclude(phrase("plan"), status, [*plan_answers(result), *reasons])
-    report_at(folder / "report.md", loaded.source.files_outside())
-    exit_unless(status.ok)
+    finish(folder, status.ok, loaded.source.files_outside())

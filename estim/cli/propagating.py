@@ -7,15 +7,7 @@ from pathlib import Path
 import click
 
 from estim.cli.options import OUT, report_options
-from estim.cli.terminal import (
-    conclude,
-    exit_unless,
-    pieces,
-    report_at,
-    reserve_output,
-    say,
-    write_report,
-)
+from estim.cli.terminal import conclude, finish, pieces, reserve_output, say, write_report
 from estim.common import FigureChoice, Stream, phrase, stream
 
 
@@ -54,5 +46,4 @@ def propagate(
             say(line)
         else:
             conclude(output.name, status, propagation.notes)
-    report_at(folder / "report.md", ())
-    exit_unless(all(status.ok for status in propagation.statuses))
+    finish(folder, all(status.ok for status in propagation.statuses))

@@ -255,14 +255,20 @@ def exit_unless(ok: bool) -> None:
         sys.exit(NOT_OK)
 
 
-def report_at(path: Path, outside: Iterable[str]) -> None:
+def report_at(folder: Path, outside: Iterable[str] = ()) -> None:
     """Where the report stands, and which of the files that were read lie outside the campaign's
     folder.
     """
     for sentence in outside:
         say(phrase("note: {text}", text=sentence))
-    for report in [path.with_suffix(f".{name}") for name in chosen()] or [path]:
-        say(phrase("report: {path}", path=report))
+    for name in chosen() or ["md"]:
+        say(phrase("report: {path}", path=folder / f"report.{name}"))
+
+
+def finish(folder: Path, ok: bool, outside: Iterable[str] = ()) -> None:
+    """The last words of a command that writes one report, and its exit code."""
+    report_at(folder, outside)
+    exit_unless(ok)
 
 
 @contextmanager

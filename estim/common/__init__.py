@@ -21,6 +21,7 @@ from estim.common.escaping import (
     json_of,
     markdown,
     mathtext,
+    number,
     one_line,
     plain,
     unescaped,

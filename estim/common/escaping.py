@@ -14,6 +14,7 @@ import csv
 import html
 import io
 import json
+import math
 import re
 from collections.abc import Iterable
 from typing import Any
@@ -110,6 +111,11 @@ def code(text: object) -> Markdown:
 def destination(path: object) -> Markdown:
     """`path` as the destination of a link or an image."""
     return Markdown(quote(str(path), safe="/.-_+~", errors="surrogateescape"))
+
+
+def number(value: float) -> float | None:
+    """`value`, or None where JSON has no word for it."""
+    return float(value) if math.isfinite(value) else None
 
 
 def as_json(record: object) -> bytes:

@@ -13,13 +13,15 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
 from estim.common.escaping import LETTERS, Markdown, markdown
-from estim.common.phrases import later, phrase
+from estim.common.phrases import PhraseTable
 
-KINDS = {
-    "synthetic": later("**SYNTHETIC data**: made by a program, not measured."),
-    "measured": later("Measured data."),
-    "published": later("Data taken from a publication."),
-}
+KINDS = PhraseTable(
+    {
+        "synthetic": "**SYNTHETIC data**: made by a program, not measured.",
+        "measured": "Measured data.",
+        "published": "Data taken from a publication.",
+    }
+)
 FigureChoice: TypeAlias = Literal["main", "all", "none"]
 """Which figures a report has."""
 FIGURE_CHOICES: tuple[str, ...] = get_args(FigureChoice)
@@ -91,7 +93,7 @@ def subscripted(symbol: str) -> str:
 
 def kind_words(kind: str) -> Markdown:
     """What a report says of the kind of its data, one of `KINDS`."""
-    return Markdown(phrase(KINDS[kind]))
+    return Markdown(KINDS[kind])
 
 
 def split_level(name: str) -> tuple[str, str]:

@@ -289,12 +289,10 @@ def raised(power: object) -> str:
     return str(power).translate(_RAISED)
 
 
-def percentage(share: float, digits: int = 2) -> str:
+def percentage(share: float) -> str:
     """A share as '8.6 %', '106 %', '0.30 %'."""
-    size = abs(100.0 * share)
-    if size >= 1.0:
-        digits = max(digits, 1 + math.floor(math.log10(size)))
-    return f"{significant(100.0 * share, digits)} %"
+    size = max(abs(100.0 * share), 1.0)
+    return f"{significant(100.0 * share, max(2, 1 + math.floor(math.log10(size))))} %"
 
 
 def with_unit(text: str, unit: str) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from estim.arrays import FloatArray, all_finite
+from estim.arrays import FloatArray, all_finite, finite_or
 from estim.common import Label, bracketed, phrase
 from estim.drawing import BLUE, GREY, INK, ORANGE, PALE, Axes, Figure, handed_out, logarithmic
 from estim.fitting import Contour
@@ -192,7 +192,7 @@ def _refined(region: Region, a: FloatArray, b: FloatArray) -> FloatArray:
     pairs = np.stack(np.meshgrid(a, b, indexing="ij"), axis=-1)
     with np.errstate(invalid="ignore"):
         rise = RegularGridInterpolator((region.x, region.y), region.rise)(pairs)
-    return np.where(np.isfinite(rise), rise, np.inf)
+    return finite_or(rise, np.inf)
 
 
 def _draw_region(ax: Axes, region: Region) -> None:

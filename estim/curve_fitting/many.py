@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from estim.arrays import FloatArray, IntArray, all_finite
+from estim.arrays import FloatArray, IntArray, all_finite, squared_rows
 from estim.checks import P_POOR_FIT
 from estim.common import InputError, Status
 from estim.curve_fitting.single import fit_curve
@@ -175,12 +175,12 @@ def _concluded(
     moving = ~on_limit & (scale > 0.0)
     unit = np.where(moving, scale, 1.0)
     pairs = moving[:, :, None] & moving[:, None, :]
-    scaled = np.where(pairs, information / (unit[:, :, None] * unit[:, None, :]), 0.0)
+    scaled = np.where(pairs, information / squared_rows(unit), 0.0)
     squared, vectors = np.linalg.eigh(scaled + np.eye(len(names)) * ~moving[:, :, None])
     known = squared > _RESOLVED**2
     inverse = np.where(known, 1.0 / np.where(known, squared, 1.0), 0.0)
     cov = np.einsum("nik,nk,njk->nij", vectors, inverse, vectors)
-    cov = np.where(pairs, cov / (unit[:, :, None] * unit[:, None, :]), 0.0)
+    cov = np.where(pairs, cov / squared_rows(unit), 0.0)
     dof = function.n_res - np.sum(~on_limit, axis=1)
     positive = np.where(dof > 0, dof, np.nan)
     variance = chi2 / positive

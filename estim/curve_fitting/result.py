@@ -5,7 +5,7 @@ how a person reads them.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray, all_finite
+from estim.arrays import FloatArray, all_finite, sds_of
 from estim.checks import P_FLOOR, Goodness, unasked
 from estim.common import (
     Finding,
@@ -23,6 +23,7 @@ from estim.common import (
     code,
     format_p,
     markdown,
+    number,
     one_line,
     phrase,
     signed,
@@ -45,7 +46,7 @@ from estim.fitting import (
     profile_intervals,
     shown_value,
 )
-from estim.given_numbers import real_numbers
+from estim.given_numbers import check_probability, real_numbers
 from estim.problem import Observations, Problem
 from estim.words import advice, advice_for, tell
 
@@ -143,7 +144,7 @@ class CurveFit:
     def remarks(self) -> tuple[Finding, ...]:
         """What to know before using it, nothing wrong."""
         lacking = unasked(self.fit) if self.complete else []
-        return (*self.seen, *(replace(item, run="") for item in lacking))
+        return (*self.seen, *lacking)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -223,8 +224,7 @@ class CurveFit:
         return self._predicted(run, places, probability)
 
     def _predicted(self, run: Observations, places: FloatArray, probability: float) -> Prediction:
-        if not 0.0 < probability < 1.0:
-            raise InputError("must lie between 0 and 1", field="probability", value=probability)
+        check_probability(probability)
         value = np.array(run.drawn(self.values, places))
         gradient = replace(run.points, x=places).gradient(self.values, self.names)
         # the curve is known as well whatever its parameters are: exp(b) in place of a
@@ -347,16 +347,16 @@ class CurveFit:
         parameters = {
             name: {
                 "value": self.values[name],
-                "sd": _number(self.sds[name]),
+                "sd": number(self.sds[name]),
                 "unit": units[name],
                 "intervals": {
-                    f"{p:g}": list(map(_number, ends)) for p, ends in self.intervals[name].items()
+                    f"{p:g}": list(map(number, ends)) for p, ends in self.intervals[name].items()
                 },
             }
             for name in self.names
         }
         derived = {
-            name: {"value": found.value, "sd": _number(found.sd), "unit": found.unit}
+            name: {"value": found.value, "sd": number(found.sd), "unit": found.unit}
             for name, found in self.derived.items()
         }
         return {
@@ -367,10 +367,10 @@ class CurveFit:
             "parameters": parameters,
             "derived": derived,
             "fixed": dict(self.fixed),
-            "covariance": [list(map(_number, row)) for row in self.cov.tolist()],
+            "covariance": [list(map(number, row)) for row in self.cov.tolist()],
             "chi2": self.chi2,
             "dof": self.dof,
-            "p_value": _number(self.p_value),
+            "p_value": number(self.p_value),
             "sigma": self.sigma,
             "n_obs": self.problem.n_obs,
         }
@@ -476,7 +476,7 @@ class CurveFit:
         """(n_par, n_par) correlation matrix; nan beside a parameter without a standard
         deviation.
         """
-        sds = np.sqrt(np.diag(self.cov))
+        sds = sds_of(self.cov)
         with np.errstate(invalid="ignore", divide="ignore"):
             return self.cov / np.outer(sds, sds)
 
@@ -587,8 +587,10 @@ class CurveFit:
         )
 
 
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+def unnamed(findings: Iterable[Finding], fit: Fit) -> tuple[Finding, ...]:
+    """The findings, without the name that the points of `fit` have where nobody gave them one."""
+    several = len(fit.problem.runs) > 1
+    return tuple(finding if several else replace(finding, run="") for finding in findings)
 
 
 def _derived_words(found: LinearDerived) -> str:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray, max_abs
+from estim.arrays import FloatArray, finite_or, max_abs, sds_of
 from estim.checks import (
     check_goodness,
     check_stated_values,
@@ -34,7 +34,7 @@ from estim.checks import (
     wrong_curves,
 )
 from estim.common import PROBABILITIES, Amount, Finding, Kind, Status, decide, phrase, wrong
-from estim.curve_fitting.result import CurveFit
+from estim.curve_fitting.result import CurveFit, unnamed
 from estim.curves import (
     AxisNames,
     Component,
@@ -247,7 +247,7 @@ def pose_points(
         else provisional(named, start, bounds, said["priors"], {*fixed, *said["tied"]})
     )
     posed = pose_curve(
-        curve if named is None else named.expression,
+        curve if named is None else named.formula,
         points.x,
         points.y,
         **{**said, "start": begin, "bounds": limits},
@@ -266,9 +266,7 @@ def pose_points(
         r_xy=points.r_xy,
         level=level,
     )
-    return (
-        posed if named is None else started(replace(posed, called=named.called), named, held=start)
-    )
+    return posed if named is None else started(replace(posed, called=named.text), named, held=start)
 
 
 def fit_stated(
@@ -280,7 +278,7 @@ def fit_stated(
     for _ in range(rounds):
         before, best = best.values, _on(problem, best, rng, unstated=False)
         moved = np.abs(best.values - before)
-        if np.all(moved <= _SETTLED * np.sqrt(np.diag(best.cov))):
+        if np.all(moved <= _SETTLED * sds_of(best.cov)):
             break
     fit = _whole_fit(problem, best.values, best, rng)
     return _concluded(posed, best, problem, fit, fit, rng=rng)
@@ -352,17 +350,11 @@ def fit_errors(
     findings += [
         fit.unheld,
         *pressed_edges(fit, Kind.PRESSED_LIMIT),
-        *(
-            replace(f, run=f.run if len(goodness) > 1 else "")
-            for f in failed_tests(goodness, dof=fit.dof)
-        ),
-        *(
-            replace(f, run=f.run if len(fit.problem.runs) > 1 else "")
-            for f in too_many_outliers(fit)
-        ),
+        *failed_tests(goodness, dof=fit.dof),
+        *too_many_outliers(fit),
         None if fit.singular else stated_values(fit, check_stated_values(fit)),
     ]
-    found = wrong([finding for finding in findings if finding is not None])
+    found = unnamed(wrong([finding for finding in findings if finding is not None]), fit)
     return CurveFit(
         names=fit.names,
         values=values,
@@ -405,7 +397,7 @@ def _profiled_over_curvature(
         ratio = 0.5 * (high - low) / (one * fit.sds)
         alone = np.array([p.prior.sd for p in fit.problem.parameters]) / fit.sds
     of_curve = [name not in fit.problem.noise_names for name in fit.names]
-    ratio = np.minimum(ratio, np.where(np.isfinite(alone), alone, math.inf))
+    ratio = np.minimum(ratio, finite_or(alone, math.inf))
     return np.where(np.isfinite(ratio) & (ratio > 1.0) & of_curve, ratio, 1.0)
 
 
@@ -427,8 +419,6 @@ def _fit_discrepancy(posed: CurveProblem, complete: CurveFit, rng: np.random.Gen
     (deviation,) = fit.deviations
     goodness = check_goodness(fit, rng=rng)
     solutions = [f for f in complete.findings if f.kind is Kind.SEVERAL_SOLUTIONS]
-    tests = [replace(f, run="") for f in failed_tests(goodness, dof=fit.dof)]
-    refused = [replace(f, run="") for f in wrong_curves(fit.deviations)]
     values, names = np.clip(deviation.mean, *problem.support()).tolist(), fit.names
     outside = values_outside(dict(zip(names, values, strict=True)), deviation.intervals)
     findings = wrong(
@@ -436,11 +426,12 @@ def _fit_discrepancy(posed: CurveProblem, complete: CurveFit, rng: np.random.Gen
             *solutions,
             *outside,
             *pressed_edges(fit, Kind.PRESSED_LIMIT),
-            *tests,
-            *refused,
+            *failed_tests(goodness, dof=fit.dof),
+            *wrong_curves(fit.deviations),
             stated_values(fit, check_stated_values(fit)),
         ]
     )
+    findings = unnamed(findings, fit)
     about = deviation_finding(deviation, x_unit=posed.axes.x_unit, y_unit=posed.axes.y_unit)
     sds, near = sds_near_limits(deviation, problem)
     return replace(
@@ -454,7 +445,7 @@ def _fit_discrepancy(posed: CurveProblem, complete: CurveFit, rng: np.random.Gen
         sigma=None if complete.sigma is None else deviation.noise[1],
         status=decide(findings),
         findings=findings,
-        seen=(*near, replace(about, run="")),
+        seen=unnamed([*near, about], fit),
         goodness=goodness,
         fit=fit,
     )
@@ -524,7 +515,10 @@ def _concluded(
     about = curve_findings(
         held, best, p_value, chi2, dof, goodness, estimated=sigma is not None, perfect=perfect
     )
-    findings = wrong([*solutions, *outside, *uncertainty.open, *about, *stated])
+    findings = unnamed(wrong([*solutions, *outside, *uncertainty.open, *about, *stated]), fit)
+    remarks = curve_remarks(
+        fit, best, p_value, chi2, dof, goodness, stated=sigma is None, perfect=perfect
+    )
     modelled = isinstance(posed, CurveProblem) and posed.lacks is not None
     return CurveFit(
         names=held.names,
@@ -538,12 +532,7 @@ def _concluded(
         sigma=sigma,
         status=decide(findings),
         findings=findings,
-        seen=(
-            *uncertainty.notes,
-            *curve_remarks(
-                fit, best, p_value, chi2, dof, goodness, stated=sigma is None, perfect=perfect
-            ),
-        ),
+        seen=unnamed([*uncertainty.notes, *remarks], fit),
         complete=not (findings or perfect or modelled),
         message=_message(best, sigma, perfect, [*map(tell, same_curve(fit)), *_said(problem)]),
         goodness=goodness,

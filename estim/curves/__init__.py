@@ -8,9 +8,7 @@ from estim.curves.formula import RESERVED, Formula, evaluate, read_formula
 from estim.curves.joining import DataSet, JointProblem, join, of_data_set
 from estim.curves.models import Limits
 from estim.curves.named import (
-    BareFormula,
     ModelSum,
-    Unstarted,
     arguments_of,
     called_by_name,
     in_time,

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray, Named
+from estim.arrays import BoolArray, FloatArray, IntArray, Named, finite_or
 from estim.problem import EXACT, Curve, LocalCurve, n_draws, some_draws
 
 _AT, _WEIGHTS = np.polynomial.legendre.leggauss(10)
@@ -83,7 +83,7 @@ class BinnedCurve:
         here = self._at_events(arguments)
         inside, least = self._integrals(arguments, here)
         scale = np.where(least[:, None] >= 0.0, self._scale(inside), np.nan)
-        return np.asarray(scale * here), np.asarray(scale * inside)
+        return scale * here, scale * inside
 
     def local_rate(self, t: FloatArray, arguments: Named) -> LocalCurve:
         """The density with its gradient at t (n,), for single arguments."""
@@ -125,8 +125,8 @@ class BinnedCurve:
         n_draw = n_draws(arguments)
         if not self.events.size:
             return np.zeros((n_draw, 0))
-        return np.asarray(
-            np.broadcast_to(self.density.value(self.events, arguments), (n_draw, self.events.size))
+        return np.broadcast_to(
+            self.density.value(self.events, arguments), (n_draw, self.events.size)
         )
 
     def _quadrature(self, arguments: Named) -> tuple[FloatArray, FloatArray, IntArray]:
@@ -263,7 +263,7 @@ class BinnedCurve:
         )
         filled = first < last
         if np.any(filled):
-            flat = np.append(np.where(np.isfinite(here), here, 0.0).ravel(), 0.0)
+            flat = np.append(finite_or(here, 0.0).ravel(), 0.0)
             pairs = (panels.draw * n_event)[filled, None] + np.column_stack([first, last])[filled]
             highest[filled] = np.maximum.reduceat(flat, pairs.ravel())[::2]
         return highest
@@ -282,15 +282,13 @@ class BinnedCurve:
         if self.total is None:
             return np.ones((inside.shape[0], 1))
         with np.errstate(all="ignore"):
-            return np.asarray(self.total / np.sum(inside, axis=1, keepdims=True))
+            return self.total / np.sum(inside, axis=1, keepdims=True)
 
     def _pull(self, inside: FloatArray, slope: FloatArray) -> FloatArray:
         """By how much less the bins gain where their sum is held."""
         if self.total is None:
             return np.zeros_like(inside)
-        return np.asarray(
-            inside / np.sum(inside, axis=1, keepdims=True) * np.sum(slope, axis=1, keepdims=True)
-        )
+        return inside / np.sum(inside, axis=1, keepdims=True) * np.sum(slope, axis=1, keepdims=True)
 
     def _bin_of(self, x: FloatArray) -> IntArray:
         return np.clip(np.searchsorted(self.low, x, side="right") - 1, 0, self.low.size - 1)
@@ -317,7 +315,7 @@ class _Panels:
 
 def _places(low: FloatArray, high: FloatArray) -> FloatArray:
     """(10, n_panel) the nodes."""
-    return np.asarray(0.5 * (low + high) + 0.5 * (high - low) * _AT[:, None])
+    return 0.5 * (low + high) + 0.5 * (high - low) * _AT[:, None]
 
 
 def _panels_of(
@@ -346,7 +344,7 @@ def _highest_mark(panels: _Panels, places: FloatArray, heights: FloatArray) -> F
     none.
     """
     highest = np.zeros(panels.draw.size)
-    for place, height in zip(places.T, np.where(np.isfinite(heights), heights, 0.0).T, strict=True):
+    for place, height in zip(places.T, finite_or(heights, 0.0).T, strict=True):
         at = place[panels.draw]
         inside = np.flatnonzero((at >= panels.low) & (at <= panels.high))
         highest[inside] = np.maximum(highest[inside], height[panels.draw[inside]])

@@ -201,7 +201,7 @@ def first_non_count(y: FloatArray) -> int | None:
 
 def _bin_centres(bins: FloatArray) -> FloatArray:
     """(n_obs,) of bins (n_obs, 2)."""
-    return np.asarray(0.5 * (bins[:, 0] + bins[:, 1]))
+    return 0.5 * (bins[:, 0] + bins[:, 1])
 
 
 def _poisson(x: FloatArray, y: FloatArray, bins: ArrayLike | None, what: str) -> CountedPoints:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray, IntArray
+from estim.arrays import FloatArray, IntArray, sds_of
 from estim.common import InputError, Notation, Quantity, phrase, read_quantity
 from estim.curves.columns import column, errors_of, share_of
 from estim.curves.count_data import (
@@ -434,7 +434,7 @@ def _errors_of_y(
         raise InputError("cannot be combined with u_y", field="cov_y")
     if cov_y is not None:
         cov = check_covariance(cov_y, n_obs, field="cov_y")
-        return np.sqrt(np.diag(cov)), cov
+        return sds_of(cov), cov
     if u_y is None:
         return np.ones(n_obs), None
     return errors_of(u_y, n_obs, "u_y"), None
@@ -451,7 +451,7 @@ def _errors_of_x(
         if u_x is not None:
             raise InputError("cannot be combined with u_x", field=field)
         cov = check_covariance(cov_x, x.size, field=field)
-        sizes = np.sqrt(np.diag(cov))
+        sizes = sds_of(cov)
     elif u_x is not None:
         sizes = errors_of(u_x, x.size, field, some_exact=True)
     else:

@@ -13,7 +13,6 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from types import MappingProxyType
 
 from estim.common import InputError
@@ -75,26 +74,17 @@ class Term:
 
 @dataclass(frozen=True, eq=False)
 class ModelSum:
-    """A sum of named curves.  text : as a person calls it."""
+    """A sum of named curves, or a formula that has no terms.  text : as a person calls it, "" for a
+    formula.
+    """
 
     text: str
-    terms: tuple[Term, ...]
-
-    @property
-    def called(self) -> str:
-        return self.text
-
-    @property
-    def expression(self) -> str:
-        return " + ".join(term.expression for term in self.terms)
-
-    @cached_property
-    def formula(self) -> Formula:
-        return read_formula(self.expression)
+    formula: Formula
+    terms: tuple[Term, ...] = ()
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        return tuple(term.prefix + name for term in self.terms for name in term.model.parameters)
+        return _parameters(self.terms) or self.formula.names
 
     @property
     def limits(self) -> dict[str, Limits]:
@@ -111,13 +101,13 @@ def named_model(text: object) -> ModelSum | None:
     """
     if not isinstance(text, str) or not names_only(text):
         return None
-    terms = [_term(word.strip()) for word in text.split("+")]
-    known = tuple(term for term in terms if term is not None)
-    return (
-        _checked(ModelSum(" + ".join(text.replace("+", " ").split()), known))
-        if len(known) == len(terms)
-        else None
-    )
+    found = [_term(word.strip()) for word in text.split("+")]
+    terms = tuple(term for term in found if term is not None)
+    if len(terms) < len(found):
+        return None
+    called = " + ".join(text.replace("+", " ").split())
+    _check_terms(called, terms)
+    return ModelSum(called, read_formula(" + ".join(term.expression for term in terms)), terms)
 
 
 def names_only(text: object) -> bool:
@@ -191,23 +181,22 @@ def _installed(plugin: Plugin) -> Model:
     return plugin.make(checked, Model)
 
 
-def _checked(asked: ModelSum) -> ModelSum:
-    if len(asked.terms) > MOST_TERMS:
-        raise InputError(
-            f"must have at most {MOST_TERMS} terms", field="model", value=len(asked.terms)
-        )
-    twice = [name for name, n in Counter(asked.parameters).items() if n > 1]
+def _parameters(terms: Iterable[Term]) -> tuple[str, ...]:
+    return tuple(term.prefix + name for term in terms for name in term.model.parameters)
+
+
+def _check_terms(called: str, terms: tuple[Term, ...]) -> None:
+    if len(terms) > MOST_TERMS:
+        raise InputError(f"must have at most {MOST_TERMS} terms", field="model", value=len(terms))
+    twice = [name for name, n in Counter(_parameters(terms)).items() if n > 1]
     if twice:
-        numbered = " + ".join(
-            f"{'abcdefgh'[i]}_{term.model.name}" for i, term in enumerate(asked.terms)
-        )
+        numbered = " + ".join(f"{'abcdefgh'[i]}_{term.model.name}" for i, term in enumerate(terms))
         raise InputError(
             f"has several parameters '{twice[0]}': put something before the models to tell them "
             f'apart, like "{numbered}"',
             field="model",
-            value=asked.text,
+            value=called,
         )
-    return asked
 
 
 _POSITIVE: Limits = (0.0, None)

@@ -4,17 +4,16 @@ them until there are points, and what these give.
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, number
 from estim.curves.curve_problem import CurveProblem
 from estim.curves.formula import Formula, read_formula
 from estim.curves.models import Limits, named_model, names_only
@@ -22,44 +21,16 @@ from estim.curves.models import ModelSum as ModelSum
 from estim.curves.models import known_models as known_models
 from estim.curves.models import read_model as read_model
 from estim.curves.projected import linear_in as linear_in
-from estim.curves.several_abscissas import OfPoints
+from estim.curves.several_abscissas import OfPoints, arguments_taken
 from estim.curves.starting_values import guess_starts
 from estim.problem import MOST_REWEIGHTED, Flat, errors_widened, typical_size
 
 _SIZE = "size_of_density"
 
 
-@dataclass(frozen=True, eq=False)
-class BareFormula:
-    """A formula of the user's, some of whose parameters have no start; it is asked what a
-    `ModelSum` is.
-    """
-
-    formula: Formula
-
-    @property
-    def expression(self) -> Formula:
-        return self.formula
-
-    @property
-    def called(self) -> str:
-        return ""
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        return self.formula.names
-
-    @property
-    def limits(self) -> dict[str, Limits]:
-        return {}
-
-
-Unstarted = ModelSum | BareFormula
-
-
 def unstarted(
     curve: object, start: Collection[str], fixed: Collection[str], tied: Collection[str]
-) -> Unstarted | None:
+) -> ModelSum | None:
     """What finds the starts that are not given, of models by name or of a formula of x; None where
     none is missing, or nothing can.
     """
@@ -78,7 +49,7 @@ def unstarted(
     formula = read_formula(curve, field="curve")
     constant = formula.names == (formula.text,)
     missing = {*formula.names} - {*start, *fixed}
-    return BareFormula(formula) if (formula.uses_x or constant) and missing else None
+    return ModelSum("", formula) if (formula.uses_x or constant) and missing else None
 
 
 def in_time(curve: Any, axis: str, *named: object) -> Any:
@@ -105,13 +76,9 @@ def with_defaults(
         return {**dict.fromkeys(free, 1.0), **(start or {})}
     if not callable(curve) or start:
         return start
-    try:
-        parameters = inspect.signature(curve).parameters.values()
-    except (TypeError, ValueError):
-        return start
     known = {
         p.name: float(p.default)
-        for p in parameters
+        for p in arguments_taken(curve)
         if isinstance(p.default, int | float)
         and not isinstance(p.default, bool)
         and not any(p.name in names for names in held if names)
@@ -125,10 +92,7 @@ def arguments_of(curve: object, *named: Collection[str]) -> tuple[str, ...]:
     named : as for `called_by_name`.  Raises InputError.
     """
     if callable(curve):
-        try:
-            _, *parameters = inspect.signature(getattr(curve, "rhs", curve)).parameters.values()
-        except (TypeError, ValueError):
-            return ()
+        parameters = arguments_taken(getattr(curve, "rhs", curve))[1:]
         begin = [entry for entry in getattr(curve, "at_start", ()) if isinstance(entry, str)]
         return (*(p.name for p in parameters if p.kind is not p.VAR_KEYWORD), *begin)
     models = called_by_name(curve, *named)
@@ -154,7 +118,7 @@ def called_by_name(curve: object, *named: Collection[str]) -> ModelSum | None:
 
 
 def provisional(
-    asked: Unstarted,
+    asked: ModelSum,
     start: Mapping[str, float],
     bounds: Mapping[str, Limits],
     priors: Collection[str],
@@ -170,7 +134,7 @@ def provisional(
     return {name: within(limits.get(name)) for name in free} | dict(start), limits
 
 
-def started(posed: CurveProblem, asked: Unstarted, *, held: Collection[str]) -> CurveProblem:
+def started(posed: CurveProblem, asked: ModelSum, *, held: Collection[str]) -> CurveProblem:
     """The problem with starts found from its points but for the parameters `held`, whose starts are
     the user's.  Raises InputError.
     """
@@ -181,7 +145,7 @@ def started(posed: CurveProblem, asked: Unstarted, *, held: Collection[str]) -> 
     )
     width = np.ones(posed.y.size) if bins is None else bins[:, 1] - bins[:, 0]
     limits = {
-        name: (_finite(p.prior.low), _finite(p.prior.high))
+        name: (number(p.prior.low), number(p.prior.high))
         for name, p in known.items()
         if name not in held and isinstance(p.prior, Flat)
     }
@@ -205,8 +169,7 @@ def started(posed: CurveProblem, asked: Unstarted, *, held: Collection[str]) -> 
         starts = guess_starts(
             formula, posed.x, posed.y / width, gain / width, known=fixed, limits=positive
         )
-    if isinstance(asked, ModelSum):
-        starts = _in_order(asked, starts, limits)
+    starts = _in_order(asked, starts, limits)
     begun = {
         name: Flat(known[name].prior.low, known[name].prior.high, starts[name], start_stated=False)
         for name in limits
@@ -273,10 +236,6 @@ def _in_order(
         for own, found in zip(names, values, strict=True):
             ordered.update(zip(own, found, strict=True))
     return ordered
-
-
-def _finite(end: float) -> float | None:
-    return end if math.isfinite(end) else None
 
 
 def within(limits: Limits | None) -> float:

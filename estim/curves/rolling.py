@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray, Named
-from estim.common import Notation, later, phrase
+from estim.common import Notation, PhraseTable, later, phrase
 from estim.curves.differences import with_gradient
 from estim.model import (
     Body,
@@ -71,16 +71,19 @@ _FORCES = {  # argument -> field of Forces
 # argument -> field of Readings
 _READINGS = {"scale_x": "scale_x", "scale_t": "scale_t", "distortion": "bow"}
 _BEYOND_SCALES = _FORCES.keys() | {"sag", "distortion", "moment", "release_energy", "release_speed"}
-_STEP = 1e-4  # relative, of differences: motion under any force is good to 1e-10 or so
 _DEGREES = float(np.degrees(1.0))
-_SIZES = {
-    "once": later("amplitude of the moment once per turn / (M g R)"),
-    "twice": later("amplitude of the moment twice per turn / (M g R)"),
-}
-_PHASES = {
-    "once": later("phase of the moment once per turn, largest at θ"),
-    "twice": later("phase of the moment twice per turn, largest at 2 θ"),
-}
+_SIZES = PhraseTable(
+    {
+        "once": "amplitude of the moment once per turn / (M g R)",
+        "twice": "amplitude of the moment twice per turn / (M g R)",
+    }
+)
+_PHASES = PhraseTable(
+    {
+        "once": "phase of the moment once per turn, largest at θ",
+        "twice": "phase of the moment twice per turn, largest at 2 θ",
+    }
+)
 
 
 def body_of(arguments: Named) -> tuple[Body, dict[str, Any]]:
@@ -239,7 +242,7 @@ class PhaseCurve:
         if not _BEYOND_SCALES & arguments.keys():
             return self._scaled(x, arguments)
         (square, slope), gradient = with_gradient(
-            lambda columns: self._square_and_slope(x, columns), arguments, step=_STEP
+            lambda columns: self._square_and_slope(x, columns), arguments
         )
         return LocalCurve(square, slope, gradient)
 
@@ -321,10 +324,9 @@ def _as_read(
         rest = 6.0 * v * a[0]
     else:  # the derivatives of x are v, a, a' v, a'' v^2 + a a'
         rest = 10.0 * v * (a[2] * v**2 + a[0] * a[1]) + 20.0 * a[0] * a[1] * v
-    return np.asarray(
-        (found * readings.stretch(x) - readings.parabola()[1] * rest)
-        / (1.0 + np.asarray(readings.scale_t)) ** (order + 1)
-    )
+    return (found * readings.stretch(x) - readings.parabola()[1] * rest) / (
+        1.0 + np.asarray(readings.scale_t)
+    ) ** (order + 1)
 
 
 def _position(since: FloatArray, known: _Known, angular: bool) -> FloatArray:
@@ -373,7 +375,7 @@ class MotionCurve:
     def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
         """The gradient is by central differences."""
         (position, velocity), gradient = with_gradient(
-            lambda columns: self.state(x, columns), arguments, step=_STEP
+            lambda columns: self.state(x, columns), arguments
         )
         return LocalCurve(position, velocity, gradient)
 
@@ -569,9 +571,9 @@ def _of_forces(known: _Known, arguments: Named, rolling: Derived | None) -> dict
     for k, (_, cosine, sine) in zip(("once", "twice"), forces.turning, strict=True):
         if f"moment_{k}_cos" in arguments or f"moment_{k}_sin" in arguments:
             size, angle = turn_amplitude(cosine, sine)
-            quantities[f"moment_{k}"] = _derived("1", size, phrase(_SIZES[k]), Notation(f"a_{k}"))
+            quantities[f"moment_{k}"] = _derived("1", size, _SIZES[k], Notation(f"a_{k}"))
             quantities[f"moment_{k}_phase"] = _derived(
-                "rad", angle, phrase(_PHASES[k]), Notation(f"p_{k}", "°", _DEGREES)
+                "rad", angle, _PHASES[k], Notation(f"p_{k}", "°", _DEGREES)
             )
     return quantities
 

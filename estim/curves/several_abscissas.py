@@ -84,6 +84,14 @@ class OfPoints:
         return getattr(self.curve, "text", "") or getattr(self.curve, "__name__", "curve")
 
 
+def arguments_taken(function: Callable[..., Any]) -> tuple[inspect.Parameter, ...]:
+    """What a function of Python takes; nothing of a builtin that does not tell."""
+    try:
+        return tuple(inspect.signature(function).parameters.values())
+    except (TypeError, ValueError):
+        return ()
+
+
 def are_places(x: object) -> bool:
     """Whether x holds several abscissas: a mapping, a data frame or an array of two axes."""
     frame = isinstance(x, np.ndarray) or hasattr(x, "keys")  # a column of a frame has keys too

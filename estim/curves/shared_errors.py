@@ -21,18 +21,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import FloatArray, Named
-from estim.common import InputError, later, phrase
+from estim.common import InputError, PhraseTable
 from estim.curves.binned import BinnedCurve
 from estim.problem import EXACT, CommonError, Curve, LocalCurve, Normal, Parameter
 
-KINDS = ("zero_y", "scale_y", "zero_x", "scale_x")
 _SHARE = 0.01  # how far a scale is taken to be off
-_MEANINGS = {
-    "zero_y": later("common zero error of y"),
-    "scale_y": later("common relative error of y"),
-    "zero_x": later("common zero error of x"),
-    "scale_x": later("common relative error of x"),
-}
+KINDS = PhraseTable(
+    {
+        "zero_y": "common zero error of y",
+        "scale_y": "common relative error of y",
+        "zero_x": "common zero error of x",
+        "scale_x": "common relative error of x",
+    }
+)
 
 
 @dataclass(frozen=True)
@@ -82,9 +83,7 @@ class Component:
         unit = (
             "1" if self.kind.startswith("scale") else y_unit if self.kind.endswith("y") else x_unit
         )
-        return Parameter(
-            self.parameter_name, unit, Normal(0.0, float(self.u)), phrase(_MEANINGS[self.kind])
-        )
+        return Parameter(self.parameter_name, unit, Normal(0.0, float(self.u)), KINDS[self.kind])
 
 
 @dataclass(frozen=True, eq=False)

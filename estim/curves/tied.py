@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +14,7 @@ from estim.arrays import FloatArray, Named
 from estim.common import InputError
 from estim.curves.dual_numbers import Dual, plain
 from estim.curves.formula import Formula, check_names, evaluate, read_formula
+from estim.curves.several_abscissas import arguments_taken
 from estim.problem import EXACT, Curve, LocalCurve
 
 
@@ -103,12 +103,7 @@ def only_for_ties(
     named = {symbol for formula in tied.values() for symbol in formula.names}
     if not callable(curve):
         return named - {*read_formula(curve, field="curve").names}
-    try:
-        takes = inspect.signature(curve).parameters.values()
-    except (TypeError, ValueError):
+    takes = arguments_taken(curve)
+    if not takes or any(parameter.kind is parameter.VAR_KEYWORD for parameter in takes):
         return set()
-    return (
-        set()
-        if any(parameter.kind is parameter.VAR_KEYWORD for parameter in takes)
-        else named - {parameter.name for parameter in takes}
-    )
+    return named - {parameter.name for parameter in takes}

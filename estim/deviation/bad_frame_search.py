@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, sds_of
 from estim.deviation.components import Deviation
 from estim.deviation.linearised import Linearised, linearise_beside
 from estim.deviation.mixture import compact
@@ -270,7 +270,7 @@ def find_bad_frames(
                 float(np.exp(logs[best] - total)),
             )
         )
-    mean, sds = linear.mean[n_par:], np.sqrt(np.diag(linear.covariance)[n_par:])
+    mean, sds = linear.mean[n_par:], sds_of(linear.covariance)[n_par:]
     jumps = []
     for i, (pattern, wide, probability, share) in enumerate(selected):
         row, jump = pattern.row, before.get((pattern.kind, pattern.row))
@@ -369,4 +369,4 @@ def _scan(
 
 def _mean(logs: Sequence[FloatArray]) -> FloatArray:
     """Logarithm of the mean of what these are the logarithms of."""
-    return np.asarray(np.logaddexp.reduce(np.array(logs), axis=0) - np.log(len(logs)))
+    return np.logaddexp.reduce(np.array(logs), axis=0) - np.log(len(logs))

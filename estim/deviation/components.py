@@ -45,7 +45,7 @@ class Shape:
     @property
     def covariance(self) -> FloatArray:
         """(n_obs, n_obs)."""
-        return np.asarray(self.factor @ self.factor.T)
+        return self.factor @ self.factor.T
 
     def times(self, scale: float) -> Shape:
         """The shape whose unit amplitude is `scale`."""

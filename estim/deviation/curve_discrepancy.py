@@ -238,7 +238,7 @@ def _sds(slopes: FloatArray, precision: FloatArray) -> FloatArray:
     """
     information = slopes @ slopes.T + precision
     scale = diagonal_scale(information)
-    return np.asarray(
+    return (
         np.sqrt(np.diag(np.linalg.pinv(information / np.outer(scale, scale), hermitian=True)))
         / scale
     )

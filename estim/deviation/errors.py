@@ -37,7 +37,7 @@ class MixtureErrors(Likelihood):
 
     @property
     def y(self) -> FloatArray:
-        return np.asarray(self.points.y - self.formed.shift)
+        return self.points.y - self.formed.shift
 
     def log_likelihood(self, named: Named) -> FloatArray:
         return self.mixture.log_likelihood(
@@ -54,7 +54,7 @@ class MixtureErrors(Likelihood):
         """z times what makes their squares sum to the loss of log likelihood."""
         raw = self.raw(named)
         z = self.likely.whiten(raw)
-        return np.asarray(z * self._stretch(raw, z)[0][:, None])
+        return z * self._stretch(raw, z)[0][:, None]
 
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
         """By the product rule; the stretch g changes by g (Q r/lost - W^T z/|z|^2)."""
@@ -65,7 +65,7 @@ class MixtureErrors(Likelihood):
         if not lost > 0.0:
             return np.asarray(slopes)
         turning = self.mixture.pull(raw[0]) / lost - self.likely.turned_back(z[0]) / (z[0] @ z[0])
-        return np.asarray(slopes - stretch * np.outer(z[0], turning @ gradient))
+        return slopes - stretch * np.outer(z[0], turning @ gradient)
 
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
         """With the precision Q that the components have together at the point (`Mixture.pulls`)."""
@@ -87,7 +87,7 @@ class MixtureErrors(Likelihood):
         )
 
     def sd(self, named: Named) -> FloatArray:
-        return np.asarray(np.sqrt(self.mixture.variances(self.raw(named)[0])))
+        return np.sqrt(self.mixture.variances(self.raw(named)[0]))
 
     def squared_size(self, vector: FloatArray, named: Named) -> float:
         return float(np.sum(self.mixture.likely(self.raw(named)[0]).whiten(vector) ** 2))

@@ -80,7 +80,7 @@ def expected_root(
         covariance += apart * block_diag(*(one.force @ kernel @ one.force.T for one in responses))
     lower = np.linalg.cholesky(covariance + tracked.pushes @ tracked.pushes.T)
     gradient = stacked(tracked.formed).gradient(points, named, problem.names)
-    return np.asarray(solve_triangular(lower, gradient, lower=True))
+    return solve_triangular(lower, gradient, lower=True)
 
 
 def _size(likelihood: MixtureErrors, residuals: FloatArray, *, several: bool) -> ForceSize:

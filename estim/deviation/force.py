@@ -207,7 +207,7 @@ def _on_both_ways(along: Track, kernel: FloatArray, alike: float) -> FloatArray:
         along.weights, along.back
     )
     centred = np.eye(mean.shape[0]) - mean
-    return np.asarray(centred @ np.kron(np.array([[1.0, alike], [alike, 1.0]]), kernel) @ centred.T)
+    return centred @ np.kron(np.array([[1.0, alike], [alike, 1.0]]), kernel) @ centred.T
 
 
 def force_shapes(
@@ -271,7 +271,7 @@ def work_along(along: Track, x: FloatArray) -> FloatArray:
         )
         / step
     )
-    return np.asarray(total[:-1] - total[-1])
+    return total[:-1] - total[-1]
 
 
 def _moving(speed: FloatArray) -> None:

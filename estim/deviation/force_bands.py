@@ -65,7 +65,7 @@ class Completed:
             * metres
             / self.motion.energies(x, np.ones(x.size), arguments)[0]
         )
-        return np.asarray(energy * lift), scale
+        return energy * lift, scale
 
 
 @dataclass(frozen=True, eq=False)

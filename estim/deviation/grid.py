@@ -84,11 +84,11 @@ def noise_grid() -> Grid:
     return Grid(np.zeros(1), np.zeros(1), *_noise_scales(SCALES))
 
 
-def track_lengths(track: float, *, n: int = _N_LENGTH) -> tuple[FloatArray, FloatArray]:
-    """Lengths (n,) from a thirtieth to 0.6 of the track, in its unit, and their log prior
+def track_lengths(track: float) -> tuple[FloatArray, FloatArray]:
+    """Lengths (n_length,) from a thirtieth to 0.6 of the track, in its unit, and their log prior
     probabilities: log-normal(track/6, 0.7).
     """
-    lengths = track * np.geomspace(_SHORTEST, _LONGEST, n)
+    lengths = track * np.geomspace(_SHORTEST, _LONGEST, _N_LENGTH)
     return lengths, _normalised(-0.5 * np.square(np.log(lengths * _PART / track) / _LENGTH_SPREAD))
 
 
@@ -99,4 +99,4 @@ def _noise_scales(scales: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
 
 
 def _normalised(log_weight: FloatArray) -> FloatArray:
-    return np.asarray(log_weight - np.logaddexp.reduce(log_weight))
+    return log_weight - np.logaddexp.reduce(log_weight)

@@ -215,7 +215,7 @@ def _caused(along: Track, path: _Path, acceleration: float) -> FloatArray:
     rows = np.arange(x.size)
     hats[rows, place], hats[rows, place + 1] = 1.0 - share, share
     if along.n_way == 1:
-        return np.asarray(acceleration * hats)
+        return acceleration * hats
     v = path.v[1::2]
     back = np.append(v < 0.0, v[-1] < 0.0)[:, None]
     return acceleration * np.hstack([np.where(back, 0.0, hats), np.where(back, hats, 0.0)])

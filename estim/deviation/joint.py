@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import block_diag
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, sds_of
 from estim.common import InputError, phrase
 from estim.deviation.bad_frame_search import BadFrames, find_bad_frames
 from estim.deviation.components import Deviation, Shape, diagonalise
@@ -129,7 +129,7 @@ class Posed:
 
     def inferred_at(self, step: FloatArray) -> tuple[FoundForce, ...]:
         """What was found, where the mode lies `step` (n_par,) from the point of linearisation."""
-        moved = float(np.max(np.abs(step - self.step) / np.sqrt(np.diag(self.cov))))
+        moved = float(np.max(np.abs(step - self.step) / sds_of(self.cov)))
         return tuple(replace(force, moved=moved) for force in self.forces)
 
 

@@ -55,14 +55,14 @@ def without_mean(covariance: FloatArray, weights: ArrayLike | None = None) -> Fl
     """
     w = _normalised(weights, covariance.shape[0])
     row = w @ covariance
-    return np.asarray(covariance - row - row[:, None] + row @ w)
+    return covariance - row - row[:, None] + row @ w
 
 
 def root(covariance: FloatArray) -> FloatArray:
     """(n, n_cause) X with X X^T the covariance (n, n), to 1e-10 of its largest eigenvalue."""
     spectrum, basis = np.linalg.eigh(covariance)
     significant = spectrum > _ROUNDING * spectrum[-1]
-    return np.asarray(basis[:, significant] * np.sqrt(spectrum[significant]))
+    return basis[:, significant] * np.sqrt(spectrum[significant])
 
 
 def sd_of_mean(covariance: FloatArray, weights: ArrayLike | None = None) -> float:
@@ -73,4 +73,4 @@ def sd_of_mean(covariance: FloatArray, weights: ArrayLike | None = None) -> floa
 
 def _normalised(weights: ArrayLike | None, n: int) -> FloatArray:
     w = np.ones(n) if weights is None else np.asarray(weights, dtype=float)
-    return np.asarray(w / w.sum())
+    return w / w.sum()

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 from scipy.special import ndtr
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, squared_rows
 from estim.deviation.components import Deviation, Family
 from estim.problem import Root, beside
 
@@ -220,7 +220,7 @@ def linearise(
         variance, white = family.variances(), 1.0 / np.square(family.scale)
         # nothing lies outside a basis that is complete, not even rounding errors
         known, outside = 1.0 / variance, float(seen.size < n_obs)
-        pairs = (turned[:, :, None] * turned[:, None, :]).reshape(seen.size, n_par**2)
+        pairs = squared_rows(turned).reshape(seen.size, n_par**2)
         rest = (
             outside * (whole - turned.T @ turned),
             outside * (along - seen @ turned),

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, log_sum_exp
 from estim.deviation.components import Deviation, Family
 from estim.deviation.linearised import Linearised
 from estim.deviation.terms import Terms, Weight, terms_of
@@ -65,9 +65,7 @@ class Mixture:
                 residuals[chunk],
                 weight=None if weight is None else replace(weight, ratio=weight.ratio[chunk]),
             )
-            highest = np.max(logs, axis=0)
-            np.exp(np.subtract(logs, highest, out=logs), out=logs)
-            total[chunk] = highest + np.log(np.sum(logs, axis=0))
+            total[chunk] = log_sum_exp(logs, axis=0)
         return total
 
     def log_components(self, residuals: FloatArray, *, weight: Weight | None = None) -> FloatArray:
@@ -101,7 +99,7 @@ class Mixture:
     def shares(self, residuals: FloatArray) -> FloatArray:
         """(n_component,) probability of each component at residuals (n_obs,)."""
         logs = self.log_components(residuals)[:, 0]
-        return np.asarray(np.exp(logs - np.logaddexp.reduce(logs)))
+        return np.exp(logs - np.logaddexp.reduce(logs))
 
     @cached_property
     def _directions(self) -> FloatArray:
@@ -144,7 +142,7 @@ class Mixture:
         """
         causes, white = self._causes(residuals)
         root = self.deviation.root
-        return np.asarray(white * root.variances + np.sum(root.coloured(causes.T) ** 2, axis=0))
+        return white * root.variances + np.sum(root.coloured(causes.T) ** 2, axis=0)
 
     def likely(self, residuals: FloatArray) -> Root:
         """The root of the covariance of which those are the diagonal."""
@@ -233,7 +231,7 @@ class Mixture:
             highest = np.maximum(np.max(parts, axis=0), -1e300)  # finite where all densities are 0
             np.exp(np.subtract(parts, highest, out=parts), out=parts)
             np.logaddexp(without, highest + np.log(np.sum(parts, axis=0)), out=without)
-        return np.asarray(np.logaddexp.reduce(logs)[:, None] - without)
+        return np.logaddexp.reduce(logs)[:, None] - without
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,14 +254,14 @@ class _Given:
         """
         scaled = seen @ self.seen
         scaled += back * self.white
-        return np.asarray(np.square(scaled, out=scaled))
+        return np.square(scaled, out=scaled)
 
 
 def inverse_times(rows: FloatArray, causes: FloatArray, white: float) -> FloatArray:
     """Rows (n, n_obs) times the inverse of white I + H H^T for `causes` H (n_obs, n_cause)."""
     known = np.linalg.cholesky(white * np.eye(causes.shape[1]) + causes.T @ causes)
     turned = solve_triangular(known, causes.T, lower=True)
-    return np.asarray((rows - (rows @ turned.T) @ turned) / white)
+    return (rows - (rows @ turned.T) @ turned) / white
 
 
 def keep_probable(

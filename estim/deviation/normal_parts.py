@@ -74,4 +74,4 @@ def _parts(linear: Linearised, n_par: int) -> list[tuple[float, FloatArray, Floa
 
 def _inverse(information: FloatArray) -> FloatArray:
     scale = np.sqrt(np.diag(information))
-    return np.asarray(np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale))
+    return np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale)

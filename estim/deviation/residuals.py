@@ -55,7 +55,7 @@ class Inertia:
 
     def ratio(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
         """(n_draw,) on average over the places."""
-        return np.asarray(np.mean(_inertias(self.motion, self.x, arguments) / self.at_fit, axis=1))
+        return np.mean(_inertias(self.motion, self.x, arguments) / self.at_fit, axis=1)
 
 
 def _inertias(motion: Motion, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
@@ -144,8 +144,8 @@ class Residuals:
     def readings(self, points: AnyPoints, named: Named, residuals: FloatArray) -> FloatArray:
         """(n_draw, n_obs) the ordinates that have these residuals."""
         if self.speed is None:
-            return np.asarray(points.value(named) + self.shift + residuals)
-        return np.asarray(
+            return points.value(named) + self.shift + residuals
+        return (
             residuals
             + self.shift
             + self.known

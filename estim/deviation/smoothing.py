@@ -50,4 +50,4 @@ def settled(t: FloatArray, x: FloatArray, speed: FloatArray, sd: float) -> Float
 def _between(values: FloatArray, first: NDArray[np.int64], last: NDArray[np.int64]) -> FloatArray:
     """Sums of values[first:last]."""
     total = np.append(0.0, np.cumsum(values))
-    return np.asarray(total[last] - total[first])
+    return total[last] - total[first]

@@ -28,7 +28,7 @@ class Weight:
     @property
     def excess(self) -> FloatArray:
         """(n_draw,) w^2 - 1."""
-        return np.asarray(np.square(self.ratio) - 1.0)
+        return np.square(self.ratio) - 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ class Terms:
         estimate = root @ explained
         total = np.sum(np.divide(np.square(estimate, out=estimate), narrowed, out=estimate), axis=1)
         lost = np.log(np.prod(narrowed, axis=1)) + weight.excess * total
-        return np.asarray(weight.n_start * np.log(weight.ratio) - 0.5 * lost)
+        return weight.n_start * np.log(weight.ratio) - 0.5 * lost
 
 
 def terms_of(family: Family, columns: FloatArray) -> Terms:

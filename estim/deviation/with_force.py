@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray, diagonal_scale
+from estim.arrays import FloatArray, diagonal_scale, sds_of
 from estim.deviation.bad_frame_search import BadFrames
 from estim.deviation.force_bands import Completed
 from estim.deviation.inferred_force import Force, OwnForce
@@ -102,9 +102,9 @@ def likelihood_of_normal(
     """What makes a normal posterior of `mean` (n_par,), from the point of linearisation, and `cov`
     of the `prior`.
     """
-    scale = np.sqrt(np.diag(cov))
+    scale = sds_of(cov)
     beyond = np.linalg.inv(cov / np.outer(scale, scale)) - prior[0] * np.outer(scale, scale)
-    spectrum, basis = np.linalg.eigh(0.5 * (beyond + beyond.T))
+    spectrum, basis = np.linalg.eigh(beyond)
     information = (basis * np.maximum(spectrum, 0.0)) @ basis.T / np.outer(scale, scale)
     return information, information @ mean + prior[0] @ mean - prior[1]
 
@@ -129,7 +129,7 @@ def as_prior(known: Sequence[TrialInformation]) -> TrialInformation:
 
 
 def growth_over(problem: Problem, linear: Linearised, without: FloatArray) -> dict[str, float]:
-    sds = np.sqrt(np.diag(linear.covariance)[: problem.n_par])
+    sds = sds_of(linear.covariance)[: problem.n_par]
     return {
         name: float(sd / before)
         for name, sd, before in zip(problem.names, sds, without, strict=True)

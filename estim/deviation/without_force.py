@@ -87,7 +87,7 @@ def log_rescaled(errors: MixtureErrors, named: Named, *, scale: float, factor: f
     heavier = np.where(
         size > 0.0, -0.5 * np.square(size) * (factor**-2 - 1.0) - np.log(factor), 0.0
     )
-    return np.asarray(np.logaddexp.reduce(logs + heavier[:, None]) - np.logaddexp.reduce(logs))
+    return np.logaddexp.reduce(logs + heavier[:, None]) - np.logaddexp.reduce(logs)
 
 
 def log_restarted(errors: MixtureErrors, named: Named, *, n_run: int, factor: float) -> FloatArray:
@@ -101,4 +101,4 @@ def log_restarted(errors: MixtureErrors, named: Named, *, n_run: int, factor: fl
     size[:n_run] = factor
     residuals = errors.raw(named)
     moved = replace(errors.mixture, columns=errors.mixture.columns * size)
-    return np.asarray(moved.log_likelihood(residuals) - errors.mixture.log_likelihood(residuals))
+    return moved.log_likelihood(residuals) - errors.mixture.log_likelihood(residuals)

@@ -43,9 +43,7 @@ class Displaced:
     shift: FloatArray
 
     def value(self, x: FloatArray, arguments: Named) -> FloatArray:
-        return np.asarray(
-            self.curve.value(x, arguments) + np.asarray(arguments[_ARGUMENT]) * self._at(x)
-        )
+        return self.curve.value(x, arguments) + np.asarray(arguments[_ARGUMENT]) * self._at(x)
 
     def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
         inner, moved = self.curve.local(x, arguments), self._at(x)
@@ -62,7 +60,7 @@ class Displaced:
         if np.array_equal(x, self.x):
             return self.shift
         order = np.argsort(self.x)
-        return np.asarray(np.interp(x, self.x[order], self.shift[order]))
+        return np.interp(x, self.x[order], self.shift[order])
 
 
 def frame_causes(base: Fit) -> tuple[Cause, ...]:
@@ -71,8 +69,8 @@ def frame_causes(base: Fit) -> tuple[Cause, ...]:
 
     None of a run whose errors are not normal.
     """
-    problem, named, causes = base.problem, base.problem.named(base.values), []
-    whole = np.diag(np.square(base.posterior.prior_slopes(base.values)))
+    problem, named, causes = base.problem, base.named, []
+    whole = np.diag(np.square(base.prior_slopes))
     parts = []
     for run, likelihood in zip(problem.runs, base.posterior.likelihoods, strict=True):
         if likelihood.normal is None:

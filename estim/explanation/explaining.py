@@ -219,7 +219,7 @@ def badness(fit: Fit) -> float:
 def _alike(suspects: Suspects) -> Iterable[Cause]:
     """Readings whose errors follow each other."""
     plain = suspects.plain
-    if any(run.noise.counted is not None for run in plain.runs):
+    if plain.counted:
         return
     if any(
         run.noise.robust

@@ -172,7 +172,7 @@ def _of_motion(
 
     def lost(motion: _Motion) -> FloatArray:
         total = np.add(*energies(motion))
-        return np.asarray(total[:, last].mean(axis=1) - total[:, first].mean(axis=1)) / scale
+        return (total[:, last].mean(axis=1) - total[:, first].mean(axis=1)) / scale
 
     fastest = phrase("largest speed")
     statistics = [compared("largest_speed", fastest, speed, lambda m: np.max(np.abs(m[1]), axis=1))]

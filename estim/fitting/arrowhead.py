@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, finite_or
 from estim.levenberg_marquardt import bounded_steps
 from estim.problem import Posterior, Problem
 
@@ -124,7 +124,7 @@ def _shape(posterior: Posterior, values: FloatArray) -> tuple[FloatArray, FloatA
     slopes = posterior.prior_slopes(values)
     slope, curvature = slopes * posterior.prior_residuals(values), np.diag(slopes**2)
     for (jacobian, residuals), used in zip(pairs, posterior.problem.columns, strict=True):
-        columns = np.where(np.isfinite(jacobian), jacobian, 0.0)
+        columns = finite_or(jacobian, 0.0)
         slope[used] += columns.T @ residuals
         curvature[np.ix_(used, used)] += columns.T @ columns
     return slope, curvature

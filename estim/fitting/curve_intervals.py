@@ -29,7 +29,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray
+from estim.arrays import BoolArray, FloatArray, IntArray, sds_of
 from estim.common import (
     PROBABILITIES,
     Amount,
@@ -89,7 +89,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
             (),
         )
     free = fixed.scale  # of a parameter on its edge too
-    sds = np.where(best.at_bound, np.nan, np.sqrt(np.diag(cov)))
+    sds = np.where(best.at_bound, np.nan, sds_of(cov))
     informed = np.square(fixed.posterior.prior_slopes(best.values))
     dofs = (
         _degrees_of_freedom(cov, informed, dof)
@@ -98,7 +98,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     )
     ended = any(_at_end(run, fixed) for run in fixed.problem.runs)
     skewed = any(run.noise.counted is not None or run.noise.share for run in fixed.problem.runs)
-    beside = _within_reach(fixed, np.where(best.at_bound, free, np.sqrt(np.diag(cov))), dofs)
+    beside = _within_reach(fixed, np.where(best.at_bound, free, sds_of(cov)), dofs)
     symmetric = _symmetric(names, best.values, sds, dofs)
     bent = vague(fixed, sds)
     curved = bent | (fixed.problem.unstated & (bending(fixed) >= _CURVED))
@@ -150,7 +150,7 @@ def _at_end(run: Observations, fit: Fit) -> bool:
     """Whether the curve lies where the likelihood of a count of 0 ends, or of no failure."""
     if (counted := run.noise.counted) is None:
         return False
-    mean = run.drawn(fit.problem.named(fit.values))
+    mean = run.drawn(fit.named)
     return bool(np.any((mean < 0.0) | (mean > counted.law.ceiling)))
 
 

@@ -42,7 +42,7 @@ class ErrorSizes:
         (JCGM 100, G.4).
         """
         with np.errstate(divide="ignore"):
-            return np.asarray(1.0 / np.sum(np.square(shares) / self.dof, axis=1))
+            return 1.0 / np.sum(np.square(shares) / self.dof, axis=1)
 
     def rises(self, t2: FloatArray, shares: FloatArray) -> FloatArray:
         """(n,) rise of -2 log density at t standard deviations from the mode: t^2 where sizes are
@@ -57,7 +57,7 @@ class ErrorSizes:
         n_obs, dof = np.where(free, self.n_obs, 0.0), np.where(free, self.dof, 1.0)
         of_groups = np.where(free, n_obs * np.log1p(shares * t2 / dof), shares * t2)
         by_priors = np.maximum(1.0 - shares.sum(axis=1), 0.0)
-        return np.asarray(of_groups.sum(axis=1) + by_priors * t2[:, 0])
+        return of_groups.sum(axis=1) + by_priors * t2[:, 0]
 
 
 def held(dof: float) -> ErrorSizes:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, sds_of
 from estim.common import PROBABILITIES, Label
 from estim.distributions import student_quantile
 from estim.fitting.degrees_of_freedom import STATED, ErrorSizes
@@ -62,7 +62,7 @@ def linear_derived(
     unknown : parameters without a standard deviation; what depends on one has none either.
     """
     n = values.size
-    sds = np.sqrt(np.diag(cov))
+    sds = sds_of(cov)
     # standard deviations, of differences
     steps = 0.01 * np.where(
         np.isfinite(sds) & (sds > 0.0), sds, 1e-4 * np.maximum(np.abs(values), 1e-4)

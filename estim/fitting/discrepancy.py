@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, sds_of
 from estim.common import Amount, Finding, Kind
 from estim.deviation import FoundDeviation, pose_deviation
 from estim.fitting.edges import edge_of
@@ -47,7 +47,7 @@ def sds_near_limits(
     """Standard deviations (n_par,) of the linearised posterior, nan for a parameter less than one
     from a limit, and why.
     """
-    sds, notes = np.sqrt(np.diag(found.cov)), []
+    sds, notes = sds_of(found.cov), []
     for i, parameter in enumerate(problem.parameters):
         low, high = parameter.prior.low, parameter.prior.high
         if min(found.mean[i] - low, high - found.mean[i]) < sds[i]:

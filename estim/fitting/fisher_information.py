@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray
+from estim.arrays import BoolArray, FloatArray, finite_or, sds_of
 from estim.problem import Posterior, Problem
 
 _ON_LIMIT = 1e-2  # standard deviations
@@ -35,4 +35,4 @@ def prior_sds(problem: Problem, cov: FloatArray) -> FloatArray:
     standard deviations (`cov`).
     """
     sds = np.array([p.prior.sd for p in problem.parameters])
-    return np.where(np.isfinite(sds), sds, 1e3 * np.sqrt(np.diag(cov)))
+    return finite_or(sds, 1e3 * sds_of(cov))

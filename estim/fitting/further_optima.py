@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, finite_or
 from estim.fitting.separable import SeparableSearch
 from estim.levenberg_marquardt import solve
 
@@ -143,7 +143,7 @@ def _dips(search: SeparableSearch, values: FloatArray, i: int) -> FloatArray:
             residuals = base + (columns @ step[:, :, None])[..., 0]
             moved[batch, others] += step
             heights[batch] = np.sum(residuals**2, axis=1)
-    heights = np.where(np.isfinite(heights), heights, np.inf)
+    heights = finite_or(heights, np.inf)
     padded = np.concatenate([[np.inf], heights, [np.inf]])
     dips = np.flatnonzero((heights <= padded[:-2]) & (heights <= padded[2:]) & np.isfinite(heights))
     dips = dips[np.argsort(heights[dips])][:_MOST_DIPS]
@@ -173,7 +173,7 @@ def _bending(
                 change[:, :, k] - (here @ solve(here, change[:, :, k], 1e-9)[:, :, None])[..., 0]
             )
             relative = np.sqrt(np.sum(orthogonal**2, axis=1)) / size[:, k]
-            rate = np.fmax(rate, np.where(np.isfinite(relative), relative, 0.0))
+            rate = np.fmax(rate, finite_or(relative, 0.0))
     return rate
 
 

@@ -99,7 +99,7 @@ def step_between(
     scale = np.linalg.norm(rows, axis=0)
     scale[scale == 0.0] = 1.0
     scaled = rows / scale
-    step = np.asarray(np.linalg.lstsq(scaled, -aim, rcond=silent)[0] / scale)
+    step = np.linalg.lstsq(scaled, -aim, rcond=silent)[0] / scale
     if np.all((step >= low) & (step <= high)):
         return step
     # what the data are silent about stays where it is

@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray
+from estim.arrays import BoolArray, FloatArray, IntArray, sds_of
 from estim.problem import Band, InformationBlock, JeffreysPrior, Posterior, Problem, ResponseSurface
 
 _RADIUS = 5.0  # standard deviations, within which the places lie
@@ -45,7 +45,7 @@ def jeffreys_prior(
     """
     problem = posterior.problem
     free = np.flatnonzero(problem.unstated | (problem.limited & limited))
-    if not free.size or any(run.noise.counted is not None for run in problem.runs):
+    if not free.size or problem.counted:
         return None
     uses = sum(np.isin(free, columns).astype(int) for columns in problem.columns)
     named, runs = problem.named(values), []
@@ -57,7 +57,7 @@ def jeffreys_prior(
         own, shared = np.flatnonzero(alone), np.flatnonzero(used & ~alone)
         runs.append(InformationBlock(likelihood.points, root, own, shared))
     names = tuple(problem.names[i] for i in free)
-    prior = JeffreysPrior(names, np.sqrt(np.diag(cov)[free]), tuple(runs))
+    prior = JeffreysPrior(names, sds_of(cov)[free], tuple(runs))
     centre = float(prior.exact(problem.named(values[None]))[0])
     if not math.isfinite(centre):
         return None
@@ -102,7 +102,7 @@ def _in_logarithms(values: FloatArray, cov: FloatArray, columns: IntArray) -> li
     """Which parameters may have logarithms taken, in order of preference: all that are hardly
     known, those of them that others go with (whose sign the data know), none.
     """
-    centre, sds = values[columns], np.sqrt(np.diag(cov)[columns])
+    centre, sds = values[columns], sds_of(cov)[columns]
     wide = (sds > _WIDE * np.abs(centre)) & (centre != 0.0)
     together = np.abs(cov[np.ix_(columns, columns)]) / np.outer(sds, sds) - np.eye(columns.size)
     tied = wide & (np.max(together, axis=1, initial=0.0) > _TIED)

@@ -16,7 +16,7 @@ from itertools import compress
 
 import numpy as np
 
-from estim.arrays import FloatArray, all_finite, diagonal_scale
+from estim.arrays import FloatArray, all_finite, diagonal_scale, finite_or, sds_of
 from estim.common import Finding, InputError, NumericalError, phrase
 from estim.deviation import FoundDeviation, FoundForce, NormalParts
 from estim.distributions import chi2_tail
@@ -105,6 +105,16 @@ class Fit:
     def problem(self) -> Problem:
         return self.posterior.problem
 
+    @property
+    def named(self) -> dict[str, FloatArray]:
+        """Parameter -> its value at the mode."""
+        return self.problem.named(self.values)
+
+    @property
+    def prior_slopes(self) -> FloatArray:
+        """(n_par,) those of the priors at the mode."""
+        return self.posterior.prior_slopes(self.values)
+
     @cached_property
     def sampled(self) -> Posterior:
         """`posterior` as it is sampled: in a joint fit with the measure of readings
@@ -137,7 +147,7 @@ class Fit:
     @property
     def scale(self) -> FloatArray:
         """(n_par,) standard deviations by `cov`, of a parameter on an edge too."""
-        return np.sqrt(np.diag(self.cov))
+        return sds_of(self.cov)
 
     @property
     def lacking(self) -> tuple[FoundForce | FoundDeviation, ...]:
@@ -295,7 +305,7 @@ def _inverse(matrix: FloatArray, problem: Problem) -> FloatArray:
     except np.linalg.LinAlgError:
         root = None
     inverse = np.linalg.pinv(scaled, hermitian=True) if root is None else root.T @ root
-    return np.asarray(inverse / np.outer(units, units))
+    return inverse / np.outer(units, units)
 
 
 def _condition(matrix: FloatArray, inverse: FloatArray, problem: Problem) -> float:
@@ -310,7 +320,7 @@ def _condition(matrix: FloatArray, inverse: FloatArray, problem: Problem) -> flo
 
 def _spread(matrix: FloatArray, problem: Problem) -> FloatArray:
     """(n_par,) standard deviations from an information matrix, inf for what it says nothing of."""
-    scale = np.sqrt(np.diag(_inverse(matrix, problem)))
+    scale = sds_of(_inverse(matrix, problem))
     return np.where(scale > 0.0, scale, np.inf)
 
 
@@ -402,7 +412,7 @@ def _fit_curve(
     def jacobian(parameters: Parameters) -> FloatArray:
         columns = posterior.jacobian(filled(parameters))[:, free]
         # a point beside the edge of where the curve is defined has no say in the step
-        return np.where(np.isfinite(columns), columns, 0.0)
+        return finite_or(columns, 0.0)
 
     creeps = any(run.creeps for run in posterior.likelihoods)
     tolerance = 1e-5 if creeps else tolerance  # steps by the information finish
@@ -488,7 +498,7 @@ def _describe(
     inverse = _inverse(scaled, problem)
     singular = _condition(scaled, inverse, problem) > _ILL
     cov = inverse / np.outer(spread, spread)
-    curvature = np.sqrt(np.diag(cov))
+    curvature = sds_of(cov)
     sds = np.full(problem.n_par, np.nan) if singular else curvature.copy()
     low, high = problem.support()
     sds[np.minimum(values - low, high - values) < curvature] = np.nan

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray
+from estim.arrays import BoolArray, FloatArray, finite_or, sds_of
 from estim.common import Amount, Finding, Kind
 from estim.distributions import chi2_tail
 from estim.fitting.least_squares import Fit
@@ -93,7 +93,7 @@ def bending(fit: Fit) -> FloatArray:
     each parameter goes one standard deviation and the others follow it; inf where the curve ends, 0
     where a sixteenth of the step bends them as much, by rounding errors.
     """
-    sizes, n = np.sqrt(np.diag(fit.cov)), len(fit.names)
+    sizes, n = sds_of(fit.cov), len(fit.names)
     steps = fit.cov / np.where(sizes > 0.0, sizes, 1.0)[:, None]
     places = np.vstack([np.zeros(n), steps, -steps, steps / 16.0, steps / -16.0])
     with np.errstate(all="ignore"):
@@ -141,5 +141,5 @@ def _moved(problem: Problem, values: FloatArray, names: list[str]) -> FloatArray
         if width > 0.0:
             with np.errstate(all="ignore"):
                 steps = np.abs(run.points.gradient(named, names)) / width
-            moved = np.maximum(moved, np.max(np.where(np.isfinite(steps), steps, 0.0), axis=0))
+            moved = np.maximum(moved, np.max(finite_or(steps, 0.0), axis=0))
     return moved

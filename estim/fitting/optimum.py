@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.arrays import FloatArray, Named, all_finite
+from estim.arrays import FloatArray, Named, all_finite, sds_of
 from estim.common import Amount, Finding, InputError, Kind, NumericalError, phrase
 from estim.fitting.further_optima import far_places, further_optima
 from estim.fitting.gauss_newton import End, descended, inverse_information, near_bound, stepped
@@ -355,7 +355,7 @@ def _fades(search: SeparableSearch, i: int, places: FloatArray) -> bool:
     """Whether the curve depends less and less on parameter i between two reaches, `places` (n,
     n_par) in turn, all others following: Jeffreys' prior then gives its posterior an end.
     """
-    if any(run.noise.counted is not None for run in search.posterior.problem.runs):
+    if search.posterior.problem.counted:
         return False
     sizes = []
     for place in places:
@@ -445,7 +445,7 @@ def fit_optimum(problem: Problem, *, rng: np.random.Generator, n_start: int = N_
     )
     fit = with_other_modes(there, best, rng)
     if not noisy and not np.any(best.at_bound):
-        sds = np.where(np.isfinite(fit.sds), np.sqrt(np.diag(best.cov)), np.nan)
+        sds = np.where(np.isfinite(fit.sds), sds_of(best.cov), np.nan)
         fit = replace(fit, cov=best.cov, sds=sds, singular=best.frail)
     words = (
         fit.message

@@ -28,6 +28,7 @@ from estim.fitting.degrees_of_freedom import STATED, ErrorSizes
 from estim.fitting.least_squares import Fit
 from estim.fitting.profile_paths import crossing, dips, returns, walk
 from estim.fitting.profile_search import ProfileSearch, search_of
+from estim.given_numbers import check_probability
 from estim.levenberg_marquardt import End, Start, minima, run_descents
 from estim.problem import Parameter
 
@@ -161,8 +162,7 @@ def _index(fit: Fit, name: str) -> int:
 
 def _checked(probabilities: Sequence[float]) -> list[float]:
     for p in probabilities:
-        if not 0.0 < p < 1.0:
-            raise InputError("must lie between 0 and 1", field="probabilities", value=p)
+        check_probability(p, "probabilities")
     return sorted(probabilities)
 
 

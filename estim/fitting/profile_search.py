@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray, all_finite
+from estim.arrays import BoolArray, FloatArray, IntArray, all_finite, finite_or, sds_of
 from estim.fitting.fisher_information import information, prior_sds
 from estim.fitting.least_squares import Fit
 from estim.problem import Likelihood, Posterior
@@ -117,9 +117,7 @@ class ProfileSearch:
         standard deviations.
         """
         with np.errstate(all="ignore"):
-            return np.asarray(
-                2.0 * information(self.posterior, values) * np.outer(self.scale, self.scale)
-            )
+            return 2.0 * information(self.posterior, values) * np.outer(self.scale, self.scale)
 
     def _heights(self, likelihood: Likelihood, own: IntArray, rows: FloatArray) -> FloatArray:
         """(n_point, n_row) -2 log likelihood of a group, inf where there is none, at rows (n_point,
@@ -165,8 +163,8 @@ def _quotients(
     """Difference quotients from `down` to `up`; from or to the middle where the density is zero on
     that side.
     """
-    up, above = np.where(np.isfinite(above), up, at), np.where(np.isfinite(above), above, here)
-    down, below = np.where(np.isfinite(below), down, at), np.where(np.isfinite(below), below, here)
+    up, above = np.where(np.isfinite(above), up, at), finite_or(above, here)
+    down, below = np.where(np.isfinite(below), down, at), finite_or(below, here)
     return np.divide(above - below, up - down, out=np.zeros(up.shape), where=up > down)
 
 
@@ -178,8 +176,8 @@ def search_of(fit: Fit) -> ProfileSearch:
     if not all_finite(whitened):
         whitened = np.zeros_like(whitened)
     # its eigenvalues are positive: terms that all but cancel leave rounding errors for some
-    known, basis = np.linalg.eigh(0.5 * (whitened + whitened.T))
+    known, basis = np.linalg.eigh(whitened)
     cov = (basis / (1.0 + np.maximum(known, 0.0))) @ basis.T * np.outer(sds, sds)
     low = np.array([p.prior.low for p in fit.problem.parameters])
     high = np.array([p.prior.high for p in fit.problem.parameters])
-    return ProfileSearch(fit.posterior, low, high, np.sqrt(np.diag(cov)), sds, cov)
+    return ProfileSearch(fit.posterior, low, high, sds_of(cov), sds, cov)

@@ -234,5 +234,5 @@ def _held(
             off = float(
                 np.max(np.abs(values[pace.mine] - pace.place) / scale[pace.mine], initial=0.0)
             )
-            held.append(Held(tuple(run.name for run in group.runs), off, pace.felt))
+            held.append(Held(group.run_names, off, pace.felt))
     return tuple(held)

@@ -36,7 +36,7 @@ def no_scatter(run: Observations, fit: Fit) -> bool:
     """Whether the curve passes through every point of `run` to rounding errors, though it has fewer
     parameters than the run points.
     """
-    curve = run.drawn(fit.problem.named(fit.values))
+    curve = run.drawn(fit.named)
     size = max(max_abs(run.y), max_abs(curve))
     return run.n_obs > len(run.curve_parameters) and bool(
         np.max(np.abs(run.y - curve)) <= PERFECT * size

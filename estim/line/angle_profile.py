@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray, all_finite
+from estim.arrays import FloatArray, all_finite, sds_of
 from estim.common import InputError
 from estim.given_numbers import real_numbers
 from estim.line.joint_covariance import check_joint
@@ -92,7 +92,7 @@ def line_data(
 def _correlated_data(x: ArrayLike, y: ArrayLike, cov: ArrayLike) -> LineData:
     n = np.size(x)
     joint = check_joint(real_numbers(cov, "cov"), n)
-    u = np.sqrt(np.diag(joint))
+    u = sds_of(joint)
     plain = line_data(x, y, u_x=u[:n], u_y=u[n:])
     size = np.where(plain.u_x * plain.u_y > 0.0, plain.u_x * plain.u_y, 1.0)
     return LineData(

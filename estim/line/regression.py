@@ -44,7 +44,7 @@ from estim.arrays import FloatArray
 from estim.checks import P_POOR_FIT
 from estim.common import InputError, Shown, Tabled, format_p, format_quantity, phrase
 from estim.distributions import chi2_quantile, chi2_tail, student_quantile
-from estim.given_numbers import real_number, real_numbers
+from estim.given_numbers import check_probability, real_number, real_numbers
 from estim.line.angle_profile import (
     LineData,
     Profile,
@@ -67,6 +67,17 @@ class StandardError(NamedTuple):
     cov: float  # covariance of intercept and slope, = -x_pivot u_slope^2
     x_pivot: float  # abscissa where the line's height is uncorrelated with its slope
     u_pivot: float  # standard uncertainty of the height there
+
+    @classmethod
+    def of(
+        cls, cov: FloatArray, x0: float, scale: tuple[float, float] = (1.0, 1.0)
+    ) -> StandardError:
+        """From the covariance (2, 2) of height at x0 and slope, in units `scale` of x and y."""
+        pivot = -float(cov[0, 1] / cov[1, 1]) if cov[1, 1] > 0.0 else 0.0
+        u_pivot = scale[1] * math.sqrt(max(cov[0, 0] + pivot * cov[0, 1], 0.0))
+        u_slope, x_pivot = scale[1] / scale[0] * math.sqrt(cov[1, 1]), x0 + scale[0] * pivot
+        u_intercept = math.hypot(u_pivot, x_pivot * u_slope)
+        return cls(u_intercept, u_slope, -x_pivot * u_slope**2, x_pivot, u_pivot)
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,22 +224,9 @@ def _standard_errors(
     york[1, 0] = york[0, 1]
     propagated = _propagated(points, slope, float(best.offset) / cos)
     cov = {"york": york, "propagated": propagated, "scaled": scale**2 * york}
-    return {name: _standard_error(cov[name], points) for name in _names(method)}
-
-
-def _standard_error(cov: FloatArray, points: ScaledPoints) -> StandardError:
-    """The covariance (2, 2) of intercept and slope in scaled units, in the units of the data."""
-    (x0, _), (scale_x, scale_y) = points.origin, points.scale
-    pivot = -float(cov[0, 1] / cov[1, 1]) if cov[1, 1] > 0.0 else 0.0
-    u_pivot = scale_y * float(np.sqrt(max(cov[0, 0] + pivot * cov[0, 1], 0.0)))
-    u_slope, x_pivot = scale_y / scale_x * float(np.sqrt(cov[1, 1])), x0 + scale_x * pivot
-    return StandardError(
-        float(np.hypot(u_pivot, x_pivot * u_slope)),
-        u_slope,
-        -x_pivot * u_slope**2,
-        x_pivot,
-        u_pivot,
-    )
+    return {
+        name: StandardError.of(cov[name], points.origin[0], points.scale) for name in _names(method)
+    }
 
 
 def _propagated(points: ScaledPoints, b: float, a: float) -> FloatArray:
@@ -446,8 +444,7 @@ def coverage_factor(fit: LineFit, *, probability: float, convention: str | None 
     """k such that estimate -+ k u holds the value with that probability: Student's t where the
     scale is from the residuals.
     """
-    if not 0.0 < probability < 1.0:
-        raise InputError("must lie between 0 and 1", field="probability", value=probability)
+    check_probability(probability)
     tail = 0.5 * (1.0 - probability)
     standard_error(fit, convention)
     scaled = (fit.recommended if convention is None else convention) == "scaled"

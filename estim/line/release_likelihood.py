@@ -39,11 +39,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, log_sum_exp
 from estim.line.trial_data import HIGH, LOW, Tilt, Trials
 from estim.model.phase_curve import effective_slope
 from estim.problem import HalfNormal, LogNormal, Normal, Prior, Uniform
-from estim.sampling import log_sum_exp
 
 FACTOR = 4.0  # to which the stated u_theta is taken as known, 95 %
 LOG_SD = math.log(FACTOR) / 1.959964

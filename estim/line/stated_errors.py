@@ -124,11 +124,7 @@ def _with_scales(
         if scale.relative:
             part = slope * error.x_pivot + (intercept if scale.axis == "y" else 0.0)
             cov += scale.u**2 * np.outer([part, slope], [part, slope])
-    moved = -float(cov[0, 1] / cov[1, 1]) if cov[1, 1] > 0.0 else 0.0
-    u_pivot = math.sqrt(max(cov[0, 0] + moved * cov[0, 1], 0.0))
-    u_slope, x_pivot = math.sqrt(cov[1, 1]), error.x_pivot + moved
-    u_intercept = math.hypot(u_pivot, x_pivot * u_slope)
-    return StandardError(u_intercept, u_slope, -x_pivot * u_slope**2, x_pivot, u_pivot)
+    return StandardError.of(cov, error.x_pivot)
 
 
 def slope_with_scales(

@@ -44,9 +44,8 @@ from estim.common import (
     stream,
 )
 from estim.distributions import chi2_tail, student_quantile
-from estim.given_numbers import real_numbers
+from estim.given_numbers import check_probability, real_numbers
 from estim.means.dark_uncertainty import der_simonian_laird, hierarchical, mandel_paule, weighted
-from estim.propagation import check_probability
 
 CONSISTENT = 0.05  # least p of chi^2 (Cox 2002, Metrologia 39, 589)
 _MOST = 1000

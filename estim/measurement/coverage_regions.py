@@ -9,7 +9,7 @@ from itertools import combinations
 
 import numpy as np
 
-from estim.arrays import FloatArray, all_finite
+from estim.arrays import FloatArray, all_finite, sds_of
 from estim.distributions import chi2_quantile, normal_quantile
 from estim.propagation import LinearResult, MonteCarloResult
 
@@ -67,7 +67,7 @@ def regions(linear: LinearResult, sampled: MonteCarloResult) -> tuple[Region, ..
         drawn, mean = np.cov(draws, rowvar=False), draws.mean(axis=0)
         if any(c[0, 1] ** 2 >= _DEPENDENT * c[0, 0] * c[1, 1] for c in (covariance, drawn)):
             continue
-        standardised = np.max(np.abs(draws - mean) / np.sqrt(np.diag(drawn)), axis=1)
+        standardised = np.max(np.abs(draws - mean) / sds_of(drawn), axis=1)
         k2 = float(chi2_quantile(p, 2))
         results.append(
             Region(

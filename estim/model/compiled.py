@@ -120,9 +120,15 @@ def _ratio(away, zero, gamma, slope, inertia):  # type: ignore[no-untyped-def]
 
 
 @_inline
+def _work(away, theta0, gamma, slope):  # type: ignore[no-untyped-def]
+    """W however far the body has turned."""
+    return 2.0 * gamma * math.sin(theta0 + 0.5 * away) * math.sin(0.5 * away) - away * slope
+
+
+@_inline
 def _ratio_on(away, theta0, phi, gamma, slope, inertia):  # type: ignore[no-untyped-def]
     """W/D however far the body has turned."""
-    work = 2.0 * gamma * math.sin(theta0 + 0.5 * away) * math.sin(0.5 * away) - away * slope
+    work = _work(away, theta0, gamma, slope)
     return work / (inertia + 2.0 * gamma * math.cos(theta0 + away + phi))
 
 
@@ -149,8 +155,7 @@ def _turning_angle(gamma, slope, theta0):  # type: ignore[no-untyped-def]
     start = lowest + (theta0 - lowest) % (2.0 * math.pi)
     sine, cosine = math.sin(start), math.cos(start)
     high, low = lowest + 2.0 * math.pi - start, math.pi - lowest - start
-    highest = 2.0 * gamma * math.sin(start + 0.5 * low) * math.sin(0.5 * low) - low * slope
-    deepest = 2.0 * gamma * math.sin(start + 0.5 * high) * math.sin(0.5 * high) - high * slope
+    highest, deepest = _work(low, start, gamma, slope), _work(high, start, gamma, slope)
     if deepest > 0.0:
         return math.inf
     angle = low + (high - low) / math.pi * math.acos(

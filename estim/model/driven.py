@@ -23,6 +23,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
 
 from estim.model.body import Body
+from estim.model.bracketed_newton import zero_between
 from estim.model.forces import Forces, work
 
 FloatArray = NDArray[Any]
@@ -209,17 +210,14 @@ def _crossing(
 ) -> FloatArray:
     """z at which rising series reach `level`, by Newton steps from `z` inside a bracket."""
     slopes = powers[1:] * np.arange(1.0, _N_NODE)[:, None]
-    for _ in range(_MOST_NEWTON):
-        ahead = _series(powers, which, z) - level
-        low, high = np.where(ahead <= 0.0, z, low), np.where(ahead >= 0.0, z, high)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            newton = z - ahead / _series(slopes, which, z)
-        following = np.where((newton >= low) & (newton <= high), newton, 0.5 * (low + high))
-        moved = np.abs(following - z)
-        z = following
-        if not np.any(moved >= _CLOSE):
-            break
-    return z
+    return zero_between(
+        lambda z: _series(powers, which, z) - level,
+        lambda z: _series(slopes, which, z),
+        low,
+        high,
+        z,
+        settled=_CLOSE,
+    )[0]
 
 
 @dataclass(frozen=True, eq=False)

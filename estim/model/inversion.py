@@ -15,6 +15,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
+from estim.model.bracketed_newton import zero_between
 from estim.model.chebyshev_series import evaluate
 
 FloatArray = NDArray[Any]
@@ -23,8 +24,7 @@ FloatArray = NDArray[Any]
 _FEW, _COARSE, _FINE = 64, 65, 385
 TRIED = 4  # one interval of so many is tried
 CLOSE = 1e-10  # of z: what a table may be off
-_MOST_STEPS = 80
-_SETTLED = 1e-7
+_SETTLED = 1e-7  # of z, of a Newton step: the error left is of the order of its square
 
 
 def invert(t: FloatArray, clock: FloatArray, pace: FloatArray, end: FloatArray) -> FloatArray:
@@ -58,18 +58,9 @@ def _finished(
     """z by Newton steps from a guess inside a bracket, (n_draw, n_obs) each; nan where they do not
     settle.
     """
-    low, high, z = inside
-    for _ in range(_MOST_STEPS):
-        ahead = evaluate(z, clock) - t
-        low, high = np.where(ahead <= 0.0, z, low), np.where(ahead >= 0.0, z, high)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            newton = z - ahead / evaluate(z, pace)
-        z_next = np.where((newton >= low) & (newton <= high), newton, 0.5 * (low + high))
-        moved = np.abs(z_next - z)
-        z = z_next
-        # the error left after a step is of the order of its square
-        if np.nanmax(moved, initial=0.0) < _SETTLED:
-            break
+    z, moved = zero_between(
+        lambda z: evaluate(z, clock) - t, lambda z: evaluate(z, pace), *inside, settled=_SETTLED
+    )
     return np.where(moved < 10.0 * _SETTLED, z, np.nan)
 
 

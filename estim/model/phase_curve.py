@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from estim.model.body import Body
+from estim.model.bracketed_newton import zero_between
 from estim.model.driven import driven_energy
 from estim.model.forces import Forces, energy_series, inertia, work
 
@@ -38,7 +39,6 @@ FloatArray = NDArray[np.float64]
 
 STANDARD_GRAVITY = 9.80665  # m/s^2, exact by convention (3rd CGPM, 1901)
 
-_MOST_STEPS, _SETTLED = 80, 1e-14  # of the search for a turning angle; rad
 _FAR = 4.0 * np.pi  # rad, how far a turning point is looked for where it has no closed bracket
 
 
@@ -445,19 +445,14 @@ def turning_angle(
     angle = low + (high - low) / np.pi * np.arccos(
         np.clip(-(highest + lowest_work) / swing, -1.0, 1.0)
     )
-    for _ in range(_MOST_STEPS):
-        w = work(angle)
-        above = w > 0.0
-        low, high = np.where(above, angle, low), np.where(above, high, angle)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            newton = angle - w / (gamma * np.sin(start + angle) - slope)
-        # rounding may carry the last step over an end
-        inside = (newton >= low - _SETTLED) & (newton <= high + _SETTLED)
-        following = np.where(inside, newton, 0.5 * (low + high))
-        settled = np.max(np.abs(following - angle), where=turns, initial=0.0) < _SETTLED
-        angle = following
-        if settled:
-            break
+    angle, _ = zero_between(
+        lambda angle: -work(angle),
+        lambda angle: slope - gamma * np.sin(start + angle),
+        np.where(turns, low, angle),
+        np.where(turns, high, angle),
+        angle,
+        settled=1e-14,
+    )
     return np.where(turns, angle, np.where(starts, np.inf, 0.0))
 
 

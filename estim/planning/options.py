@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, diagonal_scale
 from estim.common import InputError, phrase
 from estim.planning.changes import Change
 from estim.planning.own_curve import Basis
@@ -73,14 +73,14 @@ def sds_with(there: Outlook, u: Mapping[str, float], targets: Sequence[Parameter
         prior = there.problem.parameters[i].prior
         stated = prior.residual_slope(float(there.values[i])) if prior.measured else 0.0
         information[i, i] += 1.0 / sd**2 - stated**2
-    return sds_of(information, [there.problem.names.index(p.name) for p in targets])
+    return sds_by(information, [there.problem.names.index(p.name) for p in targets])
 
 
-def sds_of(information: FloatArray, columns: Sequence[int]) -> FloatArray:
+def sds_by(information: FloatArray, columns: Sequence[int]) -> FloatArray:
     """(n,) standard deviations of the parameters in `columns`.  Raises InputError where they are
     not determined.
     """
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    scale = diagonal_scale(information)
     try:
         lower = np.linalg.cholesky(information / np.outer(scale, scale))
     except np.linalg.LinAlgError:

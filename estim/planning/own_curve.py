@@ -33,7 +33,7 @@ class CurveBasis:
         where that cannot be measured.
         """
         x_column, y_column = axis_columns(self.campaign)
-        named, tables = self.fit.problem.named(self.fit.values), dict(self.campaign.tables)
+        named, tables = self.fit.named, dict(self.campaign.tables)
         for run in self.fit.problem.runs:
             table = tables[run.name]
             at = table.columns[x_column]

@@ -10,7 +10,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase
 from estim.planning.changes import MORE, Change, Readings, further_readings, which_place
-from estim.planning.options import sds_of
+from estim.planning.options import sds_by
 from estim.planning.own_curve import CurveBasis
 from estim.planning.rolling import Outlook
 from estim.problem import Parameter
@@ -38,7 +38,7 @@ def weigh_places(
     can be taken are left out.
     """
     columns = [here.problem.names.index(p.name) for p in targets]
-    now, found = sds_of(here.information, columns), []
+    now, found = sds_by(here.information, columns), []
     for run in here.problem.runs:
         x, ratios = [], []
         for place in basis.places(run.name):
@@ -49,7 +49,7 @@ def weigh_places(
             except InputError:
                 continue
             x.append(place)
-            ratios.append(sds_of(there.information, columns) / now)
+            ratios.append(sds_by(there.information, columns) / now)
         if x:
             found.append(
                 Along(

@@ -109,7 +109,7 @@ def plan(
     problem = posed(campaign, names)
     campaign.require_unknowns(problem)
     campaign.refuse_discrepancy("estim plan")
-    if any(run.noise.counted is not None for run in problem.runs):
+    if problem.counted:
         rule = "is that of counts or of single events, for which estim plan makes no plans"
         raise campaign.source.error(rule, ("curve", "noise"))
     targets = targets_of(campaign, problem, wanted)

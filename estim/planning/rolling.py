@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, finite_or
 from estim.calibration import curve_at, follow, release_times
 from estim.campaign import (
     Campaign,
@@ -72,7 +72,7 @@ class RollingBasis:
         like = {name: name for name in self.names} | {run.name: run.like for run in change.runs}
         tables = dict(changed.tables)
         remarks = list[str]()
-        named = self.fit.problem.named(self.fit.values)
+        named = self.fit.named
         measured = {
             run.name: _Followed(run, tables[run.name], named, self.release.get(run.name, 0.0))
             for run in self.fit.problem.runs
@@ -129,7 +129,7 @@ def rolling_basis(campaign: Campaign, names: Sequence[str], fit: Fit) -> Rolling
     for table in campaign.tables.values():
         # the farthest reading has an error: the ramp is taken to end 2 % beyond it
         ramp[table.coordinate] = max(
-            ramp.get(table.coordinate, 0.0), 1.02 * float(np.max(table.columns[table.coordinate]))
+            ramp.get(table.coordinate, 0.0), 1.02 * float(np.max(table.position))
         )
     release = release_times(campaign, fit.problem, fit.values)
     return RollingBasis(
@@ -171,7 +171,7 @@ class _Followed:
         """Its table with other frames, or followed farther."""
         places = _denser(self.table.columns[self.where], change.frames)
         if change.reach > 1.0:
-            end = change.reach * float(np.max(self.table.columns[self.table.coordinate]))
+            end = change.reach * float(np.max(self.table.position))
             places = self._farther(places, end)
         return self._measured(places, change.error)
 
@@ -235,7 +235,7 @@ class _Followed:
         if where == "t_s":
             columns[table.coordinate] = y
         else:
-            columns[table.rate] = np.where(np.isfinite(y), y, 0.0)  # at rest
+            columns[table.rate] = finite_or(y, 0.0)  # at rest
         old = table.columns[where]
         if where != "t_s" and "t_s" in table.columns:
             columns["t_s"] = np.interp(places, old, table.columns["t_s"])

@@ -21,7 +21,7 @@ def more_runs(campaign: Campaign, fit: Fit) -> tuple[Change, ...]:
     """Every run once more, all of them, and for each body runs on other ramps, from other angles,
     with other particles.
     """
-    runs, named = fit.problem.runs, fit.problem.named(fit.values)
+    runs, named = fit.problem.runs, fit.named
     changes = [_once_more([run.name], campaign) for run in runs]
     if len(runs) > 1:
         changes.append(_once_more([run.name for run in runs], campaign))

@@ -69,6 +69,7 @@ from estim.problem.priors import (
     Unstated,
     DefaultError,
     as_prior,
+    centre_of,
     of_other_package,
 )
 from estim.problem.curve_noise import Correlated, Readings, check_covariance

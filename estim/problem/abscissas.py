@@ -30,7 +30,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, Named
+from estim.arrays import BoolArray, FloatArray, Named, finite_or, log_sum_exp
 from estim.distributions import normal_below, normal_quantile, normal_tail
 from estim.problem.tails import Tails
 
@@ -43,7 +43,7 @@ _LEAST_SPREAD = 1e-3  # share of the variance of x that is left to the true absc
 
 NODES: FloatArray = np.asarray(_STEP * np.arange(-_REACH - 1, _REACH + 2), dtype=np.float64)
 _WEIGHTS = np.exp(-0.5 * NODES[1:-1] ** 2 / (1.0 - 0.5 * _STEP**2))
-LOG_WEIGHTS: FloatArray = np.asarray(np.log(_WEIGHTS / np.sum(_WEIGHTS)))
+LOG_WEIGHTS: FloatArray = np.log(_WEIGHTS / np.sum(_WEIGHTS))
 
 
 def hide_the_range(x: FloatArray, sd: FloatArray) -> bool:
@@ -72,7 +72,7 @@ class TrueAbscissas:
         all alike.
         """
         nodes = NODES if np.any(self.spread) else np.zeros(3)
-        return np.asarray(self.centre[..., None] + self.spread[..., None] * nodes)
+        return self.centre[..., None] + self.spread[..., None] * nodes
 
 
 def true_abscissas(x: FloatArray, sd: FloatArray) -> TrueAbscissas:
@@ -132,7 +132,7 @@ class Predictive:
     @property
     def shares(self) -> FloatArray:
         """Weights whose sum over the components is 1."""
-        return np.exp(self.log_weight - summed(self.log_weight)[..., None])
+        return np.exp(self.log_weight - log_sum_exp(self.log_weight, axis=-1)[..., None])
 
     def of(self, part: slice = slice(None)) -> Predictive:
         """Those of some points, of one draw, for many y of each: (n_part, 1, n_component)."""
@@ -143,7 +143,7 @@ class Predictive:
     def terms(self, y: FloatArray, tails: Tails, named: Named) -> tuple[FloatArray, FloatArray]:
         """z and the logarithm of each term of the density of y (..., n_obs), shaped like `mean`."""
         z = (y[..., None] - self.mean) / np.sqrt(self.variance)
-        return z, np.asarray(
+        return z, (
             self.log_weight
             + tails.log_density(z, deepened(tails, named))
             - 0.5 * np.log(self.variance)
@@ -151,7 +151,7 @@ class Predictive:
 
     def log_density(self, y: FloatArray, tails: Tails, named: Named) -> FloatArray:
         """(..., n_obs)."""
-        return summed(self.terms(y, tails, named)[1])
+        return log_sum_exp(self.terms(y, tails, named)[1], axis=-1)
 
     def normal_score(self, y: FloatArray, tails: Tails, named: Named) -> FloatArray:
         """(..., n_obs) y mapped to a standard normal variable through its distribution function."""
@@ -168,14 +168,6 @@ class Predictive:
 def deepened(tails: Tails, named: Named) -> dict[str, FloatArray]:
     """Parameters of the tails with one more axis, for components."""
     return {name: np.asarray(named[name], dtype=float)[..., None] for name in tails.parameters}
-
-
-def summed(log_terms: FloatArray) -> FloatArray:
-    """log sum exp over the last axis; -inf where every term is."""
-    top = np.max(log_terms, axis=-1, keepdims=True)
-    top = np.where(np.isfinite(top), top, 0.0)
-    with np.errstate(divide="ignore"):
-        return np.asarray(np.log(np.sum(np.exp(log_terms - top), axis=-1)) + top[..., 0])
 
 
 def predictive(values: FloatArray, variance: FloatArray, share: float = 0.0) -> Predictive:
@@ -214,7 +206,7 @@ def slopes_in_x(values: FloatArray, spread: FloatArray) -> FloatArray:
     """
     with np.errstate(all="ignore"):
         slope = np.gradient(values, _STEP, axis=-1) / spread[..., None]
-    return np.where(np.isfinite(slope), slope, 0.0)
+    return finite_or(slope, 0.0)
 
 
 def _defined(values: FloatArray) -> BoolArray:

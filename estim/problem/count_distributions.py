@@ -73,21 +73,19 @@ class Poisson:
     def log_density(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
         from scipy.special import gammaln
 
-        return np.asarray(_y_log(y, mean) - mean - gammaln(y + 1.0))
+        return _y_log(y, mean) - mean - gammaln(y + 1.0)
 
     def deviance(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
-        return np.asarray(
-            2.0 * (_y_log(y, np.where(y > 0.0, y, 1.0)) - _y_log(y, mean) - (y - mean))
-        )
+        return 2.0 * (_y_log(y, np.where(y > 0.0, y, 1.0)) - _y_log(y, mean) - (y - mean))
 
     def variance(self, mean: FloatArray, size: FloatArray) -> FloatArray:
-        return np.asarray(mean + 0.0 * size)
+        return mean + 0.0 * size
 
     def unseen(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
         return np.where(y > 0.0, np.inf, mean)
 
     def guess(self, y: FloatArray, size: FloatArray) -> FloatArray:
-        return np.asarray(np.sqrt(y + 1.0))
+        return np.sqrt(y + 1.0)
 
     def draw(self, mean: FloatArray, size: FloatArray, rng: np.random.Generator) -> FloatArray:
         return rng.poisson(np.clip(mean, 0.0, 1e15)).astype(float)
@@ -110,26 +108,26 @@ class Binomial:
 
         hits, misses = np.rint(size * y), np.rint(size * (1.0 - y))
         ways = gammaln(size + 1.0) - gammaln(hits + 1.0) - gammaln(misses + 1.0)
-        return np.asarray(ways + _y_log(hits, mean) + _y_log(misses, 1.0 - mean))
+        return ways + _y_log(hits, mean) + _y_log(misses, 1.0 - mean)
 
     def deviance(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
         rest, of_rest = 1.0 - y, 1.0 - mean
         hits = _y_log(y, np.where(y > 0.0, y, 1.0)) - _y_log(y, mean)
-        return np.asarray(
+        return (
             2.0
             * size
             * (hits + _y_log(rest, np.where(rest > 0.0, rest, 1.0)) - _y_log(rest, of_rest))
         )
 
     def variance(self, mean: FloatArray, size: FloatArray) -> FloatArray:
-        return np.asarray(mean * (1.0 - mean) / size)
+        return mean * (1.0 - mean) / size
 
     def unseen(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
         return size * np.where(y == 0.0, mean, np.where(y == 1.0, 1.0 - mean, np.inf))
 
     def guess(self, y: FloatArray, size: FloatArray) -> FloatArray:
         share = (size * y + 1.0) / (size + 2.0)
-        return np.asarray(np.sqrt(share * (1.0 - share) / size))
+        return np.sqrt(share * (1.0 - share) / size)
 
     def draw(self, mean: FloatArray, size: FloatArray, rng: np.random.Generator) -> FloatArray:
         return rng.binomial(size.astype(np.int64), np.clip(mean, 0.0, 1.0)) / size
@@ -137,7 +135,7 @@ class Binomial:
     def quantile(self, probability: float, mean: FloatArray, size: FloatArray) -> FloatArray:
         from scipy.stats import binom
 
-        return np.asarray(binom.ppf(probability, size, mean) / size)
+        return binom.ppf(probability, size, mean) / size
 
 
 POISSON, BINOMIAL = Poisson(), Binomial()
@@ -167,13 +165,12 @@ def deviance_residual(law: Law, y: FloatArray, mean: FloatArray, size: FloatArra
         close = (y - mean) ** 2 / variance
         # there the difference of two logarithms is rounding
         small = np.abs(y - mean) < 1e-5 * variance * size
-        return np.asarray(
-            np.sign(y - mean)
-            * np.sqrt(np.where(small, close, np.maximum(law.deviance(y, mean, size), 0.0)))
+        return np.sign(y - mean) * np.sqrt(
+            np.where(small, close, np.maximum(law.deviance(y, mean, size), 0.0))
         )
 
 
 def _y_log(y: FloatArray, mean: FloatArray) -> FloatArray:
     """y log(m), 0 for y = 0; nan for m < 0."""
     with np.errstate(all="ignore"):
-        return np.asarray(np.where(mean < 0.0, np.nan, np.where(y > 0.0, y * np.log(mean), 0.0)))
+        return np.where(mean < 0.0, np.nan, np.where(y > 0.0, y * np.log(mean), 0.0))

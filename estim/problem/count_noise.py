@@ -76,7 +76,7 @@ class CountErrors(Likelihood):
             slope = np.where(
                 near, -1.0 / self.sd(named), self._score(named) / np.where(near, 1.0, r)
             )
-        return np.asarray(slope[:, None] * self.points.gradient(named, names))
+        return slope[:, None] * self.points.gradient(named, names)
 
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
         return self._slopes(named, names), self._score(named) * self.sd(named)
@@ -118,7 +118,7 @@ class CountErrors(Likelihood):
 
     def _slopes(self, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n_par) derivatives of the expectations over the standard deviations."""
-        return np.asarray(self.points.gradient(named, names) / self.sd(named)[:, None])
+        return self.points.gradient(named, names) / self.sd(named)[:, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +143,7 @@ class CountedResiduals:
     def drawn(self, n_sim: int, rng: np.random.Generator) -> FloatArray:
         mean = np.repeat(self.mean[:, None], n_sim, axis=1)
         counts = self.law.draw(mean, self.trials[:, None], rng)
-        return np.asarray((counts - mean) / self.sd[:, None])
+        return (counts - mean) / self.sd[:, None]
 
     def felt(self, errors: FloatArray) -> FloatArray:
         return errors

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray, Named, all_finite
+from estim.arrays import FloatArray, Named, all_finite, sds_of
 from estim.common import InputError, phrase
 from estim.given_numbers import real_numbers
 from estim.problem.abscissas import correlated_abscissas
@@ -96,16 +96,16 @@ class Correlated(Noise):
         return self if self.cov_x is None else replace(self, cov_x=None)
 
     def x_gain(self) -> FloatArray:
-        return np.sqrt(np.diag(np.zeros_like(self.cov) if self.cov_x is None else self.cov_x))
+        return sds_of(np.zeros_like(self.cov) if self.cov_x is None else self.cov_x)
 
     def reading_gain(self) -> FloatArray:
-        return np.asarray(np.sqrt(np.diag(self.cov)))
+        return sds_of(self.cov)
 
     def read(
         self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
     ) -> FloatArray:
         """Of the points that the matrix is stated for; `gain` is in it."""
-        return np.asarray(true + np.linalg.cholesky(self.cov) @ rng.standard_normal(true.size))
+        return true + np.linalg.cholesky(self.cov) @ rng.standard_normal(true.size)
 
     def carried(
         self, by_x: FloatArray, by_y: FloatArray, named: Named

@@ -26,7 +26,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, Named, all_finite, diagonal_scale
+from estim.arrays import (
+    BoolArray,
+    FloatArray,
+    Named,
+    all_finite,
+    diagonal_scale,
+    finite_or,
+    log_sum_exp,
+)
+from estim.distributions import normal_log_density
 from estim.problem.abscissas import (
     LOG_WEIGHTS,
     Predictive,
@@ -35,7 +44,6 @@ from estim.problem.abscissas import (
     predictive,
     predictive_slopes,
     slopes_in_x,
-    summed,
     true_abscissas,
 )
 from estim.problem.curve import EXACT
@@ -46,7 +54,6 @@ from estim.problem.whitened import Tabled
 
 _BLOCK = 1_000_000  # values of the curve computed at once
 _FAREST = 5.0
-_LOG_ROOT_2PI = 0.5 * np.log(2.0 * np.pi)
 ROOTED = 2.0 * math.sqrt(EXACT)  # `Likelihood.resolved` of what `rooted` gives
 
 
@@ -89,7 +96,7 @@ class LatentErrors(Likelihood):
         if np.max(true_abscissas(self.x, self._sd_of_x(named)).common) == 0.0 or self._well_known(
             named
         ):
-            return np.asarray(np.sum(self.pointwise(named), axis=1))
+            return np.sum(self.pointwise(named), axis=1)
         return self._by_blocks(named, self._integrated)
 
     def standardised(self, named: Named) -> FloatArray:
@@ -166,7 +173,7 @@ class LatentErrors(Likelihood):
         """
         steep = (self.points.slope(named) - self.lean) * self._sd_of_x(named)[0]
         of_curve = self.share * np.broadcast_to(self.points.value(named), (1, self.y.size))[0]
-        return np.asarray(np.sqrt(self._own_variance(named)[0] + steep**2 + of_curve**2))
+        return np.sqrt(self._own_variance(named)[0] + steep**2 + of_curve**2)
 
     def scores(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
         """(n_obs, n_par) derivatives of each log L_i; of the noise parameters those in `ends`."""
@@ -219,7 +226,7 @@ class LatentErrors(Likelihood):
         return (
             e,
             self._scores(y, named, names, {})[..., : len(names)],
-            moved * np.exp(0.5 * e**2 + _LOG_ROOT_2PI)[None, :, None],
+            moved / np.exp(normal_log_density(e))[None, :, None],
         )
 
     def _of_curve(self, names: Sequence[str]) -> BoolArray:
@@ -299,7 +306,7 @@ class LatentErrors(Likelihood):
             )
             square -= 2.0 * curvature[:, 0, 1] * gradient[:, 0] * gradient[:, 1]
             log_density = density.log_density(self.y, tails, named)
-            return np.asarray(
+            return (
                 np.sum(log_density, axis=-1)
                 + 0.5 * square / determinant
                 - 0.5 * np.log(determinant)
@@ -408,8 +415,8 @@ def rooted(information: FloatArray, score: FloatArray, n: int) -> tuple[FloatArr
 
 def _shares(terms: FloatArray) -> FloatArray:
     """Terms of a sum over components as shares of it; 0 where the sum is 0."""
-    total = summed(terms)[..., None]
-    return np.exp(terms - np.where(np.isfinite(total), total, 0.0))
+    total = log_sum_exp(terms, axis=-1)[..., None]
+    return np.exp(terms - finite_or(total, 0.0))
 
 
 def _error_nodes(tails: Tails, named: Named) -> tuple[FloatArray, FloatArray]:

@@ -65,10 +65,8 @@ class EventErrors(CountErrors):
         """Of each cell: the density of the times of its events, and of their number."""
         with np.errstate(all="ignore"):
             rate, expected = self._rates.rate(self.points.bind(named))
-            return np.asarray(
-                np.broadcast_to(
-                    self._by_cell(np.log(rate)) - expected, (n_draws(named), self.y.size)
-                )
+            return np.broadcast_to(
+                self._by_cell(np.log(rate)) - expected, (n_draws(named), self.y.size)
             )
 
     def standardised(self, named: Named) -> FloatArray:
@@ -86,14 +84,13 @@ class EventErrors(CountErrors):
             rate, expected = self._rates.rate(self.points.bind(named))
             # never 0: the number in a cell says nothing of where in it events lie
             sign = np.where(self.y < expected, -1.0, 1.0)
-            return np.asarray(
-                sign
-                * np.sqrt(2.0 * np.maximum(highest - self._by_cell(np.log(rate)) + expected, 0.0))
+            return sign * np.sqrt(
+                2.0 * np.maximum(highest - self._by_cell(np.log(rate)) + expected, 0.0)
             )
 
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
         with np.errstate(all="ignore"):
-            return np.asarray(-self._scores(named, names) / self.residuals(named)[0][:, None])
+            return -self._scores(named, names) / self.residuals(named)[0][:, None]
 
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
         return rooted(
@@ -111,15 +108,13 @@ class EventErrors(CountErrors):
         with np.errstate(all="ignore"):
             # the quotient first would overflow for a rate that is all but 0
             root = np.where(rate > 0.0, np.sqrt(weights) / np.sqrt(rate), 0.0)
-            return np.asarray(root[:, None] * slopes)
+            return root[:, None] * slopes
 
     def _scores(self, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n_par) derivatives of `pointwise`."""
         rate, slopes = self._rate_and_slopes(self.times, named, names)
         with np.errstate(all="ignore"):
-            return np.asarray(
-                self._by_cell((slopes / rate[:, None]).T).T - self.points.gradient(named, names)
-            )
+            return self._by_cell((slopes / rate[:, None]).T).T - self.points.gradient(named, names)
 
     def _rate_and_slopes(
         self, times: FloatArray, named: Named, names: Sequence[str]
@@ -135,7 +130,7 @@ class EventErrors(CountErrors):
         total = np.concatenate(
             [np.zeros((of_events.shape[0], 1)), np.cumsum(of_events, axis=1)], axis=1
         )
-        return np.asarray(np.diff(total[:, self.first], axis=1))
+        return np.diff(total[:, self.first], axis=1)
 
     @property
     def _rates(self) -> RateCurve:

@@ -38,6 +38,10 @@ class Group:
     shared: SharedNoise | None
 
     @property
+    def run_names(self) -> tuple[str, ...]:
+        return tuple(run.name for run in self.runs)
+
+    @property
     def n_obs(self) -> int:
         return sum(run.n_obs for run in self.runs)
 

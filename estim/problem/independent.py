@@ -28,12 +28,10 @@ class RobustErrors(Likelihood):
     def pointwise(self, named: Named) -> FloatArray:
         variance = self.size.variance(self.weight, named)
         z = (self.y - self.points.value(named)) / np.sqrt(variance)
-        return np.asarray(self.tails.log_density(z, named) - 0.5 * np.log(variance))
+        return self.tails.log_density(z, named) - 0.5 * np.log(variance)
 
     def standardised(self, named: Named) -> FloatArray:
-        return np.asarray(
-            (self.y - self.points.value(named)) / np.sqrt(self.size.variance(self.weight, named))
-        )
+        return (self.y - self.points.value(named)) / np.sqrt(self.size.variance(self.weight, named))
 
     def residuals(self, named: Named) -> FloatArray:
         return self.tails.deviance_residual(self.standardised(named), named)[0]
@@ -43,12 +41,10 @@ class RobustErrors(Likelihood):
 
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
         z = np.broadcast_to(self.standardised(named), (1, self.y.size))[0]
-        return np.asarray(
-            self.tails.deviance_residual(z, named)[1][:, None] * self._slopes(named, names)
-        )
+        return self.tails.deviance_residual(z, named)[1][:, None] * self._slopes(named, names)
 
     def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
-        return np.asarray(np.sqrt(self.tails.information(named)[0]) * self._slopes(named, names))
+        return np.sqrt(self.tails.information(named)[0]) * self._slopes(named, names)
 
     def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
         root, about_scale = self.information_root(named, names), self.tails.information(named)[1]
@@ -65,9 +61,7 @@ class RobustErrors(Likelihood):
         return Linear(self.tails.normal_score(z, named), -self._slopes(named, names))
 
     def sd(self, named: Named) -> FloatArray:
-        return np.asarray(
-            np.sqrt(np.broadcast_to(self.size.variance(self.weight, named), (1, self.y.size))[0])
-        )
+        return np.sqrt(np.broadcast_to(self.size.variance(self.weight, named), (1, self.y.size))[0])
 
     def _slopes(self, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n_par) derivatives of `standardised` in the parameters of the curve."""

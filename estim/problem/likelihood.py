@@ -288,7 +288,7 @@ class Likelihood(ABC):
 
     def log_likelihood(self, named: Named) -> FloatArray:
         """(n_draw,) log density of the data, normalised."""
-        return np.asarray(np.sum(self.pointwise(named), axis=1))
+        return np.sum(self.pointwise(named), axis=1)
 
     def standardised(self, named: Named) -> FloatArray:
         """(n_draw, n_obs) residuals over their standard deviations, each independent of the others:
@@ -324,7 +324,7 @@ class Likelihood(ABC):
         which has none here.
         """
         root = self.information_root(named, names)
-        return np.asarray(root.T @ root)
+        return root.T @ root
 
     def whitened(self, named: Named, names: Sequence[str]) -> Whitened:
         """The residuals for tests."""
@@ -464,5 +464,5 @@ def reading_sd(noise: Noise, named: Named, curve: FloatArray | None = None) -> F
     (n_draw, n_obs).  curve : (n_draw, n_obs) at the points, where it is known.
     """
     if curve is not None and noise.share:
-        return np.asarray(noise.share * np.abs(curve))
-    return np.asarray(np.sqrt(noise.size.reading_variance(named)) * noise.reading_gain())
+        return noise.share * np.abs(curve)
+    return np.sqrt(noise.size.reading_variance(named)) * noise.reading_gain()

@@ -150,7 +150,7 @@ class Independent(Noise):
         if self.sigma_x is None:
             return x
         known = true_abscissas(x, np.atleast_2d(np.asarray(self.sigma_x.at(named)) * gain))
-        return np.asarray(known.centre[0] + known.spread[0] * rng.standard_normal(x.size))
+        return known.centre[0] + known.spread[0] * rng.standard_normal(x.size)
 
     def read_x(
         self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
@@ -158,9 +158,7 @@ class Independent(Noise):
         return (
             x
             if self.sigma_x is None
-            else np.asarray(
-                x + np.asarray(self.sigma_x.at(named)) * gain * rng.standard_normal(x.size)
-            )
+            else x + np.asarray(self.sigma_x.at(named)) * gain * rng.standard_normal(x.size)
         )
 
     def read(
@@ -323,7 +321,7 @@ class Differentiated(Noise):
             scale = diags_array(self.relative)
             whole, to_speed = whole @ scale, to_speed @ scale
         cov = reading * (whole @ whole.T).toarray() + np.diag(by_y**2 * scatter)
-        return cov, np.asarray(reading * to_speed.power(2).sum(axis=1) + scatter)
+        return cov, reading * to_speed.power(2).sum(axis=1) + scatter
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         """The noise in words."""

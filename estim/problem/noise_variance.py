@@ -54,15 +54,15 @@ class NoiseVariance:
 
     def reading_variance(self, named: Named) -> FloatArray:
         """() or (n_draw, 1) variance of a reading, without scatter."""
-        return np.asarray(np.square(self.sigma.at(named)) + self.quantisation_variance)
+        return np.square(self.sigma.at(named)) + self.quantisation_variance
 
     def rounded(self, reading: FloatArray) -> FloatArray:
         """Readings as the instrument shows them, in multiples of `step` if it has one."""
-        return np.asarray(self.step * np.rint(reading / self.step)) if self.step else reading
+        return self.step * np.rint(reading / self.step) if self.step else reading
 
     def variance(self, weight: FloatArray, named: Named) -> FloatArray:
         """V, broadcasts to (n_draw, n_obs), for weights w (n_obs,)."""
-        return np.asarray(self.reading_variance(named) * weight + np.square(self.scatter.at(named)))
+        return self.reading_variance(named) * weight + np.square(self.scatter.at(named))
 
     def slopes(
         self, weight: FloatArray, named: Named, names: Sequence[str], n_draw: int = 1
@@ -82,4 +82,4 @@ class NoiseVariance:
             self.slopes(weight, named, names)[0]
             / np.broadcast_to(self.variance(weight, named), (1, weight.size)).T
         )
-        return np.asarray(0.5 * relative.T @ relative)
+        return 0.5 * relative.T @ relative

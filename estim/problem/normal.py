@@ -20,6 +20,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from estim.arrays import FloatArray, Named
+from estim.distributions import normal_log_density
 from estim.problem.differences import covariance_in_bands, used_columns
 from estim.problem.likelihood import Ends, Likelihood, Points, n_draws
 from estim.problem.noise_variance import NoiseVariance, Scale
@@ -196,7 +197,7 @@ class GaussianErrors(Likelihood):
 
     @property
     def y(self) -> FloatArray:
-        return np.asarray(self.points.y - self.shift)
+        return self.points.y - self.shift
 
     @property
     def normal(self) -> GaussianErrors:
@@ -204,7 +205,7 @@ class GaussianErrors(Likelihood):
 
     def log_likelihood(self, named: Named) -> FloatArray:
         z, variance = self.residuals(named), self._diagonal(named)
-        return np.asarray(
+        return (
             -0.5 * np.einsum("ij,ij->i", z, z)
             - 0.5 * np.sum(np.log(2.0 * np.pi * variance), axis=1)
             - self.form.log_volume
@@ -218,10 +219,10 @@ class GaussianErrors(Likelihood):
         variance = self._diagonal(named)
         inverse = self.form.precisions(variance)
         deviation = self.form.turned_back(self._turned(named) / variance) / np.sqrt(inverse)
-        return np.asarray(-0.5 * deviation**2 + 0.5 * np.log(inverse / (2.0 * np.pi)))
+        return normal_log_density(deviation) + 0.5 * np.log(inverse)
 
     def residuals(self, named: Named) -> FloatArray:
-        return np.asarray(self._turned(named) / np.sqrt(self._diagonal(named)))
+        return self._turned(named) / np.sqrt(self._diagonal(named))
 
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
         return np.asarray(
@@ -233,7 +234,7 @@ class GaussianErrors(Likelihood):
 
     def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
         root = self.jacobian(named, names)
-        return np.asarray(root.T @ root + self.size.information(self.form.spectrum, named, names))
+        return root.T @ root + self.size.information(self.form.spectrum, named, names)
 
     def whitened(self, named: Named, names: Sequence[str]) -> Linear:
         """In the order of the points."""
@@ -242,7 +243,7 @@ class GaussianErrors(Likelihood):
         return Linear(root.whiten(raw), root.whiten(self.points.gradient(named, names).T).T)
 
     def sd(self, named: Named) -> FloatArray:
-        return np.asarray(np.sqrt(self.form.variances(self._diagonal(named)[0])))
+        return np.sqrt(self.form.variances(self._diagonal(named)[0]))
 
     def squared_size(self, vector: FloatArray, named: Named) -> float:
         return float(np.sum(self.form.turned(vector) ** 2 / self._diagonal(named)[0]))

@@ -172,6 +172,11 @@ class Observations:
         return int(self.x.size)
 
     @property
+    def position(self) -> FloatArray:
+        """(n_obs,) where the body was, of a motion: y where that is read over time, else x."""
+        return self.y if self.positions else self.x
+
+    @property
     def spread_in_decades(self) -> bool:
         """Whether x is positive and covers two decades or more with most points in the lower ones,
         so that figures have a logarithmic axis; never of a motion or of counts, whose bins may

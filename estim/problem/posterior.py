@@ -44,8 +44,17 @@ class Problem:
         return tuple(p.name for p in self.parameters)
 
     @property
+    def run_names(self) -> tuple[str, ...]:
+        return tuple(run.name for run in self.runs)
+
+    @property
     def n_par(self) -> int:
         return len(self.parameters)
+
+    @property
+    def counted(self) -> bool:
+        """Whether the y of some run are counts."""
+        return any(run.noise.counted is not None for run in self.runs)
 
     @property
     def many(self) -> bool:
@@ -142,7 +151,7 @@ class Problem:
         """`readings`, and where the data of some runs are counts, also the parameters of single
         runs that have no stated prior, which is then flat.
         """
-        if not any(run.noise.counted is not None for run in self.runs):
+        if not self.counted:
             return self.readings
         uses = uses_of(self.runs)
         unstated = (p.name for p, free in zip(self.parameters, self.unstated, strict=True) if free)

@@ -34,9 +34,8 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import InputError, Label, Quantity, format_quantity, phrase, with_unit
-from estim.distributions import normal_below, normal_quantile, normal_tail
+from estim.distributions import normal_below, normal_log_density, normal_quantile, normal_tail
 
-_LOG_ROOT_2PI = 0.5 * math.log(2.0 * math.pi)
 # standard deviations beyond which a normal distribution has no probability that a number could show
 _FAR = 8.0
 # of the way from the mode to a limit of a beta distribution, short of the limit, where its residual
@@ -186,15 +185,12 @@ class _CutNormal(Prior):
 
     def log_density(self, value: ArrayLike) -> FloatArray:
         value = np.asarray(value)
-        log_p = (
-            -0.5 * ((value - self.mean) / self.scale) ** 2
-            - math.log(self.scale * self.mass)
-            - _LOG_ROOT_2PI
-        )
+        z = (value - self.mean) / self.scale
+        log_p = normal_log_density(z) - math.log(self.scale * self.mass)
         return np.where((value >= self.low) & (value <= self.high), log_p, -np.inf)
 
     def residual(self, value: ArrayLike) -> FloatArray:
-        return np.asarray((np.asarray(value) - self.mean) / self.scale)
+        return (np.asarray(value) - self.mean) / self.scale
 
     def residual_slope(self, value: ArrayLike) -> FloatArray:
         return np.full(np.shape(value), 1.0 / self.scale)
@@ -325,7 +321,7 @@ class TruncatedNormal(_CutNormal):
         """Mean m = h_a - h_b and variance 1 + (a - m) h_a - (b - m) h_b in standard deviations from
         `mean`; h : density at an end over the mass.
         """
-        heights = np.exp(-0.5 * self._ends**2 - _LOG_ROOT_2PI) / self.mass
+        heights = np.exp(normal_log_density(self._ends)) / self.mass
         mean = float(heights[0] - heights[1])
         a, b = np.where(heights > 0.0, self._ends - mean, 0.0) * heights
         return mean, float(1.0 + a - b)
@@ -570,26 +566,23 @@ class LogNormal(Prior):
 
     def log_density(self, value: ArrayLike) -> FloatArray:
         value = np.asarray(value, dtype=float)
-        log_p = (
-            -0.5 * self.pull(value) ** 2
-            - np.log(np.maximum(value, _TINY))
-            - math.log(self.log_sd)
-            - _LOG_ROOT_2PI
+        log_p = normal_log_density(self.pull(value)) - np.log(
+            np.maximum(value, _TINY) * self.log_sd
         )
         return np.where(value > 0.0, log_p, -np.inf)
 
     def pull(self, value: ArrayLike) -> FloatArray:
-        return np.asarray((np.log(np.maximum(value, _TINY)) - math.log(self.median)) / self.log_sd)
+        return (np.log(np.maximum(value, _TINY)) - math.log(self.median)) / self.log_sd
 
     def residual(self, value: ArrayLike) -> FloatArray:
         # the factor 1/value of the density completes the square: the mode is at exp(mu - log_sd^2)
         return self.pull(value) + self.log_sd
 
     def residual_slope(self, value: ArrayLike) -> FloatArray:
-        return np.asarray(1.0 / (np.maximum(value, _TINY) * self.log_sd))
+        return 1.0 / (np.maximum(value, _TINY) * self.log_sd)
 
     def quantile(self, probability: ArrayLike) -> FloatArray:
-        return np.asarray(self.median * np.exp(self.log_sd * normal_quantile(probability)))
+        return self.median * np.exp(self.log_sd * normal_quantile(probability))
 
     def draw(self, rng: np.random.Generator, size: int) -> FloatArray:
         return self.median * np.exp(self.log_sd * rng.standard_normal(size))
@@ -689,9 +682,7 @@ class Beta(Prior):
 
     def residual(self, value: ArrayLike) -> FloatArray:
         (a, b), (up, down) = self._powers, self._from_mode(value)
-        return np.asarray(
-            np.sign(up) * np.sqrt(2.0 * (a * (up - np.log1p(up)) + b * (down - np.log1p(down))))
-        )
+        return np.sign(up) * np.sqrt(2.0 * (a * (up - np.log1p(up)) + b * (down - np.log1p(down))))
 
     def residual_slope(self, value: ArrayLike) -> FloatArray:
         (a, b), (up, down) = self._powers, self._from_mode(value)
@@ -706,9 +697,7 @@ class Beta(Prior):
         from scipy.special import betaincinv
 
         a, b = self._powers
-        return np.asarray(
-            self.low + (self.high - self.low) * betaincinv(a + 1.0, b + 1.0, probability)
-        )
+        return self.low + (self.high - self.low) * betaincinv(a + 1.0, b + 1.0, probability)
 
     def describe(self, unit: str = "1") -> str:
         words = phrase(
@@ -770,6 +759,11 @@ def of_other_package(stated: Any, field: str) -> Any:
         rule = f"must be one of {', '.join(_FROZEN)} ({' and '.join(_FROM_ZERO)} with loc = 0)"
         raise InputError(rule, field=field, value=f"scipy.stats.{name}")
     return _FROZEN[name](**at)
+
+
+def centre_of(source: float | Prior) -> float:
+    """An exact value, or the centre of a prior."""
+    return source if isinstance(source, float) else source.centre
 
 
 def as_prior(quantity: Quantity, *, low: float) -> Prior:

@@ -61,7 +61,7 @@ class Root(Protocol):
 def covariance_of(root: Root) -> FloatArray:
     """C (n_obs, n_obs), for few points."""
     rows = root.coloured(np.eye(root.n_obs))
-    return np.asarray(rows.T @ rows)
+    return rows.T @ rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,11 +85,11 @@ class Dense:
 
     @property
     def variances(self) -> FloatArray:
-        return np.asarray(np.sum(self.lower**2, axis=1))
+        return np.sum(self.lower**2, axis=1)
 
     @property
     def precisions(self) -> FloatArray:
-        return np.asarray(np.sum(self._whitener**2, axis=1))
+        return np.sum(self._whitener**2, axis=1)
 
     @cached_property
     def _whitener(self) -> FloatArray:
@@ -149,7 +149,7 @@ class Band:
     @property
     def precisions(self) -> FloatArray:
         if len(self.lower) == 1:
-            return np.asarray(1.0 / self.lower[0] ** 2)
+            return 1.0 / self.lower[0] ** 2
         diagonal = np.empty(self.n_obs)
         for start in range(0, self.n_obs, _ROWS):
             block = np.arange(start, min(start + _ROWS, self.n_obs))
@@ -230,9 +230,7 @@ class LowRankRoot:
 
     @property
     def variances(self) -> FloatArray:
-        return np.asarray(
-            self.base.variances + np.sum(self.base.coloured(self.causes.T) ** 2, axis=0)
-        )
+        return self.base.variances + np.sum(self.base.coloured(self.causes.T) ** 2, axis=0)
 
     @property
     def precisions(self) -> FloatArray:
@@ -240,7 +238,7 @@ class LowRankRoot:
         back = solve_triangular(
             lower, self.base.turned_back(self.causes.T), lower=True, check_finite=False
         )
-        return np.asarray(self.base.precisions - np.sum(back**2, axis=0))
+        return self.base.precisions - np.sum(back**2, axis=0)
 
     def whiten(self, rows: FloatArray) -> FloatArray:
         z = np.array(self.base.whiten(rows), dtype=float).reshape(-1, self.n_obs).T

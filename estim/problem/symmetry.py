@@ -59,7 +59,7 @@ class Symmetry:
     @property
     def flips(self) -> NDArray[np.bool_]:
         """(n_par,) parameters whose sign a map changes."""
-        return np.asarray(np.any(np.diagonal(self.matrix, axis1=1, axis2=2) < 0.0, axis=0))
+        return np.any(np.diagonal(self.matrix, axis1=1, axis2=2) < 0.0, axis=0)
 
     def images(self, draws: FloatArray, near: FloatArray) -> tuple[FloatArray, FloatArray]:
         """All images (n_map, n_draw, n_par) of draws (n_draw, n_par), turned as close to `near`

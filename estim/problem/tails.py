@@ -18,16 +18,19 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
 from estim.arrays import FloatArray, Named
 from estim.common import phrase
-from estim.distributions import normal_quantile, normal_tail, student_tail
-
-_LOG_ROOT_2PI = 0.5 * math.log(2.0 * math.pi)
+from estim.distributions import (
+    normal_log_density,
+    normal_quantile,
+    normal_tail,
+    student_log_density,
+    student_tail,
+)
 
 
 class Tails(ABC):
@@ -93,7 +96,7 @@ class Gaussian(Tails):
         return self.unused
 
     def log_density(self, z: FloatArray, values: Named) -> FloatArray:
-        return -0.5 * z**2 - _LOG_ROOT_2PI
+        return normal_log_density(z)
 
     def deviance_residual(self, z: FloatArray, values: Named) -> tuple[FloatArray, FloatArray]:
         return z, np.ones_like(z)
@@ -122,16 +125,8 @@ class StudentT(Tails):
 
     nu: float = 4.0
 
-    @cached_property
-    def _log_norm(self) -> float:
-        return (
-            math.lgamma(0.5 * (self.nu + 1.0))
-            - math.lgamma(0.5 * self.nu)
-            - 0.5 * math.log(self.nu * math.pi)
-        )
-
     def log_density(self, z: FloatArray, values: Named) -> FloatArray:
-        return self._log_norm - 0.5 * (self.nu + 1.0) * np.log1p(z**2 / self.nu)
+        return student_log_density(z, self.nu)
 
     def deviance_residual(self, z: FloatArray, values: Named) -> tuple[FloatArray, FloatArray]:
         residual = np.sign(z) * np.sqrt((self.nu + 1.0) * np.log1p(z**2 / self.nu))
@@ -181,8 +176,8 @@ class Mixture(Tails):
         fraction = np.asarray(values[self.fraction], dtype=float)
         width = np.exp(np.asarray(values[self.log_width], dtype=float))
         with np.errstate(divide="ignore"):
-            good = np.log1p(-fraction) - 0.5 * z**2 - _LOG_ROOT_2PI
-            bad = np.log(fraction) - np.log(width) - 0.5 * (z / width) ** 2 - _LOG_ROOT_2PI
+            good = np.log1p(-fraction) + normal_log_density(z)
+            bad = np.log(fraction) - np.log(width) + normal_log_density(z / width)
         return good, bad, width
 
     def log_density(self, z: FloatArray, values: Named) -> FloatArray:

@@ -36,7 +36,7 @@ class Linear:
         return errors
 
     def moved(self, errors: FloatArray, shifts: FloatArray) -> FloatArray:
-        return np.asarray(errors - self.root @ shifts)
+        return errors - self.root @ shifts
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,9 +64,7 @@ class Tabled:
                 row += np.interp(error, self.at, column)
         scale = np.linalg.norm(self.root, axis=0)
         scale[scale == 0.0] = 1.0
-        return np.asarray(
-            np.linalg.pinv((self.root / scale).T, rcond=1e-9) @ (score / scale[:, None])
-        )
+        return np.linalg.pinv((self.root / scale).T, rcond=1e-9) @ (score / scale[:, None])
 
     def moved(self, errors: FloatArray, shifts: FloatArray) -> FloatArray:
         moved = errors.copy()

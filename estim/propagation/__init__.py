@@ -5,7 +5,7 @@ Read `linear` first.  Of the rest it needs `common`, and the formulas of `curves
 """
 
 from estim.propagation.inputs import Input
-from estim.propagation.linear import LinearResult, check_probability, propagate_linear
+from estim.propagation.linear import LinearResult, propagate_linear
 from estim.propagation.monte_carlo import (
     MOST_VALUES,
     BatchProgress,

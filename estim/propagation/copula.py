@@ -15,6 +15,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import InputError
+from estim.distributions import normal_log_density
 from estim.propagation.inputs import PSD_TOLERANCE, Input
 from estim.propagation.scores import POSITIVE, score
 
@@ -96,7 +97,7 @@ def _copula_coefficient(first: Input, second: Input, target: float) -> float:
     from scipy.optimize import brentq
 
     z = _STEP * (np.arange(-_FAREST / _STEP, _FAREST / _STEP) + 0.5)
-    weight = _STEP * np.exp(-0.5 * z**2) / math.sqrt(2.0 * math.pi)
+    weight = _STEP * np.exp(normal_log_density(z))
     scores = []
     for quantity in (first, second):
         if math.isinf(quantity.standard_deviation):

@@ -245,7 +245,7 @@ def _kink(value: FloatArray, right: FloatArray, left: FloatArray, steps: FloatAr
     near, far = _SETTLED + 1, _SETTLED
     slope_right = (4.0 * right[near] - right[far] - 3.0 * value) / steps[far]
     slope_left = -(4.0 * left[near] - left[far] - 3.0 * value) / steps[far]
-    return np.asarray(slope_right - slope_left)
+    return slope_right - slope_left
 
 
 def _as_floats(returned: Any) -> FloatArray:

@@ -355,4 +355,4 @@ def _checked_matrix(names: list[str], given: ArrayLike) -> FloatArray:
         )
     if not np.allclose(matrix, matrix.T, rtol=0.0, atol=1e-12):
         raise InputError("must be symmetric", field="correlation", value=given)
-    return np.asarray(0.5 * (matrix + matrix.T))
+    return 0.5 * (matrix + matrix.T)

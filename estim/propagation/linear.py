@@ -31,8 +31,9 @@ from typing import Any
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray
-from estim.common import InputError, Shown, Tabled, phrase, rounded
+from estim.common import Shown, Tabled, phrase, rounded
 from estim.distributions import student_quantile
+from estim.given_numbers import check_probability
 from estim.propagation.evaluation import (
     Gradient,
     MeasurementFunction,
@@ -211,12 +212,7 @@ def uncertainty_components(inputs: Sequence[Input], sensitivities: FloatArray) -
     whatever its derivative.
     """
     u_in = np.array([quantity.u for quantity in inputs])[:, np.newaxis]
-    return np.asarray(np.where(u_in == 0.0, 0.0, sensitivities.reshape(len(inputs), -1) * u_in))
-
-
-def check_probability(probability: float) -> None:
-    if not isinstance(probability, (float, int)) or not 0.0 < probability < 1.0:
-        raise InputError("must lie between 0 and 1", field="probability", value=probability)
+    return np.where(u_in == 0.0, 0.0, sensitivities.reshape(len(inputs), -1) * u_in)
 
 
 def frozen(array: Any) -> FloatArray:

@@ -23,6 +23,7 @@ import numpy as np
 
 from estim.arrays import BoolArray, FloatArray
 from estim.common import InputError, Shown, Tabled, interval, later, phrase, rounded
+from estim.given_numbers import check_probability
 from estim.propagation.copula import copula_matrix, draw_inputs
 from estim.propagation.evaluation import (
     MeasurementFunction,
@@ -38,7 +39,7 @@ from estim.propagation.inputs import (
     check_inputs,
     correlation_matrix,
 )
-from estim.propagation.linear import check_probability, frozen, how_many, output_names
+from estim.propagation.linear import frozen, how_many, output_names
 from estim.propagation.tail_index import NO_MEAN, NO_VARIANCE, tail_index
 
 IntervalKind = Literal["symmetric", "shortest"]
@@ -250,9 +251,7 @@ def numerical_tolerance(u: FloatArray, n_digits: int) -> FloatArray:
     exponent = np.floor(np.log10(positive)) - (n_digits - 1)
     # 0.0996 has the two digits 0.10
     exponent += np.round(positive / 10.0**exponent) >= 10.0**n_digits
-    return np.asarray(
-        np.where(np.isfinite(u), np.where(u > 0.0, 0.5 * 10.0**exponent, 0.0), np.nan)
-    )
+    return np.where(np.isfinite(u), np.where(u > 0.0, 0.5 * 10.0**exponent, 0.0), np.nan)
 
 
 def coverage_interval(
@@ -309,9 +308,7 @@ def _standard_errors(blocks: FloatArray) -> FloatArray:
     """s/sqrt(h) over the blocks for each statistic: (n_block, 7, n_out) -> (6, n_out)."""
     # rounding would leave a standard deviation
     constant = blocks[:, 1:].max(axis=0) == blocks[:, 1:].min(axis=0)
-    return np.asarray(
-        np.where(constant, 0.0, blocks[:, 1:].std(axis=0, ddof=1) / math.sqrt(len(blocks)))
-    )
+    return np.where(constant, 0.0, blocks[:, 1:].std(axis=0, ddof=1) / math.sqrt(len(blocks)))
 
 
 def _stabilised(blocks: FloatArray, n_digits: int, watched: IntervalKind) -> BoolArray:
@@ -321,7 +318,7 @@ def _stabilised(blocks: FloatArray, n_digits: int, watched: IntervalKind) -> Boo
     between = np.sum(count * (mean - np.sum(count * mean, axis=0) / total) ** 2, axis=0)
     pooled = np.sqrt((np.sum((count - 1.0) * u**2, axis=0) + between) / (total - 1.0))
     errors = _standard_errors(blocks)[_WATCHED[watched]]
-    return np.asarray(np.all(2.0 * errors <= numerical_tolerance(pooled, n_digits), axis=0))
+    return np.all(2.0 * errors <= numerical_tolerance(pooled, n_digits), axis=0)
 
 
 def _result(

@@ -60,17 +60,17 @@ def score(
     if distribution == "normal":
         return z
     if distribution == "exponential":
-        return np.asarray(-special.log_ndtr(-z) - 1.0)
+        return -special.log_ndtr(-z) - 1.0
     if distribution == "lognormal":
         sigma = math.sqrt(math.log1p(relative**2))
-        return np.asarray(np.expm1(sigma * z - 0.5 * sigma**2) / relative)
+        return np.expm1(sigma * z - 0.5 * sigma**2) / relative
     if distribution == "gamma":
         k = relative**-2
         below = special.gammaincinv(k, special.ndtr(np.minimum(z, 0.0)))
         # the probability in the nearer tail keeps its digits
         above = special.gammainccinv(k, normal_tail(np.maximum(z, 0.0)))
-        return np.asarray((np.where(z < 0.0, below, above) - k) / math.sqrt(k))
-    return np.asarray(np.copysign(_magnitude(normal_tail(np.abs(z)), distribution, dof, shape), z))
+        return (np.where(z < 0.0, below, above) - k) / math.sqrt(k)
+    return np.copysign(_magnitude(normal_tail(np.abs(z)), distribution, dof, shape), z)
 
 
 def _magnitude(tail: FloatArray, distribution: str, dof: float, shape: float) -> FloatArray:
@@ -79,20 +79,18 @@ def _magnitude(tail: FloatArray, distribution: str, dof: float, shape: float) ->
     """
     if distribution in ("t", "standardised-t"):
         scale = 1.0 if distribution == "t" else math.sqrt((dof - 2.0) / dof)
-        return np.asarray(-scale * student_quantile(tail, dof))
+        return -scale * student_quantile(tail, dof)
     width = half_width_in_u(distribution, shape)
     if distribution == "rectangular":
-        return np.asarray(width * (1.0 - 2.0 * tail))
+        return width * (1.0 - 2.0 * tail)
     if distribution == "triangular":
-        return np.asarray(width * (1.0 - np.sqrt(2.0 * tail)))
+        return width * (1.0 - np.sqrt(2.0 * tail))
     if distribution == "arcsine":
-        return np.asarray(width * np.cos(math.pi * tail))
+        return width * np.cos(math.pi * tail)
     if distribution == "trapezoidal":
         height = 1.0 / (1.0 + shape)
         slope = 1.0 - np.sqrt(2.0 * tail * (1.0 - shape) / height)
-        return np.asarray(
-            width * np.where(tail <= 0.5 * height * (1.0 - shape), slope, (0.5 - tail) / height)
-        )
+        return width * np.where(tail <= 0.5 * height * (1.0 - shape), slope, (0.5 - tail) / height)
     return width * _curvilinear(tail, shape)
 
 
@@ -117,4 +115,4 @@ def _curvilinear(tail: FloatArray, d: float) -> FloatArray:
             1.0,
         )
     outer = np.minimum((1.0 + d) * q, 1.0 + d)
-    return np.asarray(np.where(inner < 1.0 - d, inner, np.maximum(outer, 1.0 - d)))
+    return np.where(inner < 1.0 - d, inner, np.maximum(outer, 1.0 - d))

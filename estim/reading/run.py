@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from estim.arrays import FloatArray
 from estim.common import InputError, Quantity
 from estim.reading.csv_table import read_known_columns
 from estim.reading.dialect import PLAIN, Dialect
@@ -59,6 +60,11 @@ class Run(Table):
     def coordinate(self) -> str:
         """The column that says where the body is: `x_m` or `theta_rad`."""
         return "x_m" if "x_m" in self.columns else "theta_rad"
+
+    @property
+    def position(self) -> FloatArray:
+        """(n_row,) its column of positions."""
+        return self.columns[self.coordinate]
 
     def without(self, times: Sequence[float]) -> Run:
         """The run without the rows at `times` (s), each to a hundredth of the interval.

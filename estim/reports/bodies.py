@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from estim.campaign import OUTPUTS, CampaignFile
-from estim.common import as_json, behind, format_quantity
+from estim.common import as_json, behind, format_quantity, number
 from estim.reports.pages import numbered
 from estim.reports.records import Record, Report
 from estim.reports.rendering import render
 from estim.reports.result import Correlation, Provenance, provenance_of
-from estim.sampling import number
 from estim.studies.bodies import BodyProperties
 
 _LEAST_SHARE = 0.5  # %, of what is told of a budget

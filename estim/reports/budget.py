@@ -11,13 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import Label, behind, format_rounded, phrase, signed, split_level
+from estim.common import Label, behind, format_rounded, number, phrase, signed, split_level
 from estim.deviation import DEVIATION, FORCE, FRAMES, START
 from estim.drawing import BLUE, INK, Figure, grid, name_ticks
 from estim.pipeline import Analysis
 from estim.reports.derived import derived_labels
 from estim.reports.records import DRAWS, Labels, Record
-from estim.sampling import number
 from estim.studies.budget import PRIOR, READINGS, STATED, Budget, Source, uncertainty_budget
 
 

@@ -9,28 +9,36 @@ import numpy as np
 
 from estim.calibration import (
     COVERAGE_SDS,
+    EDGES,
+    N_RANK,
     UNIFORM_BELOW,
     Calibration,
     coverage_sentence,
     direction,
-    edges,
     findings,
     rank_counts,
     uniformity_band,
 )
 from estim.campaign import Campaign
-from estim.common import FigureChoice, decide, later, percentage, phrase
+from estim.common import (
+    PROBABILITIES,
+    FigureChoice,
+    PhraseTable,
+    decide,
+    number,
+    percentage,
+    phrase,
+)
 from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, fill, grid, name_ticks
 from estim.problem import Problem
 from estim.reports.pages import Drawers, page
 from estim.reports.records import Record, Report
 from estim.reports.result import Provenance, provenance
-from estim.sampling import number
 from estim.words import direction_words, tell
 
 SCHEMA = "estim-calibration/1"
 _AT = {"sbc": "priors", "coverage": "fit"}
-_ENGINES = {"importance sampling": later("importance sampling"), "chain": later("chain")}
+_ENGINES = PhraseTable({"importance sampling": "importance sampling", "chain": "chain"})
 
 
 class CoverageRecord(Record):
@@ -123,9 +131,9 @@ def calibration_record(campaign: Campaign, c: Calibration) -> CalibrationRecord:
     found = findings(c)
     numbers = {}
     for name, unit in c.reported.items():
-        ranks = c.ranks_of(name)
-        held = zip(c.probabilities, c.share(name).tolist(), c.share_sd().tolist(), strict=True)
-        mean = float(np.mean((ranks + 0.5) / (c.n_rank + 1))) if ranks.size else float("nan")
+        places = c.places_of(name)
+        held = zip(PROBABILITIES, c.share(name).tolist(), c.share_sd().tolist(), strict=True)
+        mean = float(np.mean(places)) if places.size else float("nan")
         numbers[name] = NumberRecord(
             unit, number(c.p_value(name)), number(mean), [CoverageRecord(*cells) for cells in held]
         )
@@ -142,17 +150,17 @@ def calibration_record(campaign: Campaign, c: Calibration) -> CalibrationRecord:
         engines=dict(c.how),
         failures=dict(c.failures),
         leaning=list(c.leaning),
-        n_rank=c.n_rank,
+        n_rank=N_RANK,
         numbers=numbers,
         ranks={name: c.ranks[:, i].tolist() for i, name in enumerate(c.reported)},
-        provenance=provenance(campaign, list(c.runs), c.seed),
+        provenance=provenance(campaign, c.runs, c.seed),
     )
 
 
 def _part(c: Calibration, record: CalibrationRecord) -> Mapping[str, object]:
     """What the template says of one calibration."""
     engines = [
-        phrase("{count} by {how}", count=count, how=phrase(_ENGINES[how]))
+        phrase("{count} by {how}", count=count, how=_ENGINES[how])
         for how, count in sorted(c.how.items())
         if how != "none"
     ]
@@ -177,19 +185,22 @@ def rank_figure(calibration: Calibration) -> Figure:
     """
     names = list(calibration.reported)
     figure, axes = grid(len(names), height=1.75, columns=3, sharey=True)
-    z = edges(calibration.n_rank)
     for ax, name in zip(axes, names, strict=True):
         ranks = calibration.ranks_of(name)
         ax.axhline(0.0, color=GREY, lw=0.6)
         ax.set_title(calibration.labels[name].tex)
         if ranks.size == 0:
             continue
-        low, high = uniformity_band(ranks.size, calibration.n_rank)
-        difference = rank_counts(ranks, calibration.n_rank) / ranks.size - z
-        inside = bool(np.all((difference >= low - z) & (difference <= high - z)))
-        fill(ax, z, low - z, high - z, GREY, 0.3)
+        low, high = (end - EDGES for end in uniformity_band(ranks.size))
+        difference = rank_counts(ranks) / ranks.size - EDGES
+        inside = bool(np.all((difference >= low) & (difference <= high)))
+        fill(ax, EDGES, low, high, GREY, 0.3)
         ax.step(
-            z, difference, where="mid", color=BLUE if inside else ORANGE, lw=1.2 if inside else 1.8
+            EDGES,
+            difference,
+            where="mid",
+            color=BLUE if inside else ORANGE,
+            lw=1.2 if inside else 1.8,
         )
     figure.supxlabel(
         phrase("rank of the true value among posterior draws, as a fraction"), fontsize=8
@@ -203,12 +214,10 @@ def coverage_figure(calibration: Calibration) -> Figure:
     deviations about the stated probability.
     """
     names = list(calibration.reported)
-    n = len(calibration.probabilities)
+    n = len(PROBABILITIES)
     figure, axes = grid(n, height=0.26 * len(names) + 0.5, columns=n, sharey=True)
     rows = np.arange(len(names))[::-1]
-    for i, (ax, p, sd) in enumerate(
-        zip(axes, calibration.probabilities, calibration.share_sd(), strict=True)
-    ):
+    for i, (ax, p, sd) in enumerate(zip(axes, PROBABILITIES, calibration.share_sd(), strict=True)):
         for width, shade in ((1.0, 0.35), (COVERAGE_SDS, 0.18)):
             ax.axvspan(
                 100 * (p - width * sd),

@@ -9,16 +9,16 @@ import numpy as np
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL
-from estim.common import FigureChoice, later, phrase, significant
+from estim.common import FigureChoice, PhraseTable, number, phrase, significant
 from estim.problem import Parameter
 from estim.reports.models import values_figure
 from estim.reports.pages import page
 from estim.reports.records import Record
 from estim.reports.result import provenance
-from estim.sampling import Summary, number
+from estim.sampling import Summary
 from estim.studies.refits import Refit
 
-_DATA = {"positions": later("positions"), "speeds": later("speeds")}
+_DATA = PhraseTable({"positions": "positions", "speeds": "speeds"})
 
 
 class ComparedSummary(Record):
@@ -71,7 +71,7 @@ def compare_report(
         behind=4.0,  # difference of elpd below which models predict alike, whatever its error
         folder=folder_of,
         several_data=len({s.data for s in summaries}) > 1,
-        data=[phrase(_DATA[s.data]) for s in summaries],
+        data=[_DATA[s.data] for s in summaries],
     )
 
 

@@ -111,7 +111,7 @@ def _draw_counts(ax: Axes, run: Observations, mean: FloatArray, counted: Counted
 
 def _expected(fit: Fit, run: Observations) -> FloatArray:
     """(n_obs,) at the fit."""
-    return run.drawn(fit.problem.named(fit.values))
+    return run.drawn(fit.named)
 
 
 def _interval(

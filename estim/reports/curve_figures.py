@@ -16,6 +16,7 @@ from estim.campaign import way_back
 from estim.checks import Goodness, Outliers
 from estim.common import bracketed, later, phrase
 from estim.deviation import FoundForce
+from estim.distributions import normal_log_density
 from estim.drawing import (
     BLUE,
     GREY,
@@ -409,10 +410,7 @@ def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness]) 
         right.hist(good.whitened, bins=edges, orientation="horizontal", color=BLUE, alpha=0.55)
         z = np.linspace(-reach, reach, 200)
         right.plot(
-            run.n_obs * (edges[1] - edges[0]) * np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi),
-            z,
-            color=INK,
-            lw=1,
+            run.n_obs * (edges[1] - edges[0]) * np.exp(normal_log_density(z)), z, color=INK, lw=1
         )
         left.set(xlabel=run.x_label, ylabel=phrase("residual in standard deviations"))
         left.set_title(run.name)

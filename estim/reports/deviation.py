@@ -151,7 +151,7 @@ def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations]) -> 
                 lw=0.8,
                 label=phrase("{run} adds", run=addition.run),
             )
-        place = np.concatenate([run.y if run.positions else run.x for run in several])
+        place = np.concatenate([run.position for run in several])
         label = several[0].y_label if several[0].positions else several[0].x_label
         ax.plot(
             place,

@@ -119,7 +119,7 @@ def drift_words(drift: DriftSummary) -> str:
         "joint fit of more runs, or a wider prior, lets the data determine it.",
         gain=max(drift.gain, 0.0),
         p=format_p(drift.p_value),
-        share=percentage(drift.narrowing, 2),
+        share=percentage(drift.narrowing),
         limit=significant(drift.limit, 2),
     )
 
@@ -184,7 +184,7 @@ def energy_report(
     drifts : one for each analysis.
     """
     fits = {
-        ", ".join(run.name for run in a.problem.runs): (a, drift)
+        ", ".join(a.problem.run_names): (a, drift)
         for a, drift in zip(analyses, drifts, strict=True)
     }
     statuses = {
@@ -200,7 +200,7 @@ def energy_report(
         dict(statuses),
         {e.run: summarise_energy(e) for e in records if statuses[e.run] == "ok"},
         {runs: summarise_drift(drift) for runs, (a, drift) in fits.items() if a.diagnosis.ok},
-        provenance(campaign, list(statuses), seed),
+        provenance(campaign, statuses, seed),
     )
     return page(
         {"figures/energy.png": partial(energy_figure, records, title=campaign.title, bad=bad)},

@@ -18,13 +18,13 @@ from estim.common import (
     format_quantity,
     format_rounded,
     markdown,
+    number,
     phrase,
     signed,
 )
 from estim.explanation import FOUND, TIED, Candidate, CauseOfRuns, Estimated, Explanation, verdict
 from estim.reports.records import Record
 from estim.reports.rendering import render
-from estim.sampling import number
 from estim.words import tell
 
 _MOST_SHOWN = 6

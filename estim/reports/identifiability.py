@@ -12,7 +12,16 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import CONFLICT, PRIOR_DOMINATED, THRESHOLD, Identifiability, Sensitivity
-from estim.common import Label, Markdown, format_rounded, phrase, raised, signed, significant
+from estim.common import (
+    QUANTILES,
+    Label,
+    Markdown,
+    format_rounded,
+    phrase,
+    raised,
+    signed,
+    significant,
+)
 from estim.distributions import chi2_quantile
 from estim.drawing import (
     BLUE,
@@ -335,7 +344,7 @@ def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor
                 fontsize=6.5,
                 color=ORANGE,
             )
-    q025, q16, median, q84, q975 = np.quantile(draws, [0.025, 0.16, 0.5, 0.84, 0.975])
+    q025, q16, median, q84, q975 = np.quantile(draws, QUANTILES)
     ax.plot([q025, q975], [-0.55, -0.55], color=INK, lw=1, solid_capstyle="butt")
     ax.plot(
         [q16, q84],

@@ -10,13 +10,14 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, sds_of
 from estim.campaign import Campaign, gamma_origin
 from estim.checks import Estimate, result_table, screen_lines
 from estim.common import (
     QUANTILES,
     FigureChoice,
     Notation,
+    PhraseTable,
     Quantity,
     format_quantity,
     later,
@@ -36,12 +37,14 @@ from estim.reports.trials import UNKNOWN_LABELS, trials_section
 from estim.sampling import Summary, summarise, trusted
 from estim.words import advice_for
 
-_METHODS = {
-    "ols": later("ordinary least squares (the paper's)"),
-    "weighted": later("weighted by u(θ_min) alone"),
-    "york": later("York: errors in both variables"),
-    "posterior": later("Bayesian, true tilts marginalised"),
-}
+_METHODS = PhraseTable(
+    {
+        "ols": "ordinary least squares (the paper's)",
+        "weighted": "weighted by u(θ_min) alone",
+        "york": "York: errors in both variables",
+        "posterior": "Bayesian, true tilts marginalised",
+    }
+)
 
 
 _STRENGTHS = (
@@ -196,7 +199,7 @@ def _row(analysis: LineAnalysis, method: str) -> LineRow:
         line = analysis.chain.flat[:, [analysis.chain.names.index(name) for name in names]]
         intercept, slope = line.mean(axis=0).tolist()
         cov = np.cov(line.T)
-        errors = {"posterior sd": [*np.sqrt(np.diag(cov)).tolist(), float(cov[0, 1])]}
+        errors = {"posterior sd": [*sds_of(cov).tolist(), float(cov[0, 1])]}
         row = LineRow(intercept, slope, math.nan, None, math.nan, errors, None, None, *told)
     else:
         fit = {"ols": analysis.ols, "weighted": analysis.weighted, "york": analysis.york}[method]

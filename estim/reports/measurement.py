@@ -9,9 +9,19 @@ from functools import partial
 
 import numpy as np
 
-from estim.arrays import FloatArray
-from estim.common import FigureChoice, behind, bracketed, gravest, interval, later, phrase, rounded
-from estim.distributions import student_quantile
+from estim.arrays import sds_of
+from estim.common import (
+    FigureChoice,
+    PhraseTable,
+    behind,
+    bracketed,
+    gravest,
+    interval,
+    later,
+    phrase,
+    rounded,
+)
+from estim.distributions import student_log_density, student_quantile
 from estim.drawing import BLUE, GREEN, INK, ORANGE, PALE, Axes, Figure, grid, legend_below
 from estim.measurement import Propagation, Region, ellipse
 from estim.reports.budget import budget_figure
@@ -21,21 +31,23 @@ from estim.reports.records import Record, Report
 from estim.reports.result import Provenance, provenance_of
 
 _DIGITS = 3  # of u in tables: one more than a statement has
-_INTERVALS = {"symmetric": later("symmetric"), "shortest": later("shortest")}
-_LAWS = {
-    "normal": later("normal"),
-    "rectangular": later("rectangular"),
-    "triangular": later("triangular"),
-    "trapezoidal": later("trapezoidal"),
-    "curvilinear-trapezoidal": later("curvilinear-trapezoidal"),
-    "arcsine": later("arcsine"),
-    "t": later("t"),
-    "standardised-t": later("standardised-t"),
-    "exponential": later("exponential"),
-    "lognormal": later("lognormal"),
-    "gamma": later("gamma"),
-    "exact": later("exact"),
-}
+_INTERVALS = PhraseTable({"symmetric": "symmetric", "shortest": "shortest"})
+_LAWS = PhraseTable(
+    {
+        "normal": "normal",
+        "rectangular": "rectangular",
+        "triangular": "triangular",
+        "trapezoidal": "trapezoidal",
+        "curvilinear-trapezoidal": "curvilinear-trapezoidal",
+        "arcsine": "arcsine",
+        "t": "t",
+        "standardised-t": "standardised-t",
+        "exponential": "exponential",
+        "lognormal": "lognormal",
+        "gamma": "gamma",
+        "exact": "exact",
+    }
+)
 _BY_DRAWS = {
     "symmetric": later(
         "{what}: {best} the probabilistically symmetric {percent} coverage interval {ends}, by "
@@ -356,7 +368,7 @@ def measurement_report(
         wanted=figures,
         result=result,
         percent=f"{100.0 * result.probability:g}",
-        which_interval=phrase(_INTERVALS[result.interval]),
+        which_interval=_INTERVALS[result.interval],
         laws=_LAWS,
         cell=_cell,
         ends=_ends,
@@ -441,7 +453,8 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
         x = np.linspace(min(left, start - room), max(right, stop + room), 400)
         ax.plot(
             x,
-            _density((x - value) / u, dof) / u,
+            # normal for very many degrees of freedom
+            np.exp(student_log_density((x - value) / u, min(dof, 1e6))) / u,
             color=ORANGE,
             lw=1.6,
             label=phrase("the GUM's normal or t distribution"),
@@ -450,15 +463,6 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
         for end in (start, stop):
             ax.axvline(end, color=ORANGE, lw=1.4, ls="--", label=label)
     ax.set_ylim(bottom=0.0)
-
-
-def _density(z: FloatArray, dof: float) -> FloatArray:
-    """Of Student's t distribution, which is normal for very many degrees of freedom."""
-    dof = min(dof, 1e6)
-    log_norm = (
-        math.lgamma(0.5 * (dof + 1.0)) - math.lgamma(0.5 * dof) - 0.5 * math.log(dof * math.pi)
-    )
-    return np.exp(log_norm - 0.5 * (dof + 1.0) * np.log1p(z**2 / dof))
 
 
 def shares_figure(propagation: Propagation) -> Figure:
@@ -552,7 +556,7 @@ def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
         lw=1.5,
         label=phrase("{percent} ellipse of the draws", percent=percent),
     )
-    half = region.k_rectangle_drawn * np.sqrt(np.diag(region.drawn))
+    half = region.k_rectangle_drawn * sds_of(region.drawn)
     (a, b), (c, d) = region.mean - half, region.mean + half
     ax.plot(
         [a, c, c, a, a],

@@ -10,14 +10,23 @@ import numpy as np
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL
-from estim.common import FigureChoice, bracketed, later, phrase, signed, split_level
+from estim.common import (
+    FigureChoice,
+    PhraseTable,
+    bracketed,
+    later,
+    number,
+    phrase,
+    signed,
+    split_level,
+)
 from estim.drawing import BLUE, GREY, INK, ORANGE, PALE, Axes, Figure, grid, name_ticks, new_figure
 from estim.explanation import P_NOT_BROUGHT_BACK, Predicted
 from estim.problem import Parameter
 from estim.reports.pages import Drawers, page
 from estim.reports.records import Record
 from estim.reports.result import provenance
-from estim.sampling import Summary, number
+from estim.sampling import Summary
 from estim.studies.model_comparison import (
     FORCE,
     START,
@@ -60,16 +69,18 @@ _GROUNDS = {
     Ground.BEST: later("of the models with status ok it has the highest {what}"),
     Ground.NONE: later("no model has status ok"),
 }
-_LACKS = {
-    NoEvidence.NOT_COMPUTED: later("not computed for so many unknowns"),
-    NoEvidence.UNRELIABLE: later("not reliable (k-hat above 0.7)"),
-    NoEvidence.OTHER_NOISE: later(
-        "its noise could not be given the same freedom as in the other models"
-    ),
-    NoEvidence.IMPROPER: later("a prior is not a normalised distribution"),
-}
-_ROOM = {FORCE: later("size of the unmodelled force"), START: later("energy of the free start")}
-_SHORT = {"energy": later("change of energy"), "its_place": later("position of largest speed")}
+_LACKS = PhraseTable(
+    {
+        NoEvidence.NOT_COMPUTED: "not computed for so many unknowns",
+        NoEvidence.UNRELIABLE: "not reliable (k-hat above 0.7)",
+        NoEvidence.OTHER_NOISE: (
+            "its noise could not be given the same freedom as in the other models"
+        ),
+        NoEvidence.IMPROPER: "a prior is not a normalised distribution",
+    }
+)
+_ROOM = PhraseTable({FORCE: "size of the unmodelled force", START: "energy of the free start"})
+_SHORT = PhraseTable({"energy": "change of energy", "its_place": "position of largest speed"})
 _FAR = 0.02  # of the data sets beyond what is drawn, on either side
 
 
@@ -112,7 +123,7 @@ def models_report(
     rows, problem = comparison.rows, comparison.rows[0].analysis.problem
     common = _common(rows)
     summaries = [_summary(row) for row in rows]
-    runs = [run.name for run in problem.runs]
+    runs = problem.run_names
     drawn = _shown(rows)
     record = {
         "title": campaign.title,
@@ -292,7 +303,7 @@ def _summary(row: ComparedModel) -> ModelSummary:
         posterior=posterior,
         log_evidence=None if none else number(row.log_evidence),
         u_log_evidence=None if none else number(row.u_log_evidence),
-        no_evidence="" if row.lack is None else phrase(_LACKS[row.lack]),
+        no_evidence="" if row.lack is None else _LACKS[row.lack],
         behind_evidence=None if none else number(row.odds),
         price_of_start=row.price_of_start,
         elpd=number(row.loo.elpd),
@@ -323,7 +334,7 @@ def _width_table(rows: Sequence[ComparedModel]) -> list[tuple[str, str, list[str
                 _change(by_factor[factor]) if factor in by_factor else ""
                 for factor in (0.0, 0.5, 2.0)
             ]
-            table.append((row.model.name, labels.get(of) or phrase(_ROOM.get(of, of)), changes))
+            table.append((row.model.name, labels.get(of) or _ROOM.get(of, of), changes))
     return table
 
 
@@ -442,7 +453,7 @@ def _histogram(ax: Axes, one: Predicted) -> None:
         ax.axvline(float(observed[0]), color=ORANGE, lw=2.2)
     ax.set(yticks=[], xlim=(edges[0], edges[-1]))
     ax.locator_params(axis="x", nbins=3)
-    short = phrase(_SHORT.get(one.name, one.words))
+    short = _SHORT.get(one.name, one.words)
     ax.set_xlabel(short + bracketed(one.label.unit), fontsize=7.5)
     ax.set_title(
         f"p {one.p_words}" if "<" in one.p_words else f"p = {one.p_words}", fontsize=8, color=INK

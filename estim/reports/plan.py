@@ -154,7 +154,7 @@ def plan_record(plan: Plan) -> PlanRecord:
         options,
         [RefusedRecord(o.change.words, o.reason) for o in plan.refused],
         ways,
-        provenance(plan.campaign, list(plan.names), plan.seed),
+        provenance(plan.campaign, plan.names, plan.seed),
     )
 
 

@@ -145,7 +145,7 @@ def reanalysis_result(r: Reanalysis) -> ReanalysisResult:
             )
             for c in r.published
         ],
-        provenance=provenance(r.campaign, list(r.campaign.run_names), r.seed),
+        provenance=provenance(r.campaign, r.campaign.run_names, r.seed),
     )
 
 
@@ -315,7 +315,7 @@ def reanalysis_lines(r: Reanalysis) -> dict[str, list[str]]:
 
 
 def _shared(joint: Analysis, truth: Mapping[str, float]) -> list[Estimate]:
-    runs = {run.name for run in joint.problem.runs}
+    runs = {*joint.problem.run_names}
     named = zip(joint.problem.names, joint.estimates, strict=True)
     return [
         replace(estimate, true=truth.get(name))

@@ -15,6 +15,7 @@ from estim.common import (
     FigureChoice,
     InputError,
     Notation,
+    PhraseTable,
     decide,
     format_quantity,
     later,
@@ -44,7 +45,7 @@ from estim.words import advice_for, sure, tell
 
 _DEGREES = float(np.degrees(1.0))
 _TILT_STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
-_ORIGINS = {"asked": later("as specified"), "stated": later("ramp_length_m minus ramp_start_m")}
+_ORIGINS = PhraseTable({"asked": "as specified", "stated": "ramp_length_m minus ramp_start_m"})
 _STILL, _TURNS, _PASSES, _ROLLS = "#E4E4E4", "#D6E9F5", "#FBE3B3", "#C9E8DC"
 _DARK_VERMILION = "#B34700"
 _NEAR = 0.1  # of the axis of tilts, half as much of the other: runs nearer than this have one label
@@ -182,7 +183,7 @@ def map_report(
         kind=campaign.kind,
         result=result,
         parts=[(body_map, result.bodies[body_map.body]) for body_map in maps],
-        origins={origin: phrase(words) for origin, words in _ORIGINS.items()},
+        origins=_ORIGINS,
         spread=_spread_words,
         degrees=partial(_spread_words, factor=_DEGREES),
         per_radian=_DEGREES,

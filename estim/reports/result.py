@@ -48,6 +48,7 @@ from estim.common import (
     format_quantity,
     later,
     listed,
+    number,
     one_line,
     phrase,
     signed,
@@ -92,7 +93,7 @@ from estim.reports.records import (
     parameter_summary,
 )
 from estim.reports.rolling import RollingSummary, rolling_summaries
-from estim.sampling import number, summarise, trusted
+from estim.sampling import summarise, trusted
 from estim.studies.budget import PRIOR, READINGS, STATED, Budget
 from estim.studies.determination import Determination
 from estim.versions import engine_versions, version
@@ -335,14 +336,14 @@ def result_of(
             if run.motion is not None
         },
         runs={run.name: _run(campaign, analysis, i) for i, run in enumerate(problem.runs)},
-        provenance=provenance(campaign, [run.name for run in problem.runs], analysis.seed),
+        provenance=provenance(campaign, problem.run_names, analysis.seed),
         choices=choices_for(diagnosis.findings),
     )
     result.__dict__["labels"] = labels_of(problem, fit.values)
     return result
 
 
-def provenance(campaign: Subject, runs: list[str], seed: int) -> Provenance:
+def provenance(campaign: Subject, runs: Iterable[str], seed: int) -> Provenance:
     """Where numbers came from: digests of the campaign and of the tables of `runs`, the seed,
     versions of what computed them.
     """

@@ -8,14 +8,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, finite_or
 from estim.checks import Rolling, way_of
-from estim.common import QUANTILES, phrase, significant
+from estim.common import QUANTILES, number, phrase, significant
 from estim.drawing import GREY, ORANGE, Axes, Figure, draw_bands, grid, legend_below
 from estim.pipeline import Analysis
 from estim.problem import Motion, Problem
 from estim.reports.records import Record
-from estim.sampling import number
 from estim.words import tell
 
 
@@ -72,12 +71,7 @@ def rolling_figure(problem: Problem, draws: FloatArray, rolling: Sequence[Rollin
         footing = run.body.footing(way_of(run), run.bind(named))
         along = np.median(footing.along, axis=0)
         draw_bands(ax, along, _quantiles(footing.normal), GREY, median="N/(M g)")
-        draw_bands(
-            ax,
-            along,
-            _quantiles(np.where(np.isfinite(footing.needed), footing.needed, np.nan)),
-            median="|F|/N",
-        )
+        draw_bands(ax, along, _quantiles(finite_or(footing.needed, np.nan)), median="|F|/N")
         _grip(ax, run.body)
         label = run.y_label if run.positions else run.x_label
         ax.set(xlabel=label, ylabel=phrase("share"), ylim=(0.0, None), xlim=(along[0], along[-1]))

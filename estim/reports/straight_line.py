@@ -12,12 +12,12 @@ from estim.checks import Estimate, best_words
 from estim.common import (
     FigureChoice,
     Notation,
+    PhraseTable,
     Status,
     behind,
     bracketed,
     format_quantity,
     interval,
-    later,
     one_line,
     phrase,
     rounded,
@@ -39,12 +39,14 @@ from estim.reports.records import Report
 from estim.reports.result import Provenance, provenance_of
 from estim.sampling import Summary
 
-_METHODS = {
-    "ols": later("ordinary least squares"),
-    "weighted": later("weighted by u(y)"),
-    "york": later("York: errors in both variables"),
-    "correlated": later("generalised distance regression: correlated errors of points"),
-}
+_METHODS = PhraseTable(
+    {
+        "ols": "ordinary least squares",
+        "weighted": "weighted by u(y)",
+        "york": "York: errors in both variables",
+        "correlated": "generalised distance regression: correlated errors of points",
+    }
+)
 _ROUNDING = 1e-12  # of a standard error: what is smaller is an error of rounding
 
 
@@ -137,7 +139,7 @@ def straight_line_report(line: StraightLine, *, figures: FigureChoice = "main") 
         {"result.json": result},
         wanted=figures,
         result=result,
-        method=phrase(_METHODS[result.method]),
+        method=_METHODS[result.method],
         percent=f"{100.0 * result.probability:g}",
         conventions=CONVENTIONS,
         pair=_pair,
@@ -288,9 +290,7 @@ def straight_line_figure(line: StraightLine) -> Figure:
             band = confidence_band(fit, x, probability=line.probability)
             label = phrase("{percent} band of the line, point by point", percent=percent)
             fill(upper, x, band.low, band.high, BLUE, 0.25, label=label)
-        upper.plot(
-            x, fit.intercept + fit.slope * x, color=BLUE, lw=1.5, label=phrase(_METHODS[fit.method])
-        )
+        upper.plot(x, fit.intercept + fit.slope * x, color=BLUE, lw=1.5, label=_METHODS[fit.method])
         residuals = data.y - fit.intercept - fit.slope * data.x
         lower.axhline(0.0, color=BLUE, lw=1.2)
         lower.errorbar(

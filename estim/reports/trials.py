@@ -15,10 +15,12 @@ from estim.common import (
     QUANTILES,
     FigureChoice,
     Notation,
+    PhraseTable,
     Quantity,
     e_n,
     format_quantity,
     later,
+    number,
     phrase,
 )
 from estim.drawing import BLUE, GREY, INK, ORANGE, Axes, Figure, draw_bands, grid, legend_below
@@ -35,20 +37,22 @@ from estim.line import (
 from estim.reports.pages import Drawers, page
 from estim.reports.records import Record, Report
 from estim.reports.result import Provenance, provenance_of
-from estim.sampling import Summary, number, trusted
+from estim.sampling import Summary, trusted
 from estim.words import advice_for, told_apart
 
-_LINES = {
-    "york": later("York's line through the θ_min series"),
-    "posterior": later("Bayesian line through the θ_min series"),
-}
+_LINES = PhraseTable(
+    {
+        "york": "York's line through the θ_min series",
+        "posterior": "Bayesian line through the θ_min series",
+    }
+)
 _MARKS = {
     (LOW, True): ("^", BLUE),
     (LOW, False): ("o", "white"),
     (HIGH, True): ("v", ORANGE),
     (HIGH, False): ("s", "white"),
 }
-_NAMES = {LOW: later("below 90°"), HIGH: later("above 90°")}
+_NAMES = PhraseTable({LOW: "below 90°", HIGH: "above 90°"})
 
 
 UNKNOWN_LABELS = {name: notation.label(unit) for name, (unit, _, notation) in UNKNOWNS.items()}
@@ -153,7 +157,7 @@ def _shown_prior(analysis: TrialsAnalysis, name: str) -> str:
 
 def _ways(analysis: TrialsAnalysis, line: LineAnalysis | None) -> dict[str, WayRow]:
     rows = {
-        name: WayRow(phrase(WAYS[name]), way.gamma, number(way.e_n), None, way.reliable)
+        name: WayRow(WAYS[name], way.gamma, number(way.e_n), None, way.reliable)
         for name, way in analysis.ways.items()
     }
     if line is None or not line.status.ok or line.series.body != analysis.trials.body:
@@ -162,7 +166,7 @@ def _ways(analysis: TrialsAnalysis, line: LineAnalysis | None) -> dict[str, WayR
     for name, words in _LINES.items():
         reading = line.readings[name]
         rows[name] = WayRow(
-            phrase(words),
+            words,
             _plain(reading.gamma),
             number(reading.e_n),
             number(e_n(reading.gamma, gamma)),
@@ -365,7 +369,7 @@ def chances_figure(analysis: TrialsAnalysis) -> Figure:
                 )
                 mark, face = _MARKS[end, climbed]
                 label = phrase("climbed" if climbed else "did not climb")
-                label += f", {phrase(_NAMES[end])}" if len(trials.ends) > 1 else ""
+                label += f", {_NAMES[end]}" if len(trials.ends) > 1 else ""
                 heights = [level + step * place for place, _ in placed]
                 ax.plot(
                     [angle for _, angle in placed],

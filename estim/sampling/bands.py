@@ -157,7 +157,7 @@ def _new_errors(
         gain = np.interp(x, run.x[order], run.noise.reading_gain()[order])
         reading = np.sqrt(run.noise.size.reading_variance(named)) * gain
     sd = np.hypot(reading, run.noise.size.scatter.at(named)) * scale[:, None]
-    return np.asarray(sd * rng.standard_normal((scale.size, 1)))
+    return sd * rng.standard_normal((scale.size, 1))
 
 
 def moved_on(

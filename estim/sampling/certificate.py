@@ -293,7 +293,7 @@ def _share(certificate: Certificate, chain: Chain, p: float) -> tuple[FloatArray
     u = np.hypot(np.sqrt(p * (1.0 - p) / size), certificate.mcse_shares[p])
     around = np.clip([p - u, p + u], 0.0, 1.0).T
     ends = [np.quantile(column, pair) for column, pair in zip(flat.T, around, strict=True)]
-    return np.asarray((p - below) / u), 0.5 * np.diff(ends)[:, 0]
+    return (p - below) / u, 0.5 * np.diff(ends)[:, 0]
 
 
 def no_comparison(names: tuple[str, ...], *told: Finding) -> Agreement:

@@ -24,14 +24,13 @@ from functools import cached_property
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray
+from estim.arrays import BoolArray, FloatArray, IntArray, finite_or, log_sum_exp
 from estim.common import InputError, NumericalError
+from estim.distributions import normal_log_density
 from estim.fitting import Fit
 from estim.problem import LogNormal, NormalErrors, Observations, Posterior, Prior
-from estim.sampling.importance import log_sum_exp
 
 _ROWS = 512  # rows of a block: its arrays stay in the cache
-_LOG_2PI = math.log(2.0 * math.pi)
 _REACH = 4.0  # standard deviations of s within which the quadratic terms are used
 _N_REFINE, _WIDER = 10, 1.5
 # error of polynomials from which modes are sought at each draw, and by how many steps at most
@@ -192,8 +191,8 @@ class RunTerm:
         points = mode[:, None, :] + np.einsum("nij,qj->nqi", root, nodes)
         repeated = np.repeat(shared, nodes.shape[0], axis=0)
         log_p = self.log_joint(repeated, points.reshape(repeated.shape[0], k)).reshape(n_draw, -1)
-        terms = log_p + log_weights + 0.5 * np.sum(nodes**2, axis=1)
-        log_m = log_sum_exp(terms, axis=1) + log_volume(root) + 0.5 * k * _LOG_2PI
+        terms = log_p + log_weights - np.sum(normal_log_density(nodes), axis=1)
+        log_m = log_sum_exp(terms, axis=1) + log_volume(root)
         return np.where(np.isnan(log_m), -np.inf, log_m)
 
     def draw_own(
@@ -204,7 +203,7 @@ class RunTerm:
         """
         mode, root = self.around(shared, expansion)
         z = rng.standard_normal(mode.shape)
-        log_q = -0.5 * np.sum(z**2, axis=1) - log_volume(root) - 0.5 * mode.shape[1] * _LOG_2PI
+        log_q = np.sum(normal_log_density(z), axis=1) - log_volume(root)
         return mode + np.einsum("nij,nj->ni", root, z), log_q
 
     def refine_own(
@@ -226,7 +225,7 @@ class RunTerm:
             proposed = mode + _WIDER * np.einsum("nij,nj->ni", root, z)
             new = self.log_joint(shared, proposed) + 0.5 * np.sum(z**2, axis=1)
             accepted = np.isfinite(new) & (
-                np.log(rng.random(new.size)) < new - np.where(np.isfinite(excess), excess, -1e300)
+                np.log(rng.random(new.size)) < new - finite_or(excess, -1e300)
             )
             own = np.where(accepted[:, None], proposed, own)
             excess = np.where(accepted, new, excess)
@@ -237,7 +236,7 @@ class RunTerm:
 class Expansion:
     """Mode and covariance of a run's own parameters as functions of the shared ones.
 
-    centre, whiten : (n_shared,), (n_shared, n_shared) bring s to unit scale.
+    centre, scale : (n_shared,) bring s to unit scale.
     coefficients : (n_feature, n_out) of 1, z_i, z_i z_j.
     n_own : own parameters; out of a row come their mode, then the lower triangular root of their
         covariance (logarithms on its diagonal).
@@ -245,7 +244,7 @@ class Expansion:
     """
 
     centre: FloatArray
-    whiten: FloatArray
+    scale: FloatArray
     coefficients: FloatArray
     n_own: int
     rough: bool
@@ -254,7 +253,7 @@ class Expansion:
         """Mode (n_draw, n_own) and root (n_draw, n_own, n_own) of the covariance at shared (n_draw,
         n_shared).
         """
-        z, k = (shared - self.centre) @ self.whiten.T, self.n_own
+        z, k = (shared - self.centre) / self.scale, self.n_own
         root = np.zeros((shared.shape[0], k, k))
         lower = np.tril_indices(k)
         # far out it stays: else a volume that grows without end would make up for any misfit
@@ -277,9 +276,7 @@ def run_terms(fit: Fit, sampled: IntArray) -> tuple[RunTerm, ...]:
         columns = np.array([problem.names.index(name) for name in alone.names], dtype=np.int64)
         given = np.isin(columns, sampled)
         if likelihood.normal is None:
-            raise InputError(
-                _NOT_NORMAL, field="run", value=", ".join(run.name for run in group.runs)
-            )
+            raise InputError(_NOT_NORMAL, field="run", value=", ".join(group.run_names))
         posterior = dataclasses.replace(fit.posterior, problem=alone, likelihoods=(likelihood,))
         term = RunTerm(
             posterior,
@@ -298,7 +295,7 @@ def _require_the_same(term: RunTerm) -> None:
     """The likelihood that the steps below imply must be that of the run."""
     centre = term.centre[None, :]
     residuals, variance, *_ = term.normal.opened(term.posterior.problem.named(centre), ())
-    implied = -0.5 * float(np.sum(residuals**2 + np.log(variance) + _LOG_2PI))
+    implied = float(np.sum(normal_log_density(residuals) - 0.5 * np.log(variance)))
     if not math.isclose(
         implied, float(term.posterior.log_likelihood(centre)[0]), rel_tol=1e-8, abs_tol=1e-6
     ):
@@ -324,10 +321,9 @@ def expand(term: RunTerm, shared: FloatArray, start: FloatArray) -> Expansion:
     root[:, diagonal, diagonal] = np.log(root[:, diagonal, diagonal])
     lower = np.tril_indices(k)
     out = np.hstack([modes, root[:, lower[0], lower[1]]])
-    scale = np.std(shared, axis=0)
-    whiten = np.diag(1.0 / np.where(scale > 0.0, scale, 1.0))
-    centre = np.mean(shared, axis=0)
-    features = _features((shared - centre) @ whiten.T)
+    centre, scale = np.mean(shared, axis=0), np.std(shared, axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    features = _features((shared - centre) / scale)
     # from this fall of log m(s) on, a point counts as excluded
     weight = np.exp(0.125 * np.maximum(log_p - np.nanmax(log_p), -20.0))[:, None]
     usable = np.all(np.isfinite(out), axis=1) & (weight[:, 0] > 0.0)
@@ -341,7 +337,7 @@ def expand(term: RunTerm, shared: FloatArray, start: FloatArray) -> Expansion:
     )
     error = np.sqrt(np.average(miss**2, axis=0, weights=weight[usable, 0] ** 2))
     # conditional standard deviations, root mean square
-    return Expansion(centre, whiten, coefficients, k, bool(np.max(error, initial=0.0) > _ROUGH))
+    return Expansion(centre, scale, coefficients, k, bool(np.max(error, initial=0.0) > _ROUGH))
 
 
 def _diagonal_places(k: int) -> IntArray:
@@ -360,7 +356,7 @@ def _features(z: FloatArray) -> FloatArray:
 def _near(z: FloatArray) -> FloatArray:
     """z (n, d), those beyond `_REACH` drawn back to it."""
     length = np.sqrt(np.sum(z**2, axis=1, keepdims=True))
-    return np.asarray(z * np.minimum(1.0, _REACH / np.maximum(length, 1e-300)))
+    return z * np.minimum(1.0, _REACH / np.maximum(length, 1e-300))
 
 
 def _gauss_newton(
@@ -458,7 +454,7 @@ def hermite_nodes(n_node: int, n_dim: int) -> tuple[FloatArray, FloatArray]:
 
 def log_volume(root: FloatArray) -> FloatArray:
     """(n_draw,) log determinant of lower triangular roots (n_draw, n_own, n_own)."""
-    return np.asarray(np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1))
+    return np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
 
 
 def _blocks(n: int) -> list[slice]:

@@ -21,4 +21,4 @@ def lower_factor(cov: FloatArray) -> FloatArray:
     lower = (
         np.swapaxes(upper, -1, -2) * np.sign(np.diagonal(upper, axis1=-2, axis2=-1))[..., None, :]
     )
-    return np.asarray(sds[..., :, None] * lower)
+    return sds[..., :, None] * lower

@@ -14,19 +14,10 @@ import math
 
 import numpy as np
 
-from estim.arrays import FloatArray, IntArray, all_finite
+from estim.arrays import FloatArray, IntArray, all_finite, log_sum_exp
 
 K_HAT_LIMIT = 0.7  # above it importance weights cannot be trusted (Vehtari et al. 2024)
 _LEAST_TAIL = 5  # draws
-
-
-def log_sum_exp(terms: FloatArray, axis: int | None = None) -> FloatArray:
-    """log sum exp without overflow; -inf where all terms are."""
-    largest = np.max(terms, axis=axis, keepdims=True)
-    safe = np.where(np.isfinite(largest), largest, 0.0)
-    with np.errstate(divide="ignore"):
-        total = np.log(np.sum(np.exp(terms - safe), axis=axis, keepdims=True)) + safe
-    return np.asarray(np.squeeze(total, axis=axis), dtype=np.float64)
 
 
 def pareto_smoothed(log_ratio: FloatArray) -> tuple[FloatArray, float, float]:
@@ -115,7 +106,7 @@ def tempered(log_weights: FloatArray, least: float) -> tuple[FloatArray, float]:
             low, high = (middle, high) if kish_ess(powered(middle)) >= least else (low, middle)
         high = max(low, 1e-6)
     weights = np.exp(powered(high))
-    return np.asarray(weights / np.sum(weights)), high
+    return (weights / np.sum(weights)), high
 
 
 def systematic(weights: FloatArray, n: int, rng: np.random.Generator) -> IntArray:

@@ -18,7 +18,7 @@ from estim.sampling.proposal import Proposal, mixture_of_draws
 from estim.sampling.protocol import Density, Support, log_density_in_batches
 from estim.sampling.ridges import ridge_proposal
 
-_N_COMPONENT, _RIDGE_SHARE = 8, 0.2
+_RIDGE_SHARE = 0.2
 
 
 def second_opinion(
@@ -70,5 +70,5 @@ def repaired(
     # density over proposal, root mean square at draws of the posterior, from which another is made
     if np.sqrt(np.mean(ratio**2)) < 2.0:
         return adapted
-    mended = adapted.beside(mixture_of_draws(draws, _N_COMPONENT, rng), 0.5)
+    mended = adapted.beside(mixture_of_draws(draws, rng), 0.5)
     return mended.beside(ridges, _RIDGE_SHARE)

@@ -119,12 +119,12 @@ class MarginalPosterior:
     @property
     def mean(self) -> FloatArray:
         """(n_par,) posterior means."""
-        return np.asarray(np.exp(self.log_weights) @ self.draws)
+        return np.exp(self.log_weights) @ self.draws
 
     @property
     def sd(self) -> FloatArray:
         """(n_par,) posterior standard deviations."""
-        return np.asarray(np.sqrt(np.exp(self.log_weights) @ (self.draws - self.mean) ** 2))
+        return np.sqrt(np.exp(self.log_weights) @ (self.draws - self.mean) ** 2)
 
     def resampled(self, n_draw: int, *, rng: np.random.Generator) -> FloatArray:
         """(n_draw, n_par) draws of equal weight, by systematic resampling; more than `ess` of them

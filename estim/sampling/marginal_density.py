@@ -87,4 +87,4 @@ class Marginal:
     def log_density(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) log p(y, s) in Laplace's approximation; -inf outside the priors' support."""
         log_p, by_run = self.terms_at(draws, n_node=1)
-        return np.asarray(log_p + np.sum(by_run, axis=0))
+        return log_p + np.sum(by_run, axis=0)

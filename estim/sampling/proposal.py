@@ -20,13 +20,14 @@ from functools import cached_property
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, log_sum_exp
 from estim.common import NumericalError
 from estim.sampling.factors import lower_factor
-from estim.sampling.importance import kish_ess, log_sum_exp, pareto_smoothed, tempered
+from estim.sampling.importance import kish_ess, pareto_smoothed, tempered
 from estim.sampling.protocol import Density, log_density_in_batches
 
 DOF = 5  # tails heavier than those of most posteriors
+_N_COMPONENT = 8  # of a mixture fitted to draws from elsewhere
 # share and width (in sds of the whole) of the component that guards a mixture
 _WIDE_SHARE, _WIDE_FACTOR = 0.05, 2.0
 _FAR_SHARE, _FAR_FACTOR = 0.25, 3.0  # the same for `Proposal.widened`
@@ -111,7 +112,7 @@ class Proposal:
         if self.weights.size == 1:
             return self.means[0] + normal @ self.factors[0].T
         which = rng.choice(self.weights.size, n, p=self.weights)
-        return np.asarray(self.means[which] + np.einsum("nij,nj->ni", self.factors[which], normal))
+        return self.means[which] + np.einsum("nij,nj->ni", self.factors[which], normal)
 
     def distances(self, draws: FloatArray) -> FloatArray:
         """(n_component, n_draw) squared distances from the centres in units of the scale
@@ -121,7 +122,7 @@ class Proposal:
         whitened = inverse.reshape(-1, self.n_par) @ (draws - self.means[0]).T
         whitened -= (inverse @ beside[:, :, None]).reshape(-1, 1)
         np.square(whitened, out=whitened)
-        return np.asarray(np.sum(whitened.reshape(*beside.shape, len(draws)), axis=1))
+        return np.sum(whitened.reshape(*beside.shape, len(draws)), axis=1)
 
     def component_log_densities(self, distances: FloatArray) -> FloatArray:
         """(n_component, n_draw) log of weight times density of each component."""
@@ -132,7 +133,7 @@ class Proposal:
     def log_density(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) normalised log density at draws (n_draw, n_par)."""
         parts = self.component_log_densities(self.distances(draws))
-        return parts[0] if parts.shape[0] == 1 else log_sum_exp(parts, axis=0)
+        return log_sum_exp(parts, axis=0)
 
 
 def adapt_proposal(
@@ -293,12 +294,12 @@ def _guarded(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Propo
     return mixture.beside(Proposal.single(mean, _WIDE_FACTOR**2 * cov), _WIDE_SHARE)
 
 
-def mixture_of_draws(draws: FloatArray, n_component: int, rng: np.random.Generator) -> Proposal:
+def mixture_of_draws(draws: FloatArray, rng: np.random.Generator) -> Proposal:
     """A mixture fitted to draws (n_draw, n_par) of equal weight that come from elsewhere, with the
     component that guards it.
     """
     weights = np.full(len(draws), 1.0 / len(draws))
-    return _guarded(_split(draws, weights, n_component, rng), draws, weights)
+    return _guarded(_split(draws, weights, _N_COMPONENT, rng), draws, weights)
 
 
 def _shrunk_into_support(density: Density, mixture: Proposal, rng: np.random.Generator) -> Proposal:

@@ -23,9 +23,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray
+from estim.arrays import BoolArray, FloatArray, IntArray, log_sum_exp, squared_rows
 from estim.sampling.factors import lower_factor
-from estim.sampling.importance import log_sum_exp
 from estim.sampling.proposal import Proposal
 from estim.sampling.protocol import Density, Support, log_density_in_batches
 
@@ -113,14 +112,14 @@ class Expansions:
         density falls off exponentially.
         """
         steep = np.where(self.at_bound, self.gradients, 0.0)
-        return np.asarray(self.curvatures + steep[:, :, None] ** 2 * np.eye(steep.shape[1]))
+        return self.curvatures + steep[:, :, None] ** 2 * np.eye(steep.shape[1])
 
     @property
     def log_marginals(self) -> FloatArray:
         """(n,) log marginal density: the integral over the parameters that are not held, up to a
         constant (Laplace's approximation).
         """
-        return np.asarray(self.log_densities - 0.5 * np.linalg.slogdet(self.precisions)[1])
+        return self.log_densities - 0.5 * np.linalg.slogdet(self.precisions)[1]
 
 
 def ridge_proposal(
@@ -174,10 +173,9 @@ def coordinates_at_modes(
     held = np.tile(np.arange(n_par), n_mode)
     own = covs[np.arange(held.size), held, held]
     slope = covs[np.arange(held.size), held] / own[:, None]
-    given = covs - own[:, None, None] * slope[:, :, None] * slope[:, None, :]
+    given = covs - own[:, None, None] * squared_rows(slope)
     one = eye[held]
-    others = (1.0 - one)[:, :, None] * (1.0 - one)[:, None, :]
-    factors = lower_factor(others * given + own[:, None, None] * one[:, :, None] * one[:, None, :])
+    factors = lower_factor(squared_rows(1.0 - one) * given + own[:, None, None] * squared_rows(one))
     return Coordinates(density, held, factors, slope, low, high), np.repeat(modes, n_par, axis=0)
 
 
@@ -193,7 +191,7 @@ def path_proposal(coordinates: Coordinates, centres: FloatArray) -> Proposal:
             tangents[path] = np.gradient(points[path], axis=0)
             spacing[path] = tangents[path, at.held[path]]
     # standard deviation of a component along its path, over the spacing of the points
-    covariances += 0.6**2 * tangents[:, :, None] * tangents[:, None, :]
+    covariances += 0.6**2 * squared_rows(tangents)
     # else half of the draws of a component on a bound would lie beyond it
     for i, (low, high) in enumerate(zip(at.low, at.high, strict=True)):
         margin = np.minimum(np.sqrt(covariances[:, i, i]), 0.25 * (high - low))
@@ -299,7 +297,7 @@ def expanded(
     finite = np.all(np.isfinite(values), axis=1)
     values = np.where(finite[:, None], values, 0.0)
     plus, minus = values[:, : len(eye)], values[:, len(eye) : 2 * len(eye)]
-    inverse = np.asarray(np.linalg.inv(coordinates.factor))
+    inverse = np.linalg.inv(coordinates.factor)
     if curvatures is None:
         centre, pairs = values[:, 2 * len(eye), None], values[:, 2 * len(eye) + 1 :]
         single = plus + minus - 2.0 * centre
@@ -347,4 +345,4 @@ def _newton_step(coordinates: Coordinates, at: Expansions) -> FloatArray:
     better = coordinates.log_densities(trials) > at.log_densities[:, None]
     # the longest fraction that leads higher
     best = trials[np.arange(len(trials)), np.argmax(better, axis=1)]
-    return np.asarray(np.where(np.any(better, axis=1)[:, None], best, at.points))
+    return np.where(np.any(better, axis=1)[:, None], best, at.points)

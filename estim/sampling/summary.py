@@ -4,13 +4,11 @@ allows them.
 
 from __future__ import annotations
 
-import math
-
 import msgspec
 import numpy as np
 
 from estim.arrays import FloatArray, all_finite
-from estim.common import PROBABILITIES, Status
+from estim.common import QUANTILES, Status, number
 from estim.fitting import Fit, Limit, limit_of
 
 
@@ -33,14 +31,9 @@ class Summary(msgspec.Struct, frozen=True):
     limit: Limit | None = None
 
 
-def number(value: float) -> float | None:
-    """`value`, or None where JSON has no word for it."""
-    return float(value) if math.isfinite(value) else None
-
-
 def summarise(draws: FloatArray, *, unit: str, meaning: str) -> Summary:
     """Mean, sd and quantiles of draws (n_draw,)."""
-    median, q025, q16, q84, q975 = _quantiles(draws)
+    q025, q16, median, q84, q975 = map(number, _quantiles(draws))
     return Summary(
         unit, meaning, number(draws.mean()), number(draws.std(ddof=1)), median, q025, q16, q84, q975
     )
@@ -60,12 +53,11 @@ def summarise_parameter(fit: Fit, name: str, draws: FloatArray) -> Summary:
     )
 
 
-def _quantiles(draws: FloatArray) -> list[float | None]:
-    tails = [0.5, *sorted(0.5 + sign * 0.5 * p for p in PROBABILITIES for sign in (-1, 1))]
+def _quantiles(draws: FloatArray) -> FloatArray:
     ordered = np.sort(draws)
     if all_finite(ordered):
-        return [number(q) for q in np.quantile(ordered, tails)]
-    return [number(ordered[round(q * (ordered.size - 1))]) for q in tails]
+        return np.quantile(ordered, QUANTILES)
+    return ordered[[round(q * (ordered.size - 1)) for q in QUANTILES]]
 
 
 def trusted(summary: Summary, status: Status, *, sampled: bool = True) -> Summary:

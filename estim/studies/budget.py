@@ -101,7 +101,7 @@ def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
         return None
     quantities = _quantities(fit)
     along = cov @ np.column_stack([q.gradient for q in quantities])  # S g
-    slopes = np.abs(fit.posterior.prior_slopes(fit.values))  # 1/u_i
+    slopes = np.abs(fit.prior_slopes)  # 1/u_i
     informative = np.flatnonzero(slopes > 0.0)
     stated = along[informative] * slopes[informative, None]
     sds = np.sqrt(np.einsum("ij,ij->j", np.column_stack([q.gradient for q in quantities]), along))

@@ -15,6 +15,8 @@ from estim.campaign import EFFECTS, Campaign
 from estim.common import InputError, Stream, stream
 from estim.problem import Observations, Parameter
 
+_N_DRAW = 2000
+
 
 @dataclass(frozen=True, eq=False)
 class FittedValues:
@@ -37,7 +39,6 @@ class KnownValues:
     """
 
     draws: dict[str, FloatArray]
-    n_draw: int
     fitted: FittedValues | None = field(default=None)
 
     def arguments(self, run: Observations) -> dict[str, ArrayLike]:
@@ -58,12 +59,7 @@ def column(values: FloatArray) -> FloatArray:
 
 
 def known_values(
-    campaign: Campaign,
-    names: Sequence[str],
-    *,
-    n_draw: int,
-    seed: int,
-    fitted: FittedValues | None = None,
+    campaign: Campaign, names: Sequence[str], *, seed: int, fitted: FittedValues | None = None
 ) -> KnownValues:
     """Draws of the parameters of the runs `names`: from their priors, and from a fit for those that
     it has.
@@ -78,10 +74,10 @@ def known_values(
         parameters.update({p.name: p for p in problem.parameters if p.name in used})
     rng = stream(seed, Stream.REGIMES)
     draws = {
-        name: column(parameter.prior.draw(rng, n_draw)) for name, parameter in parameters.items()
+        name: column(parameter.prior.draw(rng, _N_DRAW)) for name, parameter in parameters.items()
     }
     if fitted is None:
-        return KnownValues(draws, n_draw)
+        return KnownValues(draws)
     chosen = [i for i, name in enumerate(fitted.names) if name in parameters]
     if not chosen:
         raise InputError(
@@ -89,20 +85,14 @@ def known_values(
             field="--fit",
             value=fitted.place,
         )
-    of_fit = _allowed(fitted, chosen, [parameters[fitted.names[i]] for i in chosen], rng, n_draw)
+    of_fit = _allowed(fitted, chosen, [parameters[fitted.names[i]] for i in chosen], rng)
     return KnownValues(
-        draws | {fitted.names[i]: column(of_fit[:, k]) for k, i in enumerate(chosen)},
-        n_draw,
-        fitted,
+        draws | {fitted.names[i]: column(of_fit[:, k]) for k, i in enumerate(chosen)}, fitted
     )
 
 
 def _allowed(
-    fitted: FittedValues,
-    chosen: list[int],
-    parameters: list[Parameter],
-    rng: np.random.Generator,
-    n_draw: int,
+    fitted: FittedValues, chosen: list[int], parameters: list[Parameter], rng: np.random.Generator
 ) -> FloatArray:
     """(n_draw, n_chosen) normal draws inside the priors' support."""
     mean, cov = fitted.mean[chosen], fitted.cov[np.ix_(chosen, chosen)]
@@ -110,10 +100,10 @@ def _allowed(
     high = np.array([p.prior.high for p in parameters])
     kept: list[FloatArray] = []
     for _ in range(200):
-        some = rng.multivariate_normal(mean, cov, size=n_draw, method="eigh")
+        some = rng.multivariate_normal(mean, cov, size=_N_DRAW, method="eigh")
         kept.append(some[np.all((some >= low) & (some <= high), axis=1)])
-        if sum(len(rows) for rows in kept) >= n_draw:
-            return np.vstack(kept)[:n_draw]
+        if sum(len(rows) for rows in kept) >= _N_DRAW:
+            return np.vstack(kept)[:_N_DRAW]
     raise InputError(
         "must be a fit with these priors, under which its values are very improbable",
         field="--fit",

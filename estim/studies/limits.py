@@ -91,7 +91,7 @@ def narrowing(
     return Narrowing(
         tuple(names),
         tuple(shared[name].label for name in names),
-        tuple(run.name for run in problem.runs),
+        problem.run_names,
         _sds(fits, names),
         _sds([single.fit for single in single_runs], names),
         np.array([prior.sd if prior.informative else np.nan for prior in priors]),

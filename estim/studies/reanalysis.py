@@ -147,7 +147,7 @@ class _TaskRunner:
         return self._joint_result(together)
 
     def _joint_result(self, joint: Analysis) -> _JointResult:
-        runs = [run.name for run in joint.problem.runs]
+        runs = joint.problem.run_names
         first_runs = (self._first(runs[:n], joint.fit) for n in range(2, len(runs)))
         return _JointResult(
             joint,

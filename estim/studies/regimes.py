@@ -23,7 +23,7 @@ from estim.studies.known_values import FittedValues, KnownValues, known_values
 from estim.studies.ramp_end import RampEnd, ramp_end_of
 from estim.studies.run_places import RunPlace, farthest_recorded, place_of
 
-_N_DRAW, _N_PHI = 2000, 361
+_N_PHI = 361
 # m between contours, and how many at most
 _STEPS, _CONTOURS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0), 10
 _FAR_DRAWS, _FAR_EVERY = 300, 2  # of how far it gets, and every so many tilts
@@ -120,7 +120,7 @@ def map_bodies(
                 file=campaign.path,
             )
     names = [name for name, body in of_run.items() if body in chosen]
-    known = known_values(campaign, names, n_draw=_N_DRAW, seed=seed, fitted=fitted)
+    known = known_values(campaign, names, seed=seed, fitted=fitted)
     return tuple(
         _map_body(
             campaign,
@@ -151,10 +151,7 @@ def _map_body(
         for run in runs
     }
     end = ramp_end_of(campaign.source, body, max(recorded.values()), asked=ramp_length)
-    places = tuple(
-        place_of(run, arguments[run.name], farthest=recorded[run.name], n_draw=known.n_draw)
-        for run in runs
-    )
+    places = tuple(place_of(run, arguments[run.name], farthest=recorded[run.name]) for run in runs)
     steepest = steepest_tilt(first)
     phi, theta0_range = _extent(places, float(np.median(steepest)))
     borders = borders_of(first, phi, ramp_end=end.length)

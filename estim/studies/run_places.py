@@ -51,13 +51,13 @@ class RunPlace:
         return (Finding(Kind.RUN_OFF_MAP, run=self.run, p=self.agrees, numbers=numbers),)
 
 
-def place_of(run: Observations, arguments: Named, *, farthest: float, n_draw: int) -> RunPlace:
+def place_of(run: Observations, arguments: Named, *, farthest: float) -> RunPlace:
     """Where a run lies and what follows.
 
     arguments : of its curve, scalars or (n_draw, 1).  farthest : m from the release.
     """
     phi, theta0 = placed(arguments)
-    stop = np.broadcast_to(np.ravel(stop_of(arguments)), n_draw)
+    stop = np.ravel(stop_of(arguments))
     turns, turned = (stop > 0.0) & np.isfinite(stop), _turned(run)
     beyond, before = float(np.mean(stop >= farthest)), float(np.mean(stop <= farthest))
     return RunPlace(
@@ -92,7 +92,7 @@ def farthest_recorded(campaign: Campaign, run: Observations) -> float:
     ):
         return way_of(run)
     table = campaign.tables[run.name]
-    return float(np.max(table.columns[table.coordinate]))
+    return float(np.max(table.position))
 
 
 def _turned(run: Observations) -> bool:

@@ -6,13 +6,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from estim.common import Finding, Kind, behind, later, phrase
+from estim.common import Finding, Kind, PhraseTable, behind, later, phrase
 from estim.words.table import Table, said
 
-_READ_AS: Mapping[str, str] = {
-    "smooth": later("a smooth deviation from the curve"),
-    "correlated": later("correlated errors of successive readings"),
-}
+_READ_AS = PhraseTable(
+    {
+        "smooth": "a smooth deviation from the curve",
+        "correlated": "correlated errors of successive readings",
+    }
+)
 _SLOW: Mapping[str, str] = {
     "smooth": later(
         "{of_run}the discrepancy between curve and data is a trend: with "
@@ -36,11 +38,11 @@ def _how(f: Finding) -> str:
     size, length, short, long = (
         n[f"{probable}_{what}"] for what in ("size", "length", "short", "long")
     )
-    other = phrase(_READ_AS[next(w for w in ways if w != probable)]) if len(ways) > 1 else ""
+    other = _READ_AS[next(w for w in ways if w != probable)] if len(ways) > 1 else ""
     return phrase(
         "{what}{share} with standard deviation {size:.2g}{unit} and correlation length "
         "about {length:.2g}{along} ({short:.2g} to {long:.2g})",
-        what=phrase(_READ_AS[probable]),
+        what=_READ_AS[probable],
         share=phrase(
             " (probability {p:.2g}; the alternative is {other})", p=n[probable], other=other
         )

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 
-from estim.common import Finding, Kind, PhraseTable, at_commands, later, percentage, phrase
+from estim.common import Finding, Kind, PhraseTable, at_commands, percentage, phrase
 from estim.words.table import Table, facts, said
 
 TESTS = PhraseTable(
@@ -31,22 +31,24 @@ TESTS = PhraseTable(
 )
 
 
-_NAMES = {
-    "chi2": later("test|chi2"),
-    "runs": later("test|runs"),
-    "autocorrelation": later("test|autocorrelation"),
-    "trend": later("test|trend"),
-    "largest": later("test|largest"),
-    "speed": later("test|speed"),
-    "zero": later("test|zero"),
-    "uneven": later("test|uneven"),
-    "repeated": later("test|repeated"),
-}  # what stands before | tells these words from others that are written alike
+_NAMES = PhraseTable(
+    {
+        "chi2": "test|chi2",
+        "runs": "test|runs",
+        "autocorrelation": "test|autocorrelation",
+        "trend": "test|trend",
+        "largest": "test|largest",
+        "speed": "test|speed",
+        "zero": "test|zero",
+        "uneven": "test|uneven",
+        "repeated": "test|repeated",
+    }
+)  # what stands before | tells these words from others that are written alike
 
 
 def name_of_test(test: str) -> str:
     """How a reader knows a test of the residuals; its key in `result.json` is the English word."""
-    return phrase(_NAMES[test]).removeprefix("test|") if test in _NAMES else test
+    return _NAMES[test].removeprefix("test|") if test in _NAMES else test
 
 
 def _failed(f: Finding) -> str:
