@@ -101,7 +101,7 @@ class Map:
 
     @property
     def groups(self) -> list[Any]:
-        return [SimpleNamespace(runs=(SimpleNamespace(name=f"r{i}"),)) for i in range(self.n_par)]
+        return [SimpleNamespace(run_names=(f"r{i}",)) for i in range(self.n_par)]
 
     @property
     def parameters(self) -> list[Any]:
