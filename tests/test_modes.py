@@ -468,3 +468,31 @@ def test_a_sigmoid_is_fit_beside_an_optimum_that_is_a_step() -> None:
         best, cov = curve_fit(sigmoid, x, readings, p0=(6.0, 4.0, 0.9))
         for name, value, sd in zip(fit.names, best, np.sqrt(np.diag(cov)), strict=True):
             assert abs(fit.values[name] - value) < 1e-3 * sd
+
+
+@pytest.mark.parametrize(
+    "formula",
+    ["A*exp(-w*x/(2*Q))*cos(w*x + p)", "A*exp(-z*w*x)*cos(w*x + p)", "A*exp(-g*x)*cos(w*x + p)"],
+)
+def test_a_damped_oscillation_is_one_solution_however_it_is_written(formula: str) -> None:
+    """Curves of higher frequency pass through evenly spaced points; the weight of each by flat
+    priors depends on whether its damping is a rate or a quality factor.
+    """
+    x = np.linspace(0.0, 8.0, 30)
+    right = np.exp(-3.7 * x / 24.0) * np.cos(3.7 * x + 0.4)
+    for seed in range(3):
+        y = right + 0.033 * np.random.default_rng(seed).standard_normal(30)
+        fit = fit_curve(formula, x, y, u_y=0.033)
+        assert fit.status == "ok"
+        assert fit.values["w"] == pytest.approx(3.7, abs=0.03)
+
+
+def test_a_good_start_is_no_worse_than_none() -> None:
+    x = np.linspace(0.0, 6.0, 20)
+    right = np.cos(2.0 * np.pi * 0.593 * x + 0.4) + 0.2
+    for seed in range(6):
+        y = right + 0.4 * np.random.default_rng(seed).standard_normal(20)
+        for start in (None, {"f": 0.593}):
+            fit = fit_curve("A*cos(2*pi*f*x + p) + c", x, y, u_y=0.4, start=start)
+            assert fit.status == "ok"
+            assert fit.values["f"] == pytest.approx(0.593, abs=0.05)

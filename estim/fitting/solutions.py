@@ -22,6 +22,7 @@ PLACE = 0.5  # standard deviations: closer ends are one place
 _EXACT, _ROUNDED = 1e-9, 0.01  # of the distance between two points: from its even place
 _ASIDE = 0.382  # of the distance: no simple share, at which other aliases meet again
 _ALIKE = 0.1  # in log share: solutions of the same weight
+_UNFELT = 0.01  # of the scatter, by which curves through the same points differ
 # ratio of singular values from which a normal distribution says what an optimum holds
 _SOUND = 1e-6
 
@@ -104,11 +105,11 @@ def choose(
     and what was left aside.
 
     Each is as it is usually `written`.  Of curves through the same points (a frequency plus the
-    rate of sampling) that weigh the same the one closest to the start is taken, whatever they weigh
-    where only times that a file rounds tell them apart.  Where the user gave no range that holds
-    the others and it is the smoothest of all, they are left aside and no solutions; so are other
-    numbers that draw the same curve everywhere.  A worse end from which the next step would still
-    lead away is no optimum: a parameter on its way to infinity has any share.
+    rate of sampling), but for times that a file rounds, the one closest to the start is taken,
+    whatever they weigh: that depends on how the curve is written.  Where the user gave no range
+    that holds the others and it is the smoothest of all, they are left aside and no solutions; so
+    are other numbers that draw the same curve everywhere.  A worse end from which the next step
+    would still lead away is no optimum: a parameter on its way to infinity has any share.
     """
     distinct = distinct[:1] + [end for end in distinct[1:] if _is_optimum(search, end)]
     shares = [_log_share(search, end) for end in distinct]
@@ -123,11 +124,16 @@ def choose(
         if rounded[i]
         or (
             least <= chi2 <= equal
-            and _same_curve(search, values, distinct[heaviest][0], between=False)
+            and _same_curve(search, values, distinct[heaviest][0], between=False, unfelt=_UNFELT)
         )
     ]
+    # numbers that draw the same curve everywhere have their weight
     same = [
-        i for i in through if i == heaviest or rounded[i] or shares[i] > shares[heaviest] - _ALIKE
+        i
+        for i in through
+        if i == heaviest
+        or shares[i] > shares[heaviest] - _ALIKE
+        or not _same_curve(search, named[i], named[heaviest], between=True, unfelt=_UNFELT)
     ]
     points = np.array([named[i] for i in through])
     apart = np.ptp(points, axis=0)
@@ -137,8 +143,9 @@ def choose(
     moved = steady[apart[steady] > spread_at(search, distinct[heaviest])[steady]]
     chosen, findings = same[0], list[Finding]()
     if moved.size:
+        begun = written(search, start, symmetry, start)
         chosen = min(
-            same, key=lambda i: float(np.sum(((named[i] - start)[moved] / apart[moved]) ** 2))
+            same, key=lambda i: float(np.sum(((named[i] - begun)[moved] / apart[moved]) ** 2))
         )
     aside = []
     if moved.size and not np.all(np.isfinite(search.low[moved]) & np.isfinite(search.high[moved])):
@@ -156,14 +163,15 @@ def choose(
         alike = [
             i
             for i in same
-            if i != chosen and _same_curve(search, named[i], named[chosen], between=True)
+            if i != chosen
+            and _same_curve(search, named[i], named[chosen], between=True, unfelt=_UNFELT)
         ]
         faster = [
             i
             for i in through
             if i != chosen
             and i not in alike
-            and not _same_curve(search, named[i], named[chosen], between=True)
+            and not _same_curve(search, named[i], named[chosen], between=True, unfelt=_UNFELT)
         ]
         aside += alike
         if alike:
@@ -233,16 +241,25 @@ def _log_share(search: SeparableSearch, end: End) -> float:
 
 
 def _same_curve(
-    search: SeparableSearch, values: FloatArray, other: FloatArray, *, between: bool
+    search: SeparableSearch,
+    values: FloatArray,
+    other: FloatArray,
+    *,
+    between: bool,
+    unfelt: float = 0.0,
 ) -> bool:
     """Whether two sets of values draw the same curves at the points, or, `between`, at places
-    between them as well.
+    between them as well.  unfelt : times the scatter about the curve, of two ends of searches that
+    may differ by so much.
     """
     problem = search.posterior.problem
+    named = problem.named(other)
     for run in problem.runs:
         x = np.linspace(run.x.min(), run.x.max(), 3 * run.n_obs + 7) if between else run.x
-        a, b = (run.drawn(problem.named(point), x) for point in (values, other))
-        if not np.max(np.abs(a - b)) <= 1e-5 * max(max_abs(a), 1e-300):
+        a, b = (run.drawn(point, x) for point in (problem.named(values), named))
+        scatter = float(np.sqrt(np.mean(np.square(run.y - run.drawn(named))))) if unfelt else 0.0
+        tolerance = max(1e-5 * max_abs(a), unfelt * scatter, 1e-305)
+        if not np.max(np.abs(a - b)) <= tolerance:
             return False
     return True
 
