@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
 from estim import Component, DataSet, Poisson, fit_curve, fit_curves, load_campaign
+from estim.campaign import TableChoices, campaign_of_table
 from estim.common import InputError
+from estim.fitting import fit_problem
 from estim.fitting.optimum import fit_optimum
 
 T = np.linspace(0.0, 6.0, 30)
@@ -193,3 +197,31 @@ def test_what_is_wrong_is_said_in_one_line(change: dict[str, object], said: str)
 def test_which_data_set_must_be_said() -> None:
     with pytest.raises(InputError, match="must be one of first, second"):
         fit_curves(FORMULA, SWINGS, shared=["tau"], start=START).predict(1.0)
+
+
+@pytest.mark.parametrize("command", [False, True])
+def test_halves_of_a_peak_begin_where_the_whole_does(tmp_path: Path, command: bool) -> None:
+    """From the left half alone no start leads to the peak that both make together."""
+    x = np.linspace(0.0, 10.0, 15)
+    for seed in range(3):
+        y = 3.0 * np.exp(-((x - 5.0) ** 2) / 2.88)
+        y += 0.4 * np.random.default_rng(seed).standard_normal(15)
+        formula = "a*exp(-(x - m)**2/(2*s**2))"
+        whole = fit_curve(formula, x, y, u_y=0.4)
+        halves = {"left": slice(0, 7), "right": slice(7, 15)}
+        if command:
+            files = []
+            for name, half in halves.items():
+                files.append(tmp_path / f"{name}.csv")
+                rows = zip(x[half].tolist(), y[half].tolist(), strict=True)
+                files[-1].write_text("x,y\n" + "".join(f"{a!r},{b!r}\n" for a, b in rows))
+            choices = TableChoices(formula=formula, u_y="0.4")
+            campaign = campaign_of_table(files[0], choices, *files[1:])
+            problem = campaign.problem(campaign.run_names)
+            chi2 = fit_problem(problem, rng=np.random.default_rng(1)).chi2
+        else:
+            sets = {name: DataSet(x[half], y[half], 0.4) for name, half in halves.items()}
+            together = fit_curves(formula, sets)
+            assert together.status == "ok"
+            chi2 = together.chi2
+        assert chi2 == pytest.approx(whole.chi2, rel=1e-6)

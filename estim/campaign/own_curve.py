@@ -27,6 +27,7 @@ from typing import Any, TypeVar
 import msgspec
 import numpy as np
 
+from estim.arrays import FloatArray
 from estim.campaign.campaign import Campaign
 from estim.campaign.campaign_file import CampaignFile, NoiseTable
 from estim.campaign.curve_keys import CurveKeys, CurveTable, ParameterTable
@@ -112,8 +113,10 @@ class CurveCampaign(Campaign):
         runs = [self.runs[name] for name in names]
         parameters: dict[str, Parameter] = {}
         of_noise: dict[str, Parameter] = {}
-        observed = []
-        for run, (bound, exact) in zip(runs, self._bound(runs), strict=True):
+        observed, every = [], self._bound(runs)
+        one = len({frozenset(p.name for p in bound.values()) for bound, _ in every}) == 1
+        pooled = self._pooled(runs) if one else []
+        for run, (bound, exact) in zip(runs, every, strict=True):
             name = run.table.name
             # what runs share begins where the first of them found a start
             unknown = {argument: parameters.get(p.name, p) for argument, p in bound.items()}
@@ -139,7 +142,9 @@ class CurveCampaign(Campaign):
                     "fit the runs one by one",
                     "deviation",
                 )
-            begun = self._started(posed, {*self.curve.names} - chosen)
+            begun = self._started(
+                posed, {*self.curve.names} - chosen, [] if parameters else pooled[1:]
+            )
             parameters |= {
                 p.name: replace(p, prior=begun[argument].prior) for argument, p in unknown.items()
             }
@@ -184,14 +189,26 @@ class CurveCampaign(Campaign):
                     unknown[argument] = replace(p, name=f"{argument}[{run.table.name}]")
         return bound
 
-    def _started(self, posed: CurveProblem, held: Collection[str]) -> Mapping[str, Parameter]:
-        """Argument -> parameter, with starts found from the points but for those `held`.  Raises
-        InputError.
+    def _pooled(self, runs: Sequence[RunOfCurve]) -> list[tuple[FloatArray, FloatArray]]:
+        """x and y of runs whose y are readings; nothing where some are counts."""
+        every = [rows_of(run, self.tables[run.table.name]) for run in runs]
+        if any(rows.run.curve.noise is not None for rows in every):
+            return []
+        return [(rows.column("x"), rows.column("y")) for rows in every]
+
+    def _started(
+        self,
+        posed: CurveProblem,
+        held: Collection[str],
+        beside: Sequence[tuple[FloatArray, FloatArray]],
+    ) -> Mapping[str, Parameter]:
+        """Argument -> parameter, with starts found from the points, and those of other runs with
+        the same parameters, but for those `held`.  Raises InputError.
         """
         try:
             return {
                 parameter.name: parameter
-                for parameter in started(posed, self.asked, held=held).parameters
+                for parameter in started(posed, self.asked, held=held, beside=beside).parameters
             }
         except InputError as error:
             raise error.at(

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from estim.arrays import FloatArray
 from estim.common import InputError
 from estim.curve_fitting.result import CurveFit
 from estim.curve_fitting.single import fit_errors, fit_stated, pose_points
@@ -119,21 +120,30 @@ def fit_curves(
     taken, foreign = _names(sets, written)
     settings = {name: _of_one(written, name, sets, foreign[name]) for name in sets}
     differ = any(points.curve is not None for points in data.values())
-    begun: dict[str, float] = {}  # of what is shared by curves that differ
+    pooled = () if differ or len(sets) == 1 else _points_of_one(sets, taken, shared)
+    begun: dict[str, float] = {}  # of what is shared
     for own in settings.values() if differ else ():
         begun = own["start"] | begun
     parts: dict[str, CurveProblem] = {}
     for name in sorted(sets, key=lambda name: -len(foreign[name])):
         own = settings[name]
         known = taken[name] - {*own["start"], *own["fixed"], *own["tied"]}
-        own["start"] |= {
+        found = {
             one: value
             for one, value in begun.items()
             if one in known and (shared is None or one in shared)
         }
+        own["start"] |= found
         with _named(name):
-            parts[name] = pose_points(sets[name], own, errors, level=f"[{name}]")
-        if differ:
+            parts[name] = pose_points(
+                sets[name],
+                own,
+                errors,
+                level=f"[{name}]",
+                found=found,
+                beside=[points for other, points in pooled if other != name],
+            )
+        if differ or pooled:
             begun = {p.name: p.prior.centre for p in parts[name].parameters} | begun
     alike = {
         (part.axes.x_unit, part.axes.y_unit)
@@ -162,6 +172,26 @@ def fit_curves(
         n_start = min(getattr(points.curve, "n_start", N_START) for points in sets.values())
     fitted = fit_errors if joint.infers_errors else fit_stated
     return fitted(joint, joint.problem, rng, n_start)
+
+
+def _points_of_one(
+    sets: Mapping[str, DataSet], taken: Mapping[str, set[str]], shared: Collection[str] | None
+) -> tuple[tuple[str, tuple[FloatArray, FloatArray]], ...]:
+    """Names of data sets of one curve with all parameters in common, with their x and y; nothing
+    where any has parameters of its own, counts, or units.
+    """
+    if shared is not None and any(names - {*shared} for names in taken.values()):
+        return ()
+    found = []
+    for name, points in sets.items():
+        x, y = points.x, points.y
+        if points.noise is not None or any(hasattr(column, "units") for column in (x, y)):
+            return ()
+        try:
+            found.append((name, (np.asarray(x, dtype=float), np.asarray(y, dtype=float))))
+        except (TypeError, ValueError):  # is told where the data set is posed
+            return ()
+    return tuple(found) if all(x.shape == y.shape and x.ndim == 1 for _, (x, y) in found) else ()
 
 
 @contextmanager

@@ -10,7 +10,7 @@ and nothing tests it.  `estim.reports.curve.sample_curve` goes on from here.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -223,9 +223,13 @@ def pose_points(
     deviation: float = 0.0,
     correlated: ArrayLike | bool = False,
     level: str = "",
+    found: Collection[str] = (),
+    beside: Sequence[tuple[FloatArray, FloatArray]] = (),
 ) -> CurveProblem:
     """The problem of one data set, with starts found from its points where none is given.
 
+    found : parameters whose starts come from the points of other data sets.
+    beside : x and y of other data sets of the same curve, that help to find starts.
     said : "start", "bounds", "priors", "fixed", "tied", "derived" and "units" -> what is said there
         of its parameters.
     level : behind the names of what is unknown of its errors.  Raises InputError.
@@ -259,14 +263,16 @@ def pose_points(
         deviation=deviation,
         correlated=correlated,
         noise=points.noise,
-        chosen={*begin} - {*start},
+        chosen={*begin} - {*start} | {*found},
         jitter=points.jitter,
         robust=points.robust,
         cov_x=points.cov_x,
         r_xy=points.r_xy,
         level=level,
     )
-    return posed if named is None else started(replace(posed, called=named.text), named, held=start)
+    if named is None:
+        return posed
+    return started(replace(posed, called=named.text), named, held=start, beside=beside)
 
 
 def fit_stated(

@@ -5,7 +5,7 @@ them until there are points, and what these give.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any
@@ -134,10 +134,21 @@ def provisional(
     return {name: within(limits.get(name)) for name in free} | dict(start), limits
 
 
-def started(posed: CurveProblem, asked: ModelSum, *, held: Collection[str]) -> CurveProblem:
+def started(
+    posed: CurveProblem,
+    asked: ModelSum,
+    *,
+    held: Collection[str],
+    beside: Sequence[tuple[FloatArray, FloatArray]] = (),
+) -> CurveProblem:
     """The problem with starts found from its points but for the parameters `held`, whose starts are
     the user's.  Raises InputError.
+
+    beside : x and y of further points of the same curve with the same parameters.
     """
+    own = posed
+    if beside:
+        posed = _pooled(posed, beside)
     counted = posed.counted
     known = {p.name: p for p in posed.parameters if p.name in asked.parameters}
     gain, bins = (
@@ -175,9 +186,21 @@ def started(posed: CurveProblem, asked: ModelSum, *, held: Collection[str]) -> C
         for name in limits
     }
     return replace(
-        posed,
+        own,
         parameters=tuple(replace(p, prior=begun.get(p.name, p.prior)) for p in posed.parameters),
     )
+
+
+def _pooled(posed: CurveProblem, beside: Sequence[tuple[FloatArray, FloatArray]]) -> CurveProblem:
+    """The problem with further points, as certain as its own in the mean."""
+    x, y = (
+        np.concatenate([own, *others])
+        for own, others in zip((posed.x, posed.y), zip(*beside, strict=True), strict=True)
+    )
+    size = np.full(x.size, np.mean(posed.relative))
+    size[: posed.x.size] = posed.relative
+    order = np.argsort(x, kind="stable")
+    return replace(posed, x=x[order], y=y[order], relative=size[order], order=None)
 
 
 def _robust(
