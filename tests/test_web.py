@@ -628,7 +628,10 @@ def test_a_campaign_with_its_tables(browser: Browser, project: Path) -> None:
 def test_a_preview_that_fails_is_said_and_tried_no_further(
     browser: Browser, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked = browser.hand_in({"line.csv": LINE})
+    long = b"t,U\n" + b"".join(
+        b"%d,%d\n" % (i, 2 * i) for i in range(50_000)
+    )  # longer than at once
+    asked = browser.hand_in({"line.csv": long})
     monkeypatch.setattr("estim.web.pages._PREVIEW_SECONDS", 0)
     form = browser.get(asked.place).text
     assert "What is in the file cannot be shown" in form

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.arrays import FloatArray, Named, all_finite, sds_of
+from estim.arrays import BoolArray, FloatArray, Named, all_finite, sds_of
 from estim.common import Amount, Finding, InputError, Kind, NumericalError, phrase
 from estim.fitting.further_optima import far_places, further_optima
 from estim.fitting.gauss_newton import End, descended, inverse_information, near_bound, stepped
@@ -73,6 +73,7 @@ _HELD = 9.0
 # where a prior does not give the posterior an end, that of counts or of a frequency: the density
 # is below 1e-4 of that at the mode
 _HELD_WITHOUT_END = 18.0
+_NOTHING = 1e-6  # standard deviations by which a curve depends on a parameter: rounding errors
 MAX_PARAMETERS = 14  # of problems that are scanned, and have a second opinion
 
 
@@ -329,42 +330,49 @@ def _unheld(search: SeparableSearch, found: Optimum, period: FloatArray) -> Find
         return None
     problem = search.posterior.problem
     best = found.chi2 + found.rounding
+    hardly: list[tuple[float, int]] = []
     # of the squares of n residuals those of n - n_par are left when the others are integrated out
     dof = max(1, problem.n_obs - search.free.size)
     spread = spread_at(search, (found.values, found.chi2))
 
-    def rise_of(places: FloatArray, squares: FloatArray) -> float:
+    def rises_of(places: FloatArray, squares: FloatArray) -> FloatArray:
         if not problem.robust:
-            far = float(np.min(squares, initial=math.inf))
-            return dof * math.log(max(far / best, 1.0)) if search.unstated else far - best
+            return (
+                dof * np.log(np.maximum(squares / best, 1.0)) if search.unstated else squares - best
+            )
         ends = np.array([fit_noise(search.posterior, end) for end in (found.values, *places)])
         density = search.posterior.log_density(ends)
-        return float(
-            np.min(2.0 * dof / problem.n_obs * (density[0] - density[1:]), initial=math.inf)
-        )
+        return 2.0 * dof / problem.n_obs * (density[0] - density[1:])
 
-    far = far_places(search, found.values, spread, period)
-    rises = [(rise_of(*places), i) for i, places in far.items()]
-    for rise, i in sorted(pair for pair in rises if not math.isnan(pair[0])):
-        if rise < _HELD or (rise < _HELD_WITHOUT_END and not _fades(search, i, far[i][0])):
-            return Finding(Kind.HARDLY_HELD, size=rise, parameters=(Amount(problem.names[i]),))
-    return None
+    for i, (places, squares) in far_places(search, found.values, spread, period).items():
+        rises = rises_of(places, squares)
+        least = float(np.nanmin(rises, initial=math.inf))
+        present = rises < _HELD_WITHOUT_END
+        if least < _HELD or (np.any(present) and not _fades(search, i, places, present)):
+            hardly.append((least, i))
+    if not hardly:
+        return None
+    rise, i = min(hardly)
+    return Finding(Kind.HARDLY_HELD, size=rise, parameters=(Amount(problem.names[i]),))
 
 
-def _fades(search: SeparableSearch, i: int, places: FloatArray) -> bool:
-    """Whether the curve depends less and less on parameter i between two reaches, `places` (n,
-    n_par) in turn, all others following: Jeffreys' prior then gives its posterior an end.
+def _fades(search: SeparableSearch, i: int, places: FloatArray, present: BoolArray) -> bool:
+    """Whether the curve depends less on parameter i at the farther of two places (n, n_par) in
+    turn, all others following: Jeffreys' prior then gives its posterior an end.
+
+    present : (n,) whether there is any density at a place.
     """
     if search.posterior.problem.counted:
         return False
-    sizes = []
-    for place in places:
+    sizes = np.zeros(len(places))
+    for k, place in enumerate(places):
         rows = search.scoring(place)[0]
-        if not all_finite(rows):  # no density there
-            rows = np.zeros_like(rows)
-        own, others = rows[:, i] * place[i], rows[:, search.free[search.free != i]]
-        sizes.append(np.linalg.norm(own - others @ np.linalg.lstsq(others, own, rcond=None)[0]))
-    return bool(np.all(np.array(sizes[1::2]) <= np.array(sizes[::2])))
+        if all_finite(rows):
+            own, others = rows[:, i] * place[i], rows[:, search.free[search.free != i]]
+            along = others @ np.linalg.lstsq(others, own, rcond=None)[0]
+            sizes[k] = np.linalg.norm(own - along)
+    less = sizes[1::2] <= np.maximum(sizes[::2], _NOTHING)
+    return bool(np.all(less | ~present[1::2]))
 
 
 def _nowhere_finite(problem: Problem, start: FloatArray) -> InputError:
