@@ -10,7 +10,7 @@
   Student's t too; for a line they are the same as those above.
 - Where y was counted, or its errors are a share of the curve: profiles, with z of the normal
   distribution.  Few events or a large share make them lopsided, even for a line.
-- Where the curve bends within the errors of a parameter without a stated value: its profile, with
+- Where the curve bends within the errors of a parameter: its profile, with
   the same quantiles.  One-sided errors of value ± 1.96 s add up in right fits: 73 to 93 % of them
   held the true constant of decays and saturations with errors of 4 to 20 %, profiles 94 to 97 %.
 - Where an edge (of bounds or of a prior) is within reach of any interval: profiles
@@ -101,7 +101,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     beside = _within_reach(fixed, np.where(best.at_bound, free, sds_of(cov)), dofs)
     symmetric = _symmetric(names, best.values, sds, dofs)
     bent = vague(fixed, sds)
-    curved = bent | (fixed.problem.unstated & (bending(fixed) >= _CURVED))
+    curved = bent | (bending(fixed) >= _CURVED)
     if not (np.any(beside) or skewed or np.any(curved)):
         return Spread(cov, sds, symmetric, (), ())
     everything = skewed or bool(np.any(beside))

@@ -144,9 +144,8 @@ def choose(
     chosen, findings = same[0], list[Finding]()
     if moved.size:
         begun = written(search, start, symmetry, start)
-        chosen = min(
-            same, key=lambda i: float(np.sum(((named[i] - begun)[moved] / apart[moved]) ** 2))
-        )
+        alone = np.isin(np.arange(start.size), moved)
+        chosen = min(same, key=lambda i: distance(search, np.where(alone, named[i], begun), begun))
     aside = []
     if moved.size and not np.all(np.isfinite(search.low[moved]) & np.isfinite(search.high[moved])):
         names = search.posterior.problem.names
