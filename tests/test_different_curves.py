@@ -516,3 +516,20 @@ def test_what_is_wrong_is_said_in_one_line(change: dict[str, Any], said: str) ->
     arguments: dict[str, Any] = {"data": WIRE} | change
     with pytest.raises(InputError, match=said):
         fit_curves(None, **arguments)
+
+
+def test_a_phase_turns_beside_a_curve_that_has_none() -> None:
+    """Were its turn not seen, a phase of 2 pi more would be as good, and nothing would hold it."""
+    x = np.linspace(0.0, 6.0, 20)
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        swing = np.cos(2.0 * np.pi * 0.6 * x + 0.4) + 0.2 + 0.4 * rng.standard_normal(20)
+        line = 1.0 + 2.0 * x + 0.1 * rng.standard_normal(20)
+        data = {
+            "swing": DataSet(x, swing, 0.4, curve="A*cos(2*pi*f*x + p) + c"),
+            "line": DataSet(x, line, 0.1, curve="s*x + d"),
+        }
+        fit = fit_curves(None, data)
+        assert fit.status == "ok"
+        alone = fit_curve("A*cos(2*pi*f*x + p) + c", x, swing, u_y=0.4)
+        assert fit.values["p"] == pytest.approx(alone.values["p"], abs=1e-3)

@@ -8,7 +8,7 @@ must agree with them.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
 
@@ -79,20 +79,18 @@ Lifted = tuple[FloatArray, FloatArray]
 
 
 def _free_arguments(problem: Problem) -> dict[str, None]:
-    """Arguments of the curve that are parameters in every run, each parameter being one argument
-    only.
+    """Arguments of the curves that are parameters in every run that has them, each parameter being
+    one argument only.
     """
-    runs = problem.runs
-    if not runs or any(set(run.arguments) != set(runs[0].arguments) for run in runs):
-        return {}
-    free = {
-        a: None for a in runs[0].arguments if all(isinstance(run.arguments[a], str) for run in runs)
-    }
+    free = {a: None for run in problem.runs for a in run.arguments}
     places: dict[object, set[str]] = {}
-    for run in runs:
-        for argument in free:
-            places.setdefault(run.arguments[argument], set()).add(argument)
-    return free if all(len(used) == 1 for used in places.values()) else {}
+    for run in problem.runs:
+        for argument, source in run.arguments.items():
+            if not isinstance(source, str):
+                free.pop(argument, None)
+            places.setdefault(source, set()).add(argument)
+    known = [places[run.arguments[a]] for run in problem.runs for a in free if a in run.arguments]
+    return free if all(len(used) == 1 for used in known) else {}
 
 
 def _trial(
@@ -107,7 +105,8 @@ def _trial(
 def _turned(problem: Problem, sources: dict[str, None], period: FloatArray) -> dict[str, float]:
     """Arguments that are a phase, with their full turn."""
     index = {name: i for i, name in enumerate(problem.names)}
-    turned = {a: float(period[index[str(problem.runs[0].arguments[a])]]) for a in sources}
+    called = {a: source for run in problem.runs for a, source in run.arguments.items()}
+    turned = {a: float(period[index[str(called[a])]]) for a in sources}
     return {a: turn for a, turn in turned.items() if math.isfinite(turn)}
 
 
@@ -198,10 +197,10 @@ class _Found:
             }
             rows = {a: np.full((len(maps) + 1, 1), value) for a, value in here.items()}
             for row, map_ in enumerate(maps, start=1):
-                for a, (combined, shift) in map_.items():
-                    rows[a][row, 0] = (1.0 - share) * here[a] + share * (
-                        sum(k * here[b] for b, k in combined.items()) + shift
-                    )
+                for a, (combined, shift) in _within(map_, here):
+                    # nan: made of what another curve takes
+                    made = sum(k * here.get(b, math.nan) for b, k in combined.items()) + shift
+                    rows[a][row, 0] = (1.0 - share) * here[a] + share * made
             with np.errstate(all="ignore"):
                 curves = np.broadcast_to(
                     run.curve.value(x, own_values(rows)), (len(maps) + 1, x.size)
@@ -222,7 +221,7 @@ class _Found:
         matrix, shift = np.eye(len(names)), np.zeros(len(names))
         set_to: dict[int, tuple[dict[int, float], float]] = {}
         for run in self.problem.runs:
-            for a, (combined, c) in map_.items():
+            for a, (combined, c) in _within(map_, run.arguments):
                 taken = {names.index(str(run.arguments[b])): k for b, k in combined.items()}
                 if set_to.setdefault(names.index(str(run.arguments[a])), (taken, c)) != (taken, c):
                     return None
@@ -257,6 +256,13 @@ class _Found:
             np.all(np.isfinite(a) == np.isfinite(b))
             and np.allclose(a[np.isfinite(a)], b[np.isfinite(b)], rtol=0.0, atol=1e-9)
         )
+
+
+def _within(
+    map_: Map, arguments: Collection[str]
+) -> Iterator[tuple[str, tuple[dict[str, float], float]]]:
+    """What a map does to the arguments of one curve."""
+    return ((a, made) for a, made in map_.items() if a in arguments)
 
 
 def _closed(elements: list[Lifted], period: FloatArray) -> list[Lifted]:
