@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import json
 import math
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -13,6 +15,8 @@ from scipy import optimize
 
 from estim import Component, InputError, fit_curve
 from estim.curves.curve_problem import AxisNames
+from estim.fitting import Fit
+from estim.fitting.unconstrained import silent_parameters
 from estim.pipeline import sample_curve
 from estim.problem.priors import Flat, Normal, Uniform
 from estim.reports.curve import curve_report
@@ -570,3 +574,14 @@ def test_numbers_by_default_are_the_starts_of_a_function() -> None:
     assert fit_curve(decay, x, y, u_y=0.01, fixed={"c": 0.0}).names == ("a", "tau")
     # beside a start they are held, as arguments with defaults always were
     assert fit_curve(decay, x, y, u_y=0.01, start={"a": 3.0, "tau": 1.0}).names == ("a", "tau")
+
+
+def test_a_parameter_without_a_derivative_is_one_that_the_data_are_silent_about() -> None:
+    """The width of a sigmoid that has become a step: its Jacobian is not finite."""
+    jacobian = np.column_stack([np.arange(5.0), np.full(5, np.inf)])
+    problem = SimpleNamespace(noise_names=())
+    posterior = SimpleNamespace(jacobian=lambda values: jacobian)
+    fit = SimpleNamespace(
+        names=("A", "w"), values=np.zeros(2), posterior=posterior, problem=problem
+    )
+    assert silent_parameters(cast(Fit, fit)) == ("w",)

@@ -23,6 +23,8 @@ def silent_parameters(fit: Fit) -> tuple[str, ...]:
     """
     names = [name for name in fit.names if name not in fit.problem.noise_names]
     columns = fit.posterior.jacobian(fit.values)[:, [fit.names.index(name) for name in names]]
+    # a parameter without a derivative is one that nothing can be said of
+    columns = np.where(np.all(np.isfinite(columns), axis=0), columns, 0.0)
     scale = np.linalg.norm(columns, axis=0)
     _, singular, right = np.linalg.svd(
         columns / np.where(scale > 0.0, scale, 1.0), full_matrices=True
