@@ -496,3 +496,11 @@ def test_a_good_start_is_no_worse_than_none() -> None:
             fit = fit_curve("A*cos(2*pi*f*x + p) + c", x, y, u_y=0.4, start=start)
             assert fit.status == "ok"
             assert fit.values["f"] == pytest.approx(0.593, abs=0.05)
+
+
+def test_a_frequency_is_positive_whatever_sign_its_sine_has() -> None:
+    x = np.linspace(0.0, 8.0, 30)
+    y = np.cos(3.7 * x) - 0.6 * np.sin(3.7 * x) + 0.1 * np.random.default_rng(1).standard_normal(30)
+    fit = fit_curve("a*cos(w*x) + b*sin(w*x)", x, y, u_y=0.1)
+    assert fit.values["w"] == pytest.approx(3.7, abs=0.05)
+    assert fit.values["b"] == pytest.approx(-0.6, abs=0.1)

@@ -188,19 +188,21 @@ def written(
     search: SeparableSearch, values: FloatArray, symmetry: Symmetry, start: FloatArray
 ) -> FloatArray:
     """Of the values that draw the same curve, those closest to the starts that were stated; of
-    these those with positive amplitudes, then with other signs positive, with phases within half a
-    turn, and closest to starts that were found from the points.
+    these those with positive frequencies and widths, then with positive amplitudes, with phases
+    within half a turn, and closest to starts that were found from the points.
     """
     stated = np.array([p.prior.start_stated for p in search.posterior.problem.parameters])
     near = np.where(~stated & np.isfinite(symmetry.period), 0.0, start)
     flips = np.flatnonzero(symmetry.flips)
     linear = np.isin(flips, search.linear)
+    phase = np.isfinite(symmetry.period[flips])
 
     def order(image: FloatArray) -> tuple[float, ...]:
         negative = image[flips] < 0.0
         turned = np.abs(image - near)[np.isfinite(symmetry.period)]
         far = distance(search, np.where(stated, image, start), start, symmetry.period)
-        signs = float(np.sum(negative & linear)), float(np.sum(negative & ~linear))
+        kinds = ~(linear | phase), linear, phase
+        signs = [float(np.sum(negative & kind)) for kind in kinds]
         return (
             round(far, 9),
             *signs,

@@ -171,7 +171,7 @@ WORDS: Table = {
     Kind.IMAGES: (
         "the curve is the same with {either}: of these equivalent solutions, the "
         "one closest to the stated starting values is given, or otherwise the "
-        "one with positive amplitudes and small angles"
+        "one with positive frequencies, widths and amplitudes, and small angles"
     ),
     Kind.IMAGE: lambda f: ", ".join(_change(amount) for amount in f.parameters),
     Kind.OTHER_NUMBERS: (
