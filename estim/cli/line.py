@@ -162,7 +162,8 @@ def _fit_line_and_trials(campaign: Path, folder: Path, *, seed: int, figures: Fi
     write_report(folder, files)
     if line is not None:
         sentences = line_lines(loaded, line) if line.status.ok else line.reasons
-        conclude(phrase("line"), line.status, [*sentences, *filter(None, (line.disagreement,))])
+        further = filter(None, (line.disagreement, line.assumption))
+        conclude(phrase("line"), line.status, [*sentences, *further])
     if released is not None:
         trial_sentences = trials_lines(loaded, released) if released.status.ok else released.reasons
         conclude(phrase("trials"), released.status, [*trial_sentences, *released.disagreements])

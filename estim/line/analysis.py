@@ -94,6 +94,19 @@ class LineAnalysis:
         return tuple(map(tell, self.findings))
 
     @property
+    def assumption(self) -> str:
+        """What is assumed of rows that repeat a tilt; "" where none does."""
+        _, counts = np.unique(self.series.phi, return_counts=True)
+        n = int(np.sum(counts[counts > 1]))
+        if not n:
+            return ""
+        return phrase(
+            "{n} rows repeat a tilt, and the error of each is taken as independent: where one "
+            "reading of a tilt serves several rows, state one row with the mean of their angles",
+            n=n,
+        )
+
+    @property
     def disagreement(self) -> str:
         """What to say where gamma of the line and gamma as stated differ at k = 2; "" where they
         agree, or one of them is missing.

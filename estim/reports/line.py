@@ -236,6 +236,7 @@ def line_report(
         wanted=figures,
         kind=campaign.kind,
         result=result,
+        assumption=analysis.assumption,
         trials=records.get("trials.json"),
         found=table(*result_table(estimates)),
         copies=copies_of(estimates, kind=result.kind) if estimates else None,
