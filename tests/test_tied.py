@@ -86,3 +86,16 @@ def test_peaks_of_one_width() -> None:
 def test_what_is_wrong_with_a_tie(tied: dict[str, str], said: str) -> None:
     with pytest.raises(InputError, match=said):
         fit_curve(SUM, X, Y, u_y=0.02, start={"a": 1.0, "s": 1.0}, tied=tied)
+
+
+def test_a_tied_formula_needs_no_starting_values() -> None:
+    """The starts come from the points, by the formula with its relations put in."""
+    x = np.linspace(0.0, 6.0, 25)
+    noise = 0.02 * np.random.default_rng(1).standard_normal(25)
+    y = 3.0 * np.exp(-x / 1.5) + 0.9 * np.exp(-x / 4.5) + noise
+    tied = {"r": "3*s", "b": "0.3*a"}
+    fit = fit_curve("a*exp(-x/s) + b*exp(-x/r)", x, y, u_y=0.02, tied=tied)
+    assert fit.status == "ok"
+    assert fit.values["s"] == pytest.approx(1.5, abs=4.0 * fit.sds["s"])
+    with pytest.raises(InputError, match=r"tied\[b\]' names 'q', which is no parameter"):
+        fit_curve("a*exp(-x/s) + b*exp(-x/r)", x, y, u_y=0.02, tied=tied | {"b": "q*a"})

@@ -251,7 +251,7 @@ def pose_points(
         else provisional(named, start, bounds, said["priors"], {*fixed, *said["tied"]})
     )
     posed = pose_curve(
-        curve if named is None else named.formula,
+        named.formula if named is not None and named.terms else curve,
         points.x,
         points.y,
         **{**said, "start": begin, "bounds": limits},

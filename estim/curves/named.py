@@ -5,6 +5,7 @@ them until there are points, and what these give.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -29,24 +30,33 @@ _SIZE = "size_of_density"
 
 
 def unstarted(
-    curve: object, start: Collection[str], fixed: Collection[str], tied: Collection[str]
+    curve: object, start: Collection[str], fixed: Collection[str], tied: Mapping[str, str]
 ) -> ModelSum | None:
-    """What finds the starts that are not given, of models by name or of a formula of x; None where
-    none is missing, or nothing can.
+    """What finds the starts that are not given, of models by name or of a formula of x, with what
+    is tied in it replaced; None where none is missing, or nothing can.
     """
     models = called_by_name(curve, start, fixed, tied)
-    if (
-        models is not None
-        or tied
-        or not (
-            isinstance(curve, str | Formula)
-            and str(curve).strip()
-            and isinstance(start, Mapping)
-            and isinstance(fixed, Mapping)
-        )
+    if models is not None or not (
+        isinstance(curve, str | Formula)
+        and str(curve).strip()
+        and all(isinstance(given, Mapping) for given in (start, fixed, tied))
     ):
         return models
     formula = read_formula(curve, field="curve")
+    text = formula.text
+    for name, relation in reversed([*tied.items()]):  # of those before it
+        text = re.sub(rf"(?<!\w){re.escape(str(name))}(?!\w)", f"({relation})", text)
+    if tied:
+        own = {*formula.names, *start, *fixed}
+        try:
+            formula = read_formula(text)
+        except InputError:  # is told where the ties are read
+            return None
+        for name in formula.names:
+            if name not in own:
+                place = next(tie for tie in tied if name in str(tied[tie]))
+                rule = f"names '{name}', which is no parameter of the curve: give it a start"
+                raise InputError(rule, field=f"tied[{place}]", value=tied[place])
     constant = formula.names == (formula.text,)
     missing = {*formula.names} - {*start, *fixed}
     return ModelSum("", formula) if (formula.uses_x or constant) and missing else None
