@@ -9,6 +9,7 @@ cure.
 from __future__ import annotations
 
 from datetime import date, timedelta
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -67,7 +68,7 @@ def real_number(value: Any, field: str, rule: str = "must be a number") -> float
 
 def check_probability(probability: Any, field: str = "probability") -> None:
     """Raises InputError naming `field` for what is no probability between 0 and 1."""
-    if not isinstance(probability, (float, int)) or not 0.0 < probability < 1.0:
+    if not isinstance(probability, Real) or not 0.0 < float(probability) < 1.0:
         raise InputError("must lie between 0 and 1", field=field, value=probability)
 
 

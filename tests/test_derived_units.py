@@ -21,7 +21,7 @@ KNOWN = {
     "g": "m/s²", "slope": "s²/m", "n": "1", "theta": "mrad", "w": "°/s", "gamma[heavy]": "deg",
     "t": "°C", "R": "Ω", "U": "mV", "h": "J s",
     "cts": "counts", "eta": "%", "u": "ms-1", "s": "deg C",     "omega": "1/s", "f": "Hz",
-    "c": "V/°", "C": "J/K", "k_B": "J/K",
+    "c": "V/°", "C": "J/K", "k_B": "J/K", "beta": "1/K",
 }  # fmt: skip
 
 
@@ -41,6 +41,7 @@ def unit(formula: str, stated: str | None = None) -> str:
         ("sqrt(g)", "1"), ("n*L", "1"), ("tau + 5", "s"),
         ("1/cts", "1/counts"), ("n", "1"), ("2", "1"), ("where(v > 1, L, 2*L)", "m"),
         ("3/2*L", "m"), ("C*(t - s)", "J"), ("k_B*(t + 273.15)", "J"), ("C*t/s", "J/K"),
+        ("beta*t*L", "m"),
         ("m*v**2/2", "kg·m²/s²"),
     ],
 )  # fmt: skip

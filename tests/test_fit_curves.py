@@ -225,3 +225,31 @@ def test_halves_of_a_peak_begin_where_the_whole_does(tmp_path: Path, command: bo
             assert together.status == "ok"
             chi2 = together.chi2
         assert chi2 == pytest.approx(whole.chi2, rel=1e-6)
+
+
+@pytest.mark.parametrize("curve", ["line", "a*x + b"])
+def test_points_that_help_to_find_starts_are_counted_once(curve: str) -> None:
+    rng = np.random.default_rng(1)
+    x = np.linspace(0.0, 5.0, 6)
+    data = {
+        name: DataSet(x + place, 2.0 * (x + place) + 0.1 * rng.standard_normal(6), u_y=0.1)
+        for name, place in (("a", 0.0), ("b", 0.5))
+    }
+    found = fit_curves(curve, data)
+    assert (found.problem.n_obs, found.dof) == (12, 10)
+    named = {"line": ("slope", "intercept")}.get(curve, ("a", "b"))
+    priors = {named[0]: "2.0(5)", named[1]: "0.0(5)"}
+    assert fit_curves(curve, data, priors=priors).problem.n_obs == 12
+
+
+def test_sets_with_exact_values_of_their_own_begin_each_by_itself() -> None:
+    x = np.linspace(0.0, 6.0, 20)
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        data = {
+            name: DataSet(x, 2.0 * np.sin(1.3 * k * x + 0.4) + 0.1 * rng.standard_normal(20), 0.1)
+            for name, k in (("a", 1.0), ("b", 5.3))
+        }
+        fixed = {"k[a]": 1.0, "k[b]": 5.3}
+        found = fit_curves("A*sin(w*k*x + p)", data, shared=["A", "w", "p"], fixed=fixed)
+        assert found.status == "ok"

@@ -134,3 +134,16 @@ def test_a_line_far_from_the_origin_is_refused_and_not_wrong() -> None:
     assert set(near.status.tolist()) == {"ok"}
     alone = fit_curve("a + b*x", x + 2459000.0, y[0], u_y=0.1)
     assert near.values[0, near.names.index("b")] == pytest.approx(alone.values["b"], rel=1e-5)
+
+
+def test_the_first_set_may_lie_on_a_limit_of_zero() -> None:
+    """Its values said how large the steps of all sets are."""
+    x = np.linspace(0.0, 5.0, 12)
+    noise = 0.1 * np.random.default_rng(2).standard_normal((20, 12))
+    y = 2.0 * x + 0.5 + noise
+    y[0] -= 1.5
+    fits = fit_many("a*x + b", x, y, u_y=0.1, start={"a": 1.0, "b": 0.1}, bounds={"b": (0.0, None)})
+    assert fits.values[0, 1] == pytest.approx(0.0, abs=1e-6)
+    assert np.all(fits.status[1:] == "ok")
+    slope, intercept = np.polyfit(x, y[1:].T, 1)
+    np.testing.assert_allclose(fits.values[1:], np.column_stack([slope, intercept]), rtol=1e-5)

@@ -16,6 +16,7 @@ from estim.checks.goodness_of_fit import P_POOR_FIT, check_goodness, check_linea
 from estim.fitting.least_squares import fit_least_squares
 from estim.line.findings import line_goodness
 from estim.pipeline import analyse
+from estim.problem.priors import HalfNormal
 from estim.problem.roots import covariance_of
 from estim.sampling.chain import Target
 
@@ -467,3 +468,25 @@ def test_the_only_parameter_may_lie_on_its_limit_beside_errors_of_x() -> None:
     y = -0.02 * np.abs(np.random.default_rng(0).standard_normal(8))
     places, bounds = np.linspace(0.5, 6.0, 8), {"a": (0.0, None)}
     assert fit_curve("a*x", places, y, u_y=0.1, u_x=0.1, bounds=bounds).status == "ok"
+
+
+def test_a_prior_of_a_parameter_on_its_limit_is_no_reading() -> None:
+    x, y = np.arange(4.0), np.array([3.0, 2.1, 1.6, 0.4])
+    fit = fit_curve("a + b*x", x, y, priors={"b": HalfNormal(1.0)})
+    assert (fit.fit.at_bound, fit.dof) == (("b",), 3)
+    assert fit.sigma == pytest.approx(np.std(y, ddof=1))
+
+
+def test_a_parameter_that_the_data_do_not_see_lies_on_no_limit() -> None:
+    x = np.linspace(0.0, 5.0, 8)
+    y = 2.0 * x + 0.1 * np.random.default_rng(1).standard_normal(8)
+    fit = fit_curve(
+        "a*x + b*max(0, x - 100)",
+        x,
+        y,
+        u_y=0.1,
+        bounds={"b": (0.0, None)},
+        start={"a": 1, "b": 0.5},
+    )
+    assert fit.fit.at_bound == ()
+    assert fit.status == "not-identified"

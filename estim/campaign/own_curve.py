@@ -27,7 +27,6 @@ from typing import Any, TypeVar
 import msgspec
 import numpy as np
 
-from estim.arrays import FloatArray
 from estim.campaign.campaign import Campaign
 from estim.campaign.campaign_file import CampaignFile, NoiseTable
 from estim.campaign.curve_keys import CurveKeys, CurveTable, ParameterTable
@@ -46,7 +45,16 @@ from estim.campaign.curve_tables import (
 from estim.campaign.noise_models import NoiseModel
 from estim.campaign.own_curve_run import MAX_ROWS, RunOfCurve, rows_of
 from estim.common import InputError, language, phrase, same_numbers
-from estim.curves import AxisNames, Component, CurveProblem, Formula, ModelSum, started, units_of
+from estim.curves import (
+    AxisNames,
+    Component,
+    CurveProblem,
+    Formula,
+    ModelSum,
+    Points,
+    started,
+    units_of,
+)
 from estim.explanation import Suspects
 from estim.problem import Parameter, Problem, shared_first
 from estim.reading import KeyPath, Places, of_any_curve, run_of_table
@@ -114,8 +122,8 @@ class CurveCampaign(Campaign):
         parameters: dict[str, Parameter] = {}
         of_noise: dict[str, Parameter] = {}
         observed, every = [], self._bound(runs)
-        one = len({frozenset(p.name for p in bound.values()) for bound, _ in every}) == 1
-        pooled = self._pooled(runs) if one else []
+        curves = {(frozenset(p.name for p in b.values()), *sorted(e.items())) for b, e in every}
+        pooled = self._pooled(runs) if len(curves) == 1 else []
         for run, (bound, exact) in zip(runs, every, strict=True):
             name = run.table.name
             # what runs share begins where the first of them found a start
@@ -189,18 +197,23 @@ class CurveCampaign(Campaign):
                     unknown[argument] = replace(p, name=f"{argument}[{run.table.name}]")
         return bound
 
-    def _pooled(self, runs: Sequence[RunOfCurve]) -> list[tuple[FloatArray, FloatArray]]:
-        """x and y of runs whose y are readings; nothing where some are counts."""
+    def _pooled(self, runs: Sequence[RunOfCurve]) -> list[Points]:
+        """The points of runs whose y are readings with errors of one kind; else nothing."""
         every = [rows_of(run, self.tables[run.table.name]) for run in runs]
-        if any(rows.run.curve.noise is not None for rows in every):
+        sizes = [rows.size for rows in every]
+        known = all(isinstance(size, float | np.ndarray) for size in sizes)
+        if not (known or all(size is None for size in sizes)) or any(
+            rows.run.curve.noise is not None for rows in every
+        ):
             return []
-        return [(rows.column("x"), rows.column("y")) for rows in every]
+        columns = (
+            (rows.column("x"), rows.column("y"), 1.0 if size is None else size)
+            for rows, size in zip(every, sizes, strict=True)
+        )
+        return [(x, y, np.broadcast_to(np.asarray(u, dtype=float), y.shape)) for x, y, u in columns]
 
     def _started(
-        self,
-        posed: CurveProblem,
-        held: Collection[str],
-        beside: Sequence[tuple[FloatArray, FloatArray]],
+        self, posed: CurveProblem, held: Collection[str], beside: Sequence[Points]
     ) -> Mapping[str, Parameter]:
         """Argument -> parameter, with starts found from the points, and those of other runs with
         the same parameters, but for those `held`.  Raises InputError.

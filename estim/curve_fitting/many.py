@@ -128,7 +128,8 @@ def fit_many(
 
     begin = np.array([{**first.values, **(start or {})}[name] for name in first.names])
     low, high = np.array([p.low for p in priors]), np.array([p.high for p in priors])
-    size = np.where(begin != 0.0, np.abs(begin), 1.0)
+    size = np.maximum(np.abs(begin), np.nan_to_num(first.held.scale))  # one may lie on a limit of 0
+    size = np.where(size > 0.0, size, 1.0)
     solved, moving = np.split(np.arange(len(priors)), [0])
     function = LeastSquares(residuals, low, high, size, solved, moving, _STEP, sets.shape[1])
     values, chi2, _ = function.descend(

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import all_finite
 from estim.common import InputError
 from estim.curve_fitting.result import CurveFit
 from estim.curve_fitting.single import fit_errors, fit_stated, pose_points
@@ -20,7 +20,9 @@ from estim.curves import (
     Component,
     CurveProblem,
     DataSet,
+    Points,
     arguments_of,
+    check_uncorrelated,
     in_time,
     join,
     numbered,
@@ -81,6 +83,7 @@ def fit_curves(
     ['A', 'E', 'k']
     """
     _checked(data, curve)
+    check_uncorrelated(priors or {})
     _check_shared({"start": start, "bounds": bounds, "priors": priors}, shared)
     rng = np.random.default_rng(1) if rng is None else rng
     written: dict[str, Any] = {
@@ -120,7 +123,7 @@ def fit_curves(
     taken, foreign = _names(sets, written)
     settings = {name: _of_one(written, name, sets, foreign[name]) for name in sets}
     differ = any(points.curve is not None for points in data.values())
-    pooled = () if differ or len(sets) == 1 else _points_of_one(sets, taken, shared)
+    pooled = () if differ or len(sets) == 1 else _points_of_one(sets, settings, taken, shared)
     begun: dict[str, float] = {}  # of what is shared
     for own in settings.values() if differ else ():
         begun = own["start"] | begun
@@ -175,23 +178,32 @@ def fit_curves(
 
 
 def _points_of_one(
-    sets: Mapping[str, DataSet], taken: Mapping[str, set[str]], shared: Collection[str] | None
-) -> tuple[tuple[str, tuple[FloatArray, FloatArray]], ...]:
-    """Names of data sets of one curve with all parameters in common, with their x and y; nothing
-    where any has parameters of its own, counts, or units.
+    sets: Mapping[str, DataSet],
+    settings: Mapping[str, Mapping[str, Any]],
+    taken: Mapping[str, set[str]],
+    shared: Collection[str] | None,
+) -> tuple[tuple[str, Points], ...]:
+    """Names of data sets of one curve with all parameters in common, with their points; nothing
+    where any has parameters or exact values of its own, counts, other errors than u_y, or units.
     """
-    if shared is not None and any(names - {*shared} for names in taken.values()):
+    first, *others = settings.values()
+    if any(own["fixed"] != first["fixed"] or own["tied"] != first["tied"] for own in others) or (
+        shared is not None and any(names - {*shared} for names in taken.values())
+    ):
         return ()
     found = []
     for name, points in sets.items():
-        x, y = points.x, points.y
-        if points.noise is not None or any(hasattr(column, "units") for column in (x, y)):
+        given: list[Any] = [points.x, points.y, points.u_y]
+        if points.noise is not None or any(hasattr(column, "units") for column in given):
             return ()
         try:
-            found.append((name, (np.asarray(x, dtype=float), np.asarray(y, dtype=float))))
-        except (TypeError, ValueError):  # is told where the data set is posed
+            columns = np.asarray(np.broadcast_arrays(*given), dtype=np.float64)
+        except (TypeError, ValueError):  # other errors than u_y; what is wrong is told elsewhere
             return ()
-    return tuple(found) if all(x.shape == y.shape and x.ndim == 1 for _, (x, y) in found) else ()
+        if columns.ndim != 2 or np.iscomplexobj(given[1]) or not all_finite(columns):
+            return ()
+        found.append((name, (columns[0], columns[1], columns[2])))
+    return tuple(found)
 
 
 @contextmanager

@@ -42,6 +42,7 @@ from estim.curves import (
     CurveProblem,
     DataSet,
     JointProblem,
+    Points,
     in_time,
     numbered,
     pose_curve,
@@ -224,12 +225,12 @@ def pose_points(
     correlated: ArrayLike | bool = False,
     level: str = "",
     found: Collection[str] = (),
-    beside: Sequence[tuple[FloatArray, FloatArray]] = (),
+    beside: Sequence[Points] = (),
 ) -> CurveProblem:
     """The problem of one data set, with starts found from its points where none is given.
 
     found : parameters whose starts come from the points of other data sets.
-    beside : x and y of other data sets of the same curve, that help to find starts.
+    beside : x, y and u_y of other data sets of the same curve, that help to find starts.
     said : "start", "bounds", "priors", "fixed", "tied", "derived" and "units" -> what is said there
         of its parameters.
     level : behind the names of what is unknown of its errors.  Raises InputError.
@@ -467,8 +468,8 @@ def _residual_sd(posed: CurveProblem, problem: Problem, best: Optimum) -> float:
     """Square root of the residuals' squares over the degrees of freedom, no smaller than rounding
     errors of y.
     """
-    pulls = sum(p.prior.informative for p in problem.parameters)
-    dof = max(1, problem.n_obs + pulls - int(np.sum(~best.at_bound)))
+    pulls = np.array([p.prior.informative for p in problem.parameters])
+    dof = max(1, problem.n_obs - int(np.sum(~(best.at_bound | pulls))))
     return max(math.sqrt(_squares(problem, best.values) / dof), _floor(posed))
 
 

@@ -9,6 +9,7 @@ from estim.curves.joining import DataSet, JointProblem, join, of_data_set
 from estim.curves.models import Limits
 from estim.curves.named import (
     ModelSum,
+    Points,
     arguments_of,
     called_by_name,
     in_time,
@@ -28,6 +29,7 @@ from estim.curves.curve_problem import (
     SIGMA_SPREAD,
     AxisNames,
     CurveProblem,
+    check_uncorrelated,
     pose_curve,
     require_points,
     roughness,

@@ -609,7 +609,7 @@ def _parameters(
                 f"cannot be combined with a prior for '{name}': truncate the prior instead",
                 field="bounds",
             )
-    _check_uncorrelated(priors)
+    check_uncorrelated(priors)
     return tuple(
         Parameter(
             name,
@@ -621,7 +621,7 @@ def _parameters(
     )
 
 
-def _check_uncorrelated(priors: Mapping[str, Any]) -> None:
+def check_uncorrelated(priors: Mapping[str, Any]) -> None:
     """Raises InputError where two priors are ufloats that vary together."""
     names = [name for name, prior in priors.items() if hasattr(prior, "error_components")]
     if len(names) < 2:
@@ -629,8 +629,8 @@ def _check_uncorrelated(priors: Mapping[str, Any]) -> None:
     from uncertainties import correlation_matrix
 
     together = np.triu(np.abs(correlation_matrix([priors[name] for name in names])), 1)
-    if np.max(together) > 1e-9:  # rounding errors
-        i, j = np.unravel_index(np.argmax(together), together.shape)
+    if np.nanmax(together) > 1e-9:  # rounding errors
+        i, j = np.unravel_index(np.nanargmax(together), together.shape)
         raise InputError(
             f"must not be correlated with priors[{names[j]}] (|r| = {together[i, j]:.2g}): write "
             'both in the formula by independent parameters (docs/your-own-curve.md, "Priors")',

@@ -21,6 +21,7 @@ Factors = dict[str, Fraction]
 
 _OF_OWN_ZERO = frozenset({"°C", "°F", "degC", "degF"})
 _CELSIUS, _KELVIN, _ZERO_CELSIUS = {"°C": Fraction(1)}, {"K": Fraction(1)}, Fraction("273.15")
+_ENERGIES = frozenset({"J", "kJ", "mJ", "W", "mW", "kW", "eV", "meV", "cal", "kcal", "erg"})
 _SHARES = frozenset({"%", "‰", "ppm", "ppb"})
 _TURNED = ("sin", "cos", "tan")
 _ANGLES = ("arcsin", "arccos", "arctan", "asin", "acos", "atan", "arctan2", "atan2")
@@ -141,7 +142,7 @@ class _Reading:
         if product and {"K", "°C"} <= product.keys():
             others = summed(product, _CELSIUS, -product["°C"])
             for name in (_named(part) for part, _ in parts):
-                if self.known.get(name) == _CELSIUS:
+                if self.known.get(name) == _CELSIUS and _ENERGIES & others.keys():
                     raise InputError(
                         f"multiplies {self.symbols[name]} in °C by what is in {_shown(others)}; "
                         f"nothing is converted: write ({self.symbols[name]} + 273.15), or state a "

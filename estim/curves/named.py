@@ -27,6 +27,8 @@ from estim.curves.starting_values import guess_starts
 from estim.problem import MOST_REWEIGHTED, Flat, errors_widened, typical_size
 
 _SIZE = "size_of_density"
+Points = tuple[FloatArray, FloatArray, FloatArray]
+"""x, y and their standard uncertainties, or 1."""
 
 
 def unstarted(
@@ -145,16 +147,12 @@ def provisional(
 
 
 def started(
-    posed: CurveProblem,
-    asked: ModelSum,
-    *,
-    held: Collection[str],
-    beside: Sequence[tuple[FloatArray, FloatArray]] = (),
+    posed: CurveProblem, asked: ModelSum, *, held: Collection[str], beside: Sequence[Points] = ()
 ) -> CurveProblem:
     """The problem with starts found from its points but for the parameters `held`, whose starts are
     the user's.  Raises InputError.
 
-    beside : x and y of further points of the same curve with the same parameters.
+    beside : x, y and u_y of further points of the same curve with the same parameters.
     """
     own = posed
     if beside:
@@ -171,7 +169,7 @@ def started(
         if name not in held and isinstance(p.prior, Flat)
     }
     if not limits:
-        return posed
+        return own
     fixed = {name: p.prior.centre for name, p in known.items() if name not in limits} | dict(
         posed.fixed
     )
@@ -201,16 +199,12 @@ def started(
     )
 
 
-def _pooled(posed: CurveProblem, beside: Sequence[tuple[FloatArray, FloatArray]]) -> CurveProblem:
-    """The problem with further points, as certain as its own in the mean."""
-    x, y = (
-        np.concatenate([own, *others])
-        for own, others in zip((posed.x, posed.y), zip(*beside, strict=True), strict=True)
-    )
-    size = np.full(x.size, np.mean(posed.relative))
-    size[: posed.x.size] = posed.relative
+def _pooled(posed: CurveProblem, beside: Sequence[Points]) -> CurveProblem:
+    """The problem with further points."""
+    own = posed.x, posed.y, posed.relative
+    x, y, relative = (np.concatenate(each) for each in zip(own, *beside, strict=True))
     order = np.argsort(x, kind="stable")
-    return replace(posed, x=x[order], y=y[order], relative=size[order], order=None)
+    return replace(posed, x=x[order], y=y[order], relative=relative[order], order=None)
 
 
 def _robust(

@@ -26,8 +26,9 @@ def on_limit(posterior: Posterior, values: FloatArray) -> BoolArray:
     another on its limit makes uncertain may lie far from its own.
     """
     low, high = posterior.problem.support()
-    known = np.sqrt(np.maximum(np.diag(information(posterior, values)), 1e-300))
-    return np.asarray(np.minimum(values - low, high - values) * known <= _ON_LIMIT)
+    known = np.sqrt(np.diag(information(posterior, values)))
+    room = np.minimum(values - low, high - values)
+    return (room <= 0.0) | ((known > 0.0) & (room * known <= _ON_LIMIT))
 
 
 def prior_sds(problem: Problem, cov: FloatArray) -> FloatArray:

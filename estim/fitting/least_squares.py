@@ -504,7 +504,8 @@ def _describe(
     sds[np.minimum(values - low, high - values) < curvature] = np.nan
     at_bound = on_limit(posterior, values)
     curve = problem.of_curve
-    pulls = [i for i in curve if problem.parameters[i].prior.informative]
+    # what lies on a limit is held there, and so is what its prior says
+    pulls = [i for i in curve if problem.parameters[i].prior.informative and not at_bound[i]]
     chi2 = float(
         np.sum(posterior.size_residuals(values) ** 2)
         + np.sum(posterior.prior_residuals(values)[pulls] ** 2)

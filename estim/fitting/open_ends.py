@@ -99,7 +99,7 @@ def bending(fit: Fit) -> FloatArray:
     with np.errstate(all="ignore"):
         ends = fit.posterior.residuals_at(np.clip(fit.values + places, *fit.problem.support()))
         pairs = ends[1:].reshape(2, 2, n, -1).sum(axis=1) - 2.0 * ends[0]
-        whole, part = np.nan_to_num(np.linalg.norm(pairs, axis=2), nan=np.inf)
+        whole, part = np.nan_to_num(np.linalg.norm(pairs, axis=2), nan=np.inf, posinf=np.inf)
     return np.where(part <= 0.5 * whole, whole, 0.0)
 
 

@@ -121,6 +121,7 @@ def calibration_report(
         runs=", ".join(calibrations[0].runs),
         uniform_below=UNIFORM_BELOW,
         coverage_sds=COVERAGE_SDS,
+        n_rank=N_RANK,
         parts=[_part(calibration, records[calibration.what]) for calibration in calibrations],
         unlike=unlike,
     )
