@@ -375,7 +375,7 @@ def test_intervals_of_a_curved_parameter_are_profiles_however_it_is_written() ->
 @pytest.mark.statistics
 def test_curved_parameters_hold_their_level() -> None:
     """The half-saturation of a curve with errors of 8 % of its end: value ± 1.96 s held it in
-    82 %.
+    92 %.
     """
     x = np.array([0.5, 1.0, 2.0, 4.0, 8.0, 16.0])
     held, n = 0, 0

@@ -28,7 +28,8 @@ def on_limit(posterior: Posterior, values: FloatArray) -> BoolArray:
     low, high = posterior.problem.support()
     known = np.sqrt(np.diag(information(posterior, values)))
     room = np.minimum(values - low, high - values)
-    return (room <= 0.0) | ((known > 0.0) & (room * known <= _ON_LIMIT))
+    felt = known > 0.0
+    return (room <= 0.0) | (felt & (room * np.where(felt, known, 1.0) <= _ON_LIMIT))
 
 
 def prior_sds(problem: Problem, cov: FloatArray) -> FloatArray:

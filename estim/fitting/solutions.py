@@ -106,7 +106,8 @@ def choose(
 
     Each is as it is usually `written`.  Of curves through the same points (a frequency plus the
     rate of sampling), but for times that a file rounds, the one closest to the start is taken,
-    whatever they weigh: that depends on how the curve is written.  Where the user gave no range
+    the smoothest where ratios and differences do not agree on that, whatever they weigh: that
+    depends on how the curve is written.  Where the user gave no range
     that holds the others and it is the smoothest of all, they are left aside and no solutions; so
     are other numbers that draw the same curve everywhere.  A worse end from which the next step
     would still lead away is no optimum: a parameter on its way to infinity has any share.
@@ -145,7 +146,16 @@ def choose(
     if moved.size:
         begun = written(search, start, symmetry, start)
         alone = np.isin(np.arange(start.size), moved)
-        chosen = min(same, key=lambda i: distance(search, np.where(alone, named[i], begun), begun))
+
+        def by_ratio(i: int) -> float:
+            return distance(search, np.where(alone, named[i], begun), begun)
+
+        def by_difference(i: int) -> float:
+            return float(np.sum(((named[i] - begun)[moved] / apart[moved]) ** 2))
+
+        chosen = min(same, key=by_ratio)
+        if chosen != min(same, key=by_difference):  # far from all of them
+            chosen = min(same, key=lambda i: _roughness(search, named[i]))
     aside = []
     if moved.size and not np.all(np.isfinite(search.low[moved]) & np.isfinite(search.high[moved])):
         names = search.posterior.problem.names
