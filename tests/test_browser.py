@@ -91,6 +91,12 @@ def settled(page: Any, ask: Callable[[], Any]) -> Any:
         return ask()
 
 
+def wait_for(page: Any, place: str) -> None:
+    """Until a place is there, and the style of its page, which hides what is not asked."""
+    page.wait_for_selector(place)
+    page.wait_for_load_state()
+
+
 def fits_the_width(page: Any) -> bool:
     page.wait_for_load_state()  # a page measured before its style has come is as wide as its images
     return bool(page.evaluate("document.documentElement.scrollWidth <= innerWidth"))
@@ -114,7 +120,7 @@ def drop(page: Any, files: dict[str, bytes]) -> None:
 def test_a_dropped_file_becomes_a_report(page: Any) -> None:
     drop(page, {"spring.csv": LINE})
     page.wait_for_selector("h1:text('spring.csv')")
-    page.wait_for_selector("#points")
+    wait_for(page, "#points")
     wait_until(page, "document.getElementById('points')?.naturalWidth > 0")
     assert fits_the_width(page)
     page.check("text=A straight line")
@@ -158,7 +164,7 @@ def test_a_real_recording_of_tracker(page: Any) -> None:
 
 def test_a_bad_formula_stands_beside_its_message_and_the_back_button_works(page: Any) -> None:
     drop(page, {"line.csv": LINE})
-    page.wait_for_selector("#formula")
+    wait_for(page, "#formula")
     page.fill("#formula", "a*(x + b")
     page.fill("#value", "b = 2")
     page.click(".end button")
@@ -201,7 +207,7 @@ def test_two_tabs_have_each_their_own_answer(page: Any) -> None:
 
 def test_a_rolling_disk_and_the_start_of_a_curve(page: Any, replica: Path) -> None:
     page.set_input_files("#files", replica / "runs" / "heavy-04.csv")
-    page.wait_for_selector("#asked-rolling")
+    wait_for(page, "#asked-rolling")
     page.click("button:has-text('polynomial2')")
     page.click("text=Try the formula on the points")
     page.wait_for_selector("figcaption")
@@ -284,7 +290,7 @@ def test_files_that_are_there_are_ticked_and_put_together(chromium: Any, address
     for name in ("three.csv", "four.csv"):
         page.set_input_files("#files", {"name": name, "mimeType": "text/csv", "buffer": LINE})
         page.click("text=Look at the file")
-        page.wait_for_selector("#formula")
+        wait_for(page, "#formula")
         page.click("text=Files and answers")
     page.check("input[aria-label='three.csv'] >> nth=0")
     page.check("input[aria-label='four.csv'] >> nth=0")
@@ -298,7 +304,7 @@ def test_the_whole_way_by_keyboard_in_spanish(page: Any) -> None:
     page.click("text=español")
     page.focus("button:has-text('té')")
     page.keyboard.press("Enter")
-    page.wait_for_selector("#formula")
+    wait_for(page, "#formula")
     page.focus("#asked-formula")
     page.keyboard.press("ArrowRight")
     assert page.is_checked("#asked-rolling")
@@ -340,7 +346,7 @@ def test_no_serious_finding_of_accessibility(page: Any) -> None:
     assert findings() == []
     page.go_back()
     drop(page, {"line.csv": LINE})
-    page.wait_for_selector("#formula")
+    wait_for(page, "#formula")
     for kind in ("#asked-formula", "#asked-rolling"):
         page.check(kind)
         closed = page.locator("details:not([open]) > summary:visible")
@@ -358,7 +364,7 @@ def test_no_serious_finding_of_accessibility(page: Any) -> None:
 def test_a_report_runs_no_script_and_reaches_no_page(page: Any, address: str) -> None:
     """The report is in a sandbox, and so it is as a page of its own."""
     drop(page, {"<img src=x onerror=alert(1)>.csv": LINE})
-    page.wait_for_selector("#asked-line")
+    wait_for(page, "#asked-line")
     page.check("text=A straight line")
     page.click(".end button")
     page.wait_for_selector(".state", timeout=MINUTES)
@@ -379,7 +385,7 @@ def test_nothing_moves_while_a_page_is_loaded(chromium: Any, address: str, tmp_p
     )
     page.goto(f"http://{address}/?token={TOKEN}")
     page.click("text=A cup of tea")
-    page.wait_for_selector("#points")
+    wait_for(page, "#points")
     wait_until(page, "document.getElementById('points')?.naturalWidth > 0")
     assert page.evaluate("self.moved") < 0.01
     context.close()
