@@ -10,9 +10,9 @@
   Student's t too; for a line they are the same as those above.
 - Where y was counted, or its errors are a share of the curve: profiles, with z of the normal
   distribution.  Few events or a large share make them lopsided, even for a line.
-- Where the curve bends within the errors of a parameter: its profile, with
-  the same quantiles.  What value ± 1.96 s leaves out lies on one side: of right fits 89 to 93 %
-  held the true constant of saturations with errors of 4 to 8 %, profiles 94 to 97 %.
+- Where the curve bends within the errors of a parameter: its profile, with the same quantiles.
+  What value ± 1.96 s leaves out lies on one side: of right fits 89 to 93 % held the true constant
+  of saturations with errors of 4 to 8 %, profiles 94 to 97 %.
 - Where an edge (of bounds or of a prior) is within reach of any interval: profiles
   (`estim.fitting.profile`) with the same quantiles.  An interval then ends at the edge.  A side
   without an edge that nothing closes has no end, and the parameter no interval: a flat prior leaves

@@ -105,12 +105,13 @@ def choose(
     and what was left aside.
 
     Each is as it is usually `written`.  Of curves through the same points (a frequency plus the
-    rate of sampling), but for times that a file rounds, the one closest to the start is taken,
-    the smoothest where ratios and differences do not agree on that, whatever they weigh: that
-    depends on how the curve is written.  Where the user gave no range
-    that holds the others and it is the smoothest of all, they are left aside and no solutions; so
-    are other numbers that draw the same curve everywhere.  A worse end from which the next step
-    would still lead away is no optimum: a parameter on its way to infinity has any share.
+    rate of sampling; through points that only rounded times tell apart, too) the one closest to the
+    start is taken, or the smoothest where ratios and differences do not agree on which that is.
+    Their weights do not count: they depend on how the curve is written.  Where the user gave no
+    range that holds the others and the one taken is the smoothest of all, the others are left aside
+    and no solutions; so are other numbers that draw the same curve everywhere.  A worse end from
+    which the next step would still lead away is no optimum: a parameter on its way to infinity has
+    any share.
     """
     distinct = distinct[:1] + [end for end in distinct[1:] if _is_optimum(search, end)]
     shares = [_log_share(search, end) for end in distinct]
