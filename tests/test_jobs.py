@@ -9,11 +9,13 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from math import factorial
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -162,12 +164,12 @@ class Alarmed(ThreadPoolExecutor):
 def interrupt(number, frame):
     raise Interrupted
 
-LAST = 20_000
+LAST = 2_000
 signal.signal(signal.SIGALRM, interrupt)
 for delay in (0.001, 0.002, 0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.1):
     try:
         with Alarmed(1) as executor:
-            run_parallel(lambda n: time.sleep(0.02), range(LAST + 1), jobs=2, executor=executor)
+            run_parallel(lambda n: time.sleep(0.02), range(10 * LAST), jobs=2, executor=executor)
     except Interrupted:
         print(delay)
 """
@@ -182,6 +184,31 @@ def test_an_interrupt_right_after_many_were_handed_over_ends_the_work() -> None:
         [sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=PATIENCE
     )
     assert (ended.stderr, len(ended.stdout.split())) == ("", 10)
+
+
+def test_so_many_calls_are_submitted_that_a_signal_to_stop_need_not_wait() -> None:
+    """The executors of the standard library take 100,000 calls in seconds, and a signal waits."""
+    submitted = []
+
+    class Counting(ThreadPoolExecutor):
+        def submit(self, *args: Any) -> Future[Any]:  # type: ignore[override]
+            submitted.append(args)
+            return super().submit(*args)
+
+    class EndedError(Exception):
+        pass
+
+    def end(_done: int) -> None:
+        raise EndedError
+
+    with Counting(1) as executor:
+        with pytest.raises(EndedError):
+            run_parallel(abs, range(-20_000, 0), jobs=2, executor=executor, progress=end)
+        assert len(submitted) < 2_100
+        submitted.clear()
+        numbers = range(-3_000, 0)
+        assert run_parallel(abs, numbers, jobs=2, executor=executor) == list(range(3_000, 0, -1))
+        assert len(submitted) == 3_000
 
 
 class Held:

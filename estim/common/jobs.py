@@ -16,9 +16,10 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Hashable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Generator, Hashable, Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
 from functools import partial
+from itertools import islice
 from queue import SimpleQueue
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -41,6 +42,7 @@ _THREADS = (
     "NUMEXPR_NUM_THREADS",
 )
 _MOST = 61 if sys.platform == "win32" else 2**10  # processes: Windows waits for no more of them
+_MOST_SUBMITTED = 2 * 2**10  # calls at once: a signal to stop waits while they are submitted
 _task: Callable[[Any], Any] | None = None  # of a worker process
 
 
@@ -66,19 +68,20 @@ def run_parallel(
     """
     done: dict[K, T] = {}
     task = partial(_speaking, task, language(), at_commands())
-    results: Iterator[tuple[K, T]]
+    results: Generator[tuple[K, T]]
     if executor is not None:
         results = _through(executor, task, numbers)
     elif jobs <= 1 or not numbers:
         results = ((n, task(n)) for n in numbers)
     else:
         results = _in_pool(task, numbers, min(jobs, len(numbers), _MOST), wait_on_error)
-    for n, result in results:
-        done[n] = result
-        if tell is not None:
-            tell(n)
-        if progress is not None:
-            progress(len(done))
+    with closing(results):  # an error here ends the workers before it goes on
+        for n, result in results:
+            done[n] = result
+            if tell is not None:
+                tell(n)
+            if progress is not None:
+                progress(len(done))
     return [done[n] for n in numbers]
 
 
@@ -90,23 +93,29 @@ def _speaking(task: Callable[[K], T], language: str, commands: bool, n: K) -> T:
 
 def _through(
     executor: Executor, task: Callable[[K], T], numbers: Sequence[K]
-) -> Iterator[tuple[K, T]]:
-    """By an executor, which may have any number of workers: all are submitted, and those that wait
-    are given up on an error.
+) -> Generator[tuple[K, T]]:
+    """By an executor, which may have any number of workers: those calls that wait are given up on
+    an error.
 
     Not by `as_completed`, which holds the locks of all futures while it starts: an interrupt there
     leaves them locked, and the executor waits for them for ever.
     """
+    waiting = iter(numbers)
     numbered: dict[Future[T], K] = {}
     done: SimpleQueue[Future[T]] = SimpleQueue()
-    with _interrupts_held():  # an executor may start its processes now
-        for n in numbers:
-            future = executor.submit(task, n)
-            numbered[future] = n
-            future.add_done_callback(done.put)
+
+    def submit(most: int) -> None:
+        with _interrupts_held():  # an executor may start its processes now
+            for n in islice(waiting, most):
+                future = executor.submit(task, n)
+                numbered[future] = n
+                future.add_done_callback(done.put)
+
     try:
+        submit(_MOST_SUBMITTED)
         while numbered:
             future = done.get()
+            submit(1)
             yield numbered.pop(future), future.result()
     finally:
         for future in numbered:
@@ -115,7 +124,7 @@ def _through(
 
 def _in_pool(
     task: Callable[[K], T], numbers: Sequence[K], jobs: int, wait_on_error: bool
-) -> Iterator[tuple[K, T]]:
+) -> Generator[tuple[K, T]]:
     from concurrent.futures.process import BrokenProcessPool
 
     missing = dict.fromkeys(numbers)
@@ -135,7 +144,7 @@ def _in_pool(
 
 def _by_workers(
     task: Callable[[K], T], numbers: Sequence[K], jobs: int, wait_on_error: bool
-) -> Iterator[tuple[K, T]]:
+) -> Generator[tuple[K, T]]:
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
 
