@@ -29,6 +29,7 @@ Indices = NDArray[np.int64]
 
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING, _FACTOR = 1e-3, 1e-9, 1e5, 10.0
 _PATIENCE = 4  # steps, after which descents are compared
+_RENEWED = 6  # steps, after which a Hessian is taken anew: in a bent valley it is soon another
 
 T = TypeVar("T")
 
@@ -38,7 +39,7 @@ class ObjectiveFunction(Protocol):
 
     low, high : (n_par,) bounds.
     quasi_newton : whether the Hessian, which costs more than a gradient, is kept and updated by
-        every gradient (BFGS) until it leads no further down.
+        every gradient (BFGS) until it leads no further down, or for a few steps.
     fraction_to_bound : part of the way to a bound that a parameter may go in one step; below 1 it
         comes near a bound, never onto it, where the objective may be flat (a width of 0).
 
@@ -429,7 +430,8 @@ class _Descents:
             ~outdated,
             False,
         )
-        self.outdated[which] = not self.function.quasi_newton
+        last = self.steps[which] % _RENEWED == _RENEWED - 1
+        self.outdated[which] = last | (not self.function.quasi_newton)
         _, self.predicted[which] = self._steps(which, np.full(which.size, _LEAST_DAMPING))
         ended = self.predicted[which] <= self.least[which] + self.ftol * np.abs(
             self.objectives[which]

@@ -6,12 +6,13 @@ from __future__ import annotations
 
 import math
 import re
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy import optimize, stats
 
-from estim import fit_curve
+from estim import CurveFit, fit_curve
 from estim.checks import values_outside
 from estim.common import Kind
 from estim.curves import read_formula
@@ -416,3 +417,39 @@ def test_what_holds_a_parameter_does_not_depend_on_how_the_curve_is_written(
             for seed in range(8)
         ]
         assert sum(fit.status == "ok" for fit in fits) >= 7, formula
+
+
+def decay_far_away(noise: str, far: float) -> CurveFit:
+    """Counts, readings of a stated error, or of one that is a share of the curve, `far` from x =
+    0.
+    """
+    x, rng = np.linspace(0.0, 5.0, 30), np.random.default_rng(3)
+    curve = 200.0 * np.exp(-x / 1.5) + 20.0
+    given: dict[str, Any] = {"counts": {"noise": "poisson"}, "share": {"u_y": "5%"}}.get(
+        noise, {"u_y": 5.0}
+    )
+    y = {
+        "counts": lambda: rng.poisson(curve).astype(float),
+        "share": lambda: curve * (1.0 + 0.05 * rng.standard_normal(x.size)),
+        "readings": lambda: curve + 5.0 * rng.standard_normal(x.size),
+    }[noise]()
+    return fit_curve("A*exp(-x/tau) + c", x + far, y, **given)
+
+
+@pytest.mark.parametrize("noise", ["counts", "share", "readings"])
+def test_intervals_do_not_depend_on_where_x_begins(noise: str) -> None:
+    """A and tau follow a valley that bends the more, the farther the data lie from x = 0: 50 away
+    searches ended on the way, and an interval half a standard deviation short was `ok`.
+    """
+    near, far = decay_far_away(noise, 10.0), decay_far_away(noise, 50.0)
+    assert near.status == far.status == "ok"
+    for name in ("tau", "c"):
+        for p, ends in near.intervals[name].items():
+            apart = np.subtract(ends, far.intervals[name][p]) / near.sds[name]
+            assert np.max(np.abs(apart)) < 1e-3
+
+
+def test_an_interval_whose_search_ended_on_the_way_is_not_ok() -> None:
+    fit = decay_far_away("share", 100.0)
+    assert fit.status == "not-converged"
+    assert "the interval of tau may be too short" in str(fit)

@@ -26,7 +26,7 @@ from estim.common import PROBABILITIES, InputError, behind, later, percentage, p
 from estim.distributions import student_quantile
 from estim.fitting.degrees_of_freedom import STATED, ErrorSizes
 from estim.fitting.least_squares import Fit
-from estim.fitting.profile_paths import crossing, dips, returns, walk
+from estim.fitting.profile_paths import Crossing, crossing, dips, returns, walk
 from estim.fitting.profile_search import ProfileSearch, search_of
 from estim.given_numbers import check_probability
 from estim.levenberg_marquardt import End, Start, minima, run_descents
@@ -48,6 +48,7 @@ class ProfileInterval:
     found_better : how far below the fit's the lowest objective met on the way lies; 0 if the fit's
         is the lowest.
     n_failed : points at which the search over the other parameters did not settle.
+    unsettled : probabilities of which an end lies before such a point: it may be too near.
     pieces : probabilities whose region has more than one piece.
     sentence : the intervals and every doubt about them, in words.
     """
@@ -62,6 +63,7 @@ class ProfileInterval:
     rise: FloatArray
     found_better: float
     n_failed: int
+    unsettled: tuple[float, ...]
     pieces: tuple[float, ...]
     sentence: str
 
@@ -211,12 +213,12 @@ def _intervals(
 
 @dataclass(frozen=True, eq=False)
 class _Side:
-    """A walk (first the mode), probability -> its crossing with the points that led there, and the
-    minima of the valleys beside that of the mode.
+    """A walk (first the mode), probability -> its crossing, and the minima of the valleys beside
+    that of the mode.
     """
 
     walk: list[End]
-    ends: dict[float, tuple[float | None, list[End]]]
+    ends: dict[float, Crossing]
     valleys: list[End]
 
 
@@ -226,7 +228,7 @@ def _interval(
     parameter, mode = fit.problem.parameters[i], sides[0].walk[0]
     points = [
         mode,
-        *(point for side in sides for _, trials in side.ends.values() for point in trials),
+        *(point for side in sides for end in side.ends.values() for point in end.trials),
         *(p for side in sides for p in side.walk[1:]),
     ]
     points.sort(key=lambda point: float(point.values[i]))
@@ -240,12 +242,12 @@ def _interval(
     better = fall if fall > 0.02 else 0.0
     low, high = (
         {
-            p: float(side.walk[-1].values[i]) if end is None else end
-            for p, (end, _) in side.ends.items()
+            p: float(side.walk[-1].values[i]) if end.place is None else end.place
+            for p, end in side.ends.items()
         }
         for side in sides
     )
-    open_low, open_high = ({p: end is None for p, (end, _) in side.ends.items()} for side in sides)
+    open_low, open_high = ({p: end.place is None for p, end in side.ends.items()} for side in sides)
     result = ProfileInterval(
         name=parameter.name,
         value=float(mode.values[i]),
@@ -257,6 +259,9 @@ def _interval(
         rise=np.array([point.objective - mode.objective for point in finite]),
         found_better=better,
         n_failed=sum(not point.converged for point in points),
+        unsettled=tuple(
+            sorted(p for p in rises if any(not side.ends[p].beyond.converged for side in sides))
+        ),
         pieces=tuple(
             sorted(
                 p for p, rise in rises.items() if any(returns(side.walk, rise) for side in sides)
@@ -286,6 +291,7 @@ def _nowhere(parameter: Parameter, value: float, rises: dict[float, float]) -> P
         rise=np.zeros(1),
         found_better=0.0,
         n_failed=1,
+        unsettled=(),
         pieces=(),
         sentence=sentence,
     )

@@ -17,7 +17,8 @@ from estim.fitting.fisher_information import information, prior_sds
 from estim.fitting.least_squares import Fit
 from estim.problem import Likelihood, Posterior
 
-_STEP = 1e-3  # of a standard deviation, for differences: their error moves an optimum by 1e-6 sd
+# of a conditional standard deviation, for differences: their error moves an optimum by 1e-6 sd
+_STEP = 1e-3
 _AT_ONCE = 512  # rows of a call: what they need stays small
 
 
@@ -27,6 +28,7 @@ class ProfileSearch:
 
     low, high : (n_par,) bounds.
     scale : (n_par,) standard deviations at the fit, uniform priors counted with theirs.
+    conditional : (n_par,) those of each parameter while the others are held.
     prior_sd : (n_par,).
     cov : (n_par, n_par) that belongs to `scale`.
     """
@@ -35,6 +37,7 @@ class ProfileSearch:
     low: FloatArray
     high: FloatArray
     scale: FloatArray
+    conditional: FloatArray
     prior_sd: FloatArray
     cov: FloatArray
 
@@ -91,8 +94,8 @@ class ProfileSearch:
         """(n_point, n_par) derivatives of the objective in standard deviations; one-sided at a
         bound and beside a hole in the density.
         """
-        up = np.minimum(points + _STEP * self.scale, self.high)
-        down = np.maximum(points - _STEP * self.scale, self.low)
+        up = np.minimum(points + _STEP * self.conditional, self.high)
+        down = np.maximum(points - _STEP * self.conditional, self.low)
         slopes = _quotients(
             self._priors(up), self._priors(points), self._priors(down), up, points, down
         )
@@ -177,7 +180,9 @@ def search_of(fit: Fit) -> ProfileSearch:
         whitened = np.zeros_like(whitened)
     # its eigenvalues are positive: terms that all but cancel leave rounding errors for some
     known, basis = np.linalg.eigh(whitened)
-    cov = (basis / (1.0 + np.maximum(known, 0.0))) @ basis.T * np.outer(sds, sds)
+    precision = 1.0 + np.maximum(known, 0.0)  # in units of the priors' standard deviations
+    cov = (basis / precision) @ basis.T * np.outer(sds, sds)
+    conditional = sds / np.sqrt(np.square(basis) @ precision)
     low = np.array([p.prior.low for p in fit.problem.parameters])
     high = np.array([p.prior.high for p in fit.problem.parameters])
-    return ProfileSearch(fit.posterior, low, high, sds_of(cov), sds, cov)
+    return ProfileSearch(fit.posterior, low, high, sds_of(cov), conditional, sds, cov)
