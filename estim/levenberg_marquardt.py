@@ -97,12 +97,14 @@ class End:
 
     values : (n_par,).
     objective : its value there, inf where there is none.  converged : whether it is a minimum.
+    given_up : whether it was still descending after the most steps allowed.
     gradient, hessian : (n_par,), (n_par, n_par), as they were used last.
     """
 
     values: FloatArray
     objective: float
     converged: bool
+    given_up: bool
     gradient: FloatArray
     hessian: FloatArray
 
@@ -353,6 +355,7 @@ class _Descents:
             self.points[k].copy(),
             float(self.objectives[k]),
             bool(self.converged[k]),
+            bool(self.steps[k] >= self.max_steps),
             self.gradients[k].copy(),
             self.hessians[k].copy(),
         )

@@ -78,6 +78,33 @@ def test_draws_are_those_of_a_grid() -> None:
     assert flat[1] - exact[1] > 0.15 * sd  # so that a flat prior fails here
 
 
+@pytest.mark.parametrize("ends", [(0.0, None), (0.0, 1.0)])
+def test_a_size_added_in_quadrature_that_is_not_there_is_a_limit(
+    ends: tuple[float, float | None],
+) -> None:
+    """At its limit b = 0 the curve does not depend on it to first order: the information there was
+    taken for that everywhere.  Five seeds of ten ended 5 standard deviations off, `ok`; with limits
+    on both sides, a uniform prior, b was not determined.
+    """
+    x = np.linspace(0.0, 10.0, 60)
+    y = 2.0 + 0.1 * np.random.default_rng(1).standard_normal(60)
+    bounds = {"a": (0.0, None if ends[1] is None else 10.0), "b": ends}
+    fit = fit_curve("sqrt(a**2 + (b*x)**2)", x, y, u_y=0.1, bounds=bounds)
+    analysis = sample_curve(fit, seed=1, target=COARSE)
+    assert fit.status == analysis.diagnosis.status == "ok"
+    a, b = np.meshgrid(np.linspace(1.85, 2.1, 200), np.linspace(1e-4, 0.12, 300), indexing="ij")
+    curve = np.sqrt(a[..., None] ** 2 + (b[..., None] * x) ** 2)
+    by_a, by_b = a[..., None] / curve, b[..., None] * x**2 / curve
+    det = np.sum(by_a**2, axis=-1) * np.sum(by_b**2, axis=-1) - np.sum(by_a * by_b, axis=-1) ** 2
+    weight = np.exp(-0.5 * np.sum(np.square((y - curve) / 0.1), axis=-1))
+    weight *= 1.0 if ends[1] else np.sqrt(det)
+    for name, axis, values in (("a", 1, a[:, 0]), ("b", 0, b[0])):
+        below = np.cumsum(np.sum(weight, axis=axis)) / np.sum(weight)
+        exact = np.interp([0.16, 0.5, 0.84], below, values)
+        ours = np.quantile(analysis.chain.column(name), [0.16, 0.5, 0.84])
+        assert np.all(np.abs(ours - exact) < 0.1 * (exact[2] - exact[0]))
+
+
 def test_what_many_sets_share_is_that_of_a_grid() -> None:
     """A time constant of 24 decays, each with its own amplitude, which is integrated out."""
     rng, x, amplitudes = np.random.default_rng(4), np.array([0.5, 1.0, 2.0, 3.0]), np.zeros(24)

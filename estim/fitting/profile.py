@@ -48,7 +48,8 @@ class ProfileInterval:
     found_better : how far below the fit's the lowest objective met on the way lies; 0 if the fit's
         is the lowest.
     n_failed : points at which the search over the other parameters did not settle.
-    unsettled : probabilities of which an end lies before such a point: it may be too near.
+    unsettled : probabilities of which an end lies before a point at which the search was still
+        descending when it was given up: it may be too near.
     pieces : probabilities whose region has more than one piece.
     sentence : the intervals and every doubt about them, in words.
     """
@@ -260,7 +261,7 @@ def _interval(
         found_better=better,
         n_failed=sum(not point.converged for point in points),
         unsettled=tuple(
-            sorted(p for p in rises if any(not side.ends[p].beyond.converged for side in sides))
+            sorted(p for p in rises if any(side.ends[p].beyond.given_up for side in sides))
         ),
         pieces=tuple(
             sorted(

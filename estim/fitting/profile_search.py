@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, IntArray, all_finite, finite_or, sds_of
-from estim.fitting.fisher_information import information, prior_sds
+from estim.fitting.fisher_information import beside_limits, information, prior_sds
 from estim.fitting.least_squares import Fit
 from estim.problem import Likelihood, Posterior
 
@@ -175,7 +175,8 @@ def search_of(fit: Fit) -> ProfileSearch:
     """The search around a fit, with the scales of the Gaussian there."""
     sds = prior_sds(fit.problem, fit.cov)
     with np.errstate(all="ignore"):
-        whitened = fit.posterior.information(fit.values) * np.outer(sds, sds)
+        where = beside_limits(fit.posterior, fit.values)
+        whitened = fit.posterior.information(where) * np.outer(sds, sds)
     if not all_finite(whitened):
         whitened = np.zeros_like(whitened)
     # its eigenvalues are positive: terms that all but cancel leave rounding errors for some
