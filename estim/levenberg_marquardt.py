@@ -29,7 +29,6 @@ Indices = NDArray[np.int64]
 
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING, _FACTOR = 1e-3, 1e-9, 1e5, 10.0
 _PATIENCE = 4  # steps, after which descents are compared
-_RENEWED = 6  # steps, after which a Hessian is taken anew: in a bent valley it is soon another
 
 T = TypeVar("T")
 
@@ -39,7 +38,7 @@ class ObjectiveFunction(Protocol):
 
     low, high : (n_par,) bounds.
     quasi_newton : whether the Hessian, which costs more than a gradient, is kept and updated by
-        every gradient (BFGS) until it leads no further down, or for a few steps.
+        every gradient (BFGS) until it leads no further down.
     fraction_to_bound : part of the way to a bound that a parameter may go in one step; below 1 it
         comes near a bound, never onto it, where the objective may be flat (a width of 0).
 
@@ -97,14 +96,12 @@ class End:
 
     values : (n_par,).
     objective : its value there, inf where there is none.  converged : whether it is a minimum.
-    given_up : whether it was still descending after the most steps allowed.
     gradient, hessian : (n_par,), (n_par, n_par), as they were used last.
     """
 
     values: FloatArray
     objective: float
     converged: bool
-    given_up: bool
     gradient: FloatArray
     hessian: FloatArray
 
@@ -355,7 +352,6 @@ class _Descents:
             self.points[k].copy(),
             float(self.objectives[k]),
             bool(self.converged[k]),
-            bool(self.steps[k] >= self.max_steps),
             self.gradients[k].copy(),
             self.hessians[k].copy(),
         )
@@ -433,8 +429,7 @@ class _Descents:
             ~outdated,
             False,
         )
-        last = self.steps[which] % _RENEWED == _RENEWED - 1
-        self.outdated[which] = last | (not self.function.quasi_newton)
+        self.outdated[which] = not self.function.quasi_newton
         _, self.predicted[which] = self._steps(which, np.full(which.size, _LEAST_DAMPING))
         ended = self.predicted[which] <= self.least[which] + self.ftol * np.abs(
             self.objectives[which]

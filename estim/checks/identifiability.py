@@ -25,7 +25,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Amount, Finding, Kind, phrase
-from estim.fitting import Fit, beside_limits, prior_sds
+from estim.fitting import Fit, known_from_data, prior_sds
 from estim.words import tell
 
 PRIOR_DOMINATED = 0.8  # posterior sd / prior sd above which the prior is most of what is known
@@ -80,8 +80,7 @@ def identify(fit: Fit) -> Identifiability:
     """What the data of `fit` can tell, direction by direction."""
     problem = fit.problem
     sds = prior_sds(problem, fit.cov)
-    where = beside_limits(fit.posterior, fit.values)
-    whitened = fit.posterior.information(where) * np.outer(sds, sds)
+    whitened = known_from_data(fit.posterior, fit.values) * np.outer(sds, sds)
     values, vectors = np.linalg.eigh(whitened)
     values = np.maximum(values, 0.0)
     pulls = np.square(fit.prior_slopes * sds)

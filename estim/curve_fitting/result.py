@@ -19,7 +19,6 @@ from estim.common import (
     Finding,
     InputError,
     Kind,
-    NumericalError,
     Status,
     code,
     format_p,
@@ -306,15 +305,12 @@ class CurveFit:
         and priors: every other parameter is fitted anew for each of its values.
 
         An end is a limit, or infinite, where nothing closes that side.  Raises InputError for an
-        unknown name, and where `contour` does; NumericalError where the search over the others did
-        not converge where an end would be.
+        unknown name, and where `contour` does.
         """
         self._require_profiles("profile_interval")
         (interval,) = profile_intervals(
             self.held, names=[name], probabilities=(probability,), sizes=self._sizes
         )
-        if interval.unsettled:
-            raise NumericalError(interval.sentence)
         return interval.low[probability], interval.high[probability]
 
     def _require_profiles(self, field: str) -> None:

@@ -15,7 +15,7 @@ from estim.fitting.edges import (
     pressed_edges,
 )
 from estim.fitting.edges import Quadratic as Quadratic
-from estim.fitting.fisher_information import beside_limits, information, prior_sds
+from estim.fitting.fisher_information import information, known_from_data, prior_sds
 from estim.fitting.forces import (
     FORCE_KEY,
     complete_as,

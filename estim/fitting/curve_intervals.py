@@ -111,7 +111,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     )
     intervals = {**symmetric, **profiles}
     notes: list[Finding] = []
-    unheld = {f.parameters[0].name for f in left_open if f.kind is Kind.OPEN_SIDE}
+    unheld = {finding.parameters[0].name for finding in left_open}
     for i, (name, parameter) in enumerate(zip(names, fixed.problem.parameters, strict=True)):
         if name in unheld:
             sds[i] = np.nan
@@ -191,15 +191,14 @@ def _symmetric(
 def profiled(
     fit: Fit, sizes: ErrorSizes, sds: FloatArray | None = None, which: IntArray | None = None
 ) -> tuple[dict[str, Ends], list[Finding]]:
-    """Name -> probability -> profile interval, which ends at the edge on an open side, nan for a
-    parameter that has a side without any end; and which have one, or may be too short.
+    """Name -> probability -> profile interval, which ends at the edge on an open side; nan for a
+    parameter that has a side without any end.
 
     sizes : of its errors.  sds : (n_par,) where an interval that reaches too many of these has no
         end worth the name.  which : indices of the parameters, all if None.
     """
     intervals: dict[str, Ends] = {}
     left_open: list[Finding] = []
-    unsettled: list[Finding] = []
     chosen = np.arange(len(fit.names)) if which is None else which
     profiles = profile_intervals(
         fit, names=[fit.names[i] for i in chosen], probabilities=PROBABILITIES, sizes=sizes
@@ -208,14 +207,11 @@ def profiled(
         parameter, sd = fit.problem.parameters[i], math.inf if sds is None else float(sds[i])
         unheld = side_left_open(interval, parameter, sd)
         left_open += unheld
-        if interval.unsettled:
-            amount = Amount(parameter.name)
-            unsettled.append(Finding(Kind.INTERVAL_UNSETTLED, parameters=(amount,)))
         intervals[parameter.name] = {
             p: (math.nan, math.nan) if unheld else (interval.low[p], interval.high[p])
             for p in PROBABILITIES
         }
-    return intervals, left_open or unsettled  # where one has no end others run away with it
+    return intervals, left_open
 
 
 def _one_sign(ends: Ends, symmetric: Ends) -> bool:

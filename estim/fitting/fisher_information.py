@@ -35,30 +35,30 @@ def on_limit(posterior: Posterior, values: FloatArray) -> BoolArray:
     return (room <= 0.0) | (felt & (room * np.where(felt, known, 1.0) <= _ON_LIMIT))
 
 
-def beside_limits(posterior: Posterior, values: FloatArray) -> FloatArray:
-    """(n_par,) where the information tells how well each parameter is known: `values`, but for
-    those on a limit at which the curve does not depend on them to first order (the b of
-    sqrt(a^2 + b^2 x^2) at 0).  Such a one lies inside, where the density has fallen by half a unit.
+def known_from_data(posterior: Posterior, values: FloatArray) -> FloatArray:
+    """(n_par, n_par) what the data tell about the parameters at `values`: the Fisher information,
+    but for those on a limit at which the curve does not depend on them to first order (the b of
+    sqrt(a^2 + b^2 x^2) at 0).  Of such a one it is taken inside, where the density has fallen by
+    half a unit.
     """
     low, high = posterior.problem.support()
+    matrix = posterior.information(values)
     known = np.sqrt(np.diag(information(posterior, values)))
-    moved = values.copy()
     for i in np.flatnonzero(on_limit(posterior, values)):
-        inside, room = (
-            (1.0, high[i] - values[i])
-            if values[i] - low[i] < high[i] - values[i]
-            else (-1.0, values[i] - low[i])
-        )
+        below = values[i] - low[i] < high[i] - values[i]
+        room = high[i] - values[i] if below else values[i] - low[i]
         reach = min(room, 1.0 / known[i] if known[i] > 0.0 else np.inf)
         steps = reach * _FALLING if np.isfinite(reach) else max(1.0, abs(values[i])) * _ANYWHERE
         places = np.tile(values, (1 + steps.size, 1))
-        places[1:, i] += inside * steps
+        places[1:, i] += steps if below else -steps
         with np.errstate(all="ignore"):
             heights = posterior.log_density(places)
         fallen = heights[0] - heights[1:] > 0.5
         if heights[0] - heights[1] > _MUCH and not np.all(fallen):
-            moved[i] = places[1 + np.argmin(fallen), i]
-    return moved
+            inside = posterior.information(places[1 + np.argmin(fallen)])[i, i]
+            matrix[i], matrix[:, i] = 0.0, 0.0
+            matrix[i, i] = inside
+    return matrix
 
 
 def prior_sds(problem: Problem, cov: FloatArray) -> FloatArray:

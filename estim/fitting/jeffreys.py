@@ -18,7 +18,15 @@ from dataclasses import replace
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, IntArray, sds_of
-from estim.problem import Band, InformationBlock, JeffreysPrior, Posterior, Problem, ResponseSurface
+from estim.problem import (
+    Band,
+    Coordinates,
+    InformationBlock,
+    JeffreysPrior,
+    Posterior,
+    Problem,
+    ResponseSurface,
+)
 
 _RADIUS = 5.0  # standard deviations, within which the places lie
 _MANY = 20  # parameters, beyond which a polynomial has too many terms
@@ -89,7 +97,10 @@ def _around_the_fit(
     if not len(draws):
         return replace(prior, ceiling=0.0)
     logs = prior.exact(posterior.problem.named(draws))
-    prior = replace(prior, ceiling=max(0.0, float(np.max(logs))))
+    by_size = np.zeros(values.size, dtype=bool)
+    by_size[columns] = _tied(values, cov, columns)
+    prior = replace(prior, coordinates=Coordinates(values, by_size))
+    prior = replace(prior, ceiling=max(0.0, float(np.max(logs + prior.log_volume(draws)))))
     if not few or len(draws) < 2 * n_term or not np.all(np.isfinite(logs)):
         return prior
     fitted = (_fitted(surface, draws, logs, weights) for surface in surfaces)
@@ -102,12 +113,17 @@ def _in_logarithms(values: FloatArray, cov: FloatArray, columns: IntArray) -> li
     """Which parameters may have logarithms taken, in order of preference: all that are hardly
     known, those of them that others go with (whose sign the data know), none.
     """
+    wide = (sds_of(cov) > _WIDE * np.abs(values))[columns] & (values[columns] != 0.0)
+    choices = [wide, _tied(values, cov, columns), np.zeros_like(wide)]
+    return [one for i, one in enumerate(choices) if not any(np.all(one == o) for o in choices[:i])]
+
+
+def _tied(values: FloatArray, cov: FloatArray, columns: IntArray) -> BoolArray:
+    """Which parameters are hardly known, because others make up for them."""
     centre, sds = values[columns], sds_of(cov)[columns]
     wide = (sds > _WIDE * np.abs(centre)) & (centre != 0.0)
     together = np.abs(cov[np.ix_(columns, columns)]) / np.outer(sds, sds) - np.eye(columns.size)
-    tied = wide & (np.max(together, axis=1, initial=0.0) > _TIED)
-    choices = [wide, tied, np.zeros_like(wide)]
-    return [one for i, one in enumerate(choices) if not any(np.all(one == o) for o in choices[:i])]
+    return wide & (np.max(together, axis=1, initial=0.0) > _TIED)
 
 
 def _around(

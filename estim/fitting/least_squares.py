@@ -21,7 +21,7 @@ from estim.common import Finding, InputError, NumericalError, phrase
 from estim.deviation import FoundDeviation, FoundForce, NormalParts
 from estim.distributions import chi2_tail
 from estim.fitting.arrowhead import descend_by_runs, many
-from estim.fitting.fisher_information import beside_limits, information, on_limit
+from estim.fitting.fisher_information import information, known_from_data, on_limit
 from estim.fitting.gauss_newton import stepped
 from estim.fitting.incidental_parameters import measure_of
 from estim.fitting.jeffreys import jeffreys_prior
@@ -490,7 +490,8 @@ def _describe(
     same: list[FloatArray],
 ) -> Fit:
     """Raises NumericalError where the curve has no finite derivatives."""
-    matrix = information(posterior, beside_limits(posterior, values))
+    matrix = known_from_data(posterior, values)
+    matrix += np.diag(np.square(posterior.prior_slopes(values)))
     if not all_finite(matrix):
         raise _no_curvature(values, posterior)
     spread = diagonal_scale(matrix)

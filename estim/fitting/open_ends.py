@@ -107,15 +107,18 @@ def side_left_open(
     interval: ProfileInterval, parameter: Parameter, sd: float = math.inf
 ) -> list[Finding]:
     """The finding that an interval of any probability has no end on a side without a limit, or none
-    within ten standard deviations, unless it is as long on both sides in logarithms: that of a
-    positive quantity may reach over decades.
+    within ten standard deviations (of its logarithm, if that was followed), unless it is as long on
+    both sides in logarithms: that of a positive quantity may reach over decades.
     """
     value, probability = interval.value, max(interval.low)
     low, high = interval.low[probability], interval.high[probability]
     down, up = value - low, high - value
     if low > 0.0 or high < 0.0:
-        logs = sorted((abs(math.log(low / value)), abs(math.log(high / value))))
-        down, up = (0.0, 0.0) if logs[1] < _LONGER * logs[0] else (down, up)
+        ratios = abs(math.log(low / value)), abs(math.log(high / value))
+        if interval.by_size:
+            down, up = (ratio * abs(value) for ratio in ratios)
+        elif max(ratios) < _LONGER * min(ratios):
+            down, up = 0.0, 0.0
     below = any(interval.open_low.values()) or down > _FAR * sd
     above = any(interval.open_high.values()) or up > _FAR * sd
     below = below and math.isinf(parameter.prior.low)

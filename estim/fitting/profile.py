@@ -26,7 +26,7 @@ from estim.common import PROBABILITIES, InputError, behind, later, percentage, p
 from estim.distributions import student_quantile
 from estim.fitting.degrees_of_freedom import STATED, ErrorSizes
 from estim.fitting.least_squares import Fit
-from estim.fitting.profile_paths import Crossing, crossing, dips, returns, walk
+from estim.fitting.profile_paths import crossing, dips, returns, walk
 from estim.fitting.profile_search import ProfileSearch, search_of
 from estim.given_numbers import check_probability
 from estim.levenberg_marquardt import End, Start, minima, run_descents
@@ -45,11 +45,10 @@ class ProfileInterval:
     open_low, open_high : probability -> whether the objective does not rise enough on that side.
     x, rise : (n_point,) where the profile was computed, increasing, and how far the objective
         stands above its minimum.
+    by_size : whether it was sought in the logarithm of the parameter, whose sign is known.
     found_better : how far below the fit's the lowest objective met on the way lies; 0 if the fit's
         is the lowest.
     n_failed : points at which the search over the other parameters did not settle.
-    unsettled : probabilities of which an end lies before a point at which the search was still
-        descending when it was given up: it may be too near.
     pieces : probabilities whose region has more than one piece.
     sentence : the intervals and every doubt about them, in words.
     """
@@ -62,9 +61,9 @@ class ProfileInterval:
     open_high: dict[float, bool]
     x: FloatArray
     rise: FloatArray
+    by_size: bool
     found_better: float
     n_failed: int
-    unsettled: tuple[float, ...]
     pieces: tuple[float, ...]
     sentence: str
 
@@ -111,8 +110,7 @@ def profile_intervals(
         for p in _checked(probabilities)
     }
     rises = [{p: float(rise[k]) for p, rise in ends.items()} for k in range(len(indices))]
-    search = search_of(fit)
-    (mode,) = minima(search, [Start(fit.values, (), tolerance=_MODE_SETTLED)])
+    search, mode = _begun(fit, max(max(own.values()) for own in rises))
     return tuple(_intervals(fit, search, mode, indices, rises))
 
 
@@ -144,17 +142,29 @@ def contour(
         r = dof * math.expm1(r / dof) if math.isfinite(dof) else r
         levels[p] = float(sizes.rises(np.array([r]), shares)[0])
     widest = {1.0: 1.1 * max(levels.values())}
-    search = search_of(fit)
-    (mode,) = minima(search, [Start(fit.values, (), tolerance=_MODE_SETTLED)])
+    search, mode = _begun(fit, widest[1.0])
     axes = []
-    for span in _intervals(fit, search, mode, (i, j), [widest, widest]):
+    for k, span in zip(
+        (i, j), _intervals(fit, search, mode, (i, j), [widest, widest]), strict=True
+    ):
+        ends = np.tile(fit.values, (2, 1))
+        ends[:, k] = span.low[1.0], span.high[1.0]
+        low, high = search.coordinates.of(ends)[:, k]
         # the mode is one of the nodes, so that the minimum is on the grid
-        below = np.linspace(span.low[1.0], span.value, n // 2 + 1)
-        axes.append(
-            np.concatenate([below, np.linspace(span.value, span.high[1.0], n - n // 2)[1:]])
-        )
+        below = np.linspace(low, mode.values[k], n // 2 + 1)
+        axes.append(np.concatenate([below, np.linspace(mode.values[k], high, n - n // 2)[1:]]))
     rise, failed = _grid(search, mode, i, j, axes[0], axes[1])
-    return Contour(a, b, axes[0], axes[1], rise, levels, failed)
+    x, y = (search.coordinates.values_of(k, axis) for k, axis in zip((i, j), axes, strict=True))
+    return Contour(a, b, x, y, rise, levels, failed)
+
+
+def _begun(fit: Fit, level: float) -> tuple[ProfileSearch, End]:
+    """The search for rises up to `level`, and the mode."""
+    search = search_of(fit, level)
+    (mode,) = minima(
+        search, [Start(search.coordinates.of(fit.values), (), tolerance=_MODE_SETTLED)]
+    )
+    return search, mode
 
 
 def _index(fit: Fit, name: str) -> int:
@@ -181,7 +191,7 @@ def _intervals(
     """
     if not math.isfinite(mode.objective):
         return [
-            _nowhere(fit.problem.parameters[i], float(mode.values[i]), own)
+            _nowhere(fit.problem.parameters[i], float(fit.values[i]), own)
             for i, own in zip(indices, rises, strict=True)
         ]
     sides = [(i, sign, own) for i, own in zip(indices, rises, strict=True) for sign in (-1.0, 1.0)]
@@ -214,12 +224,12 @@ def _intervals(
 
 @dataclass(frozen=True, eq=False)
 class _Side:
-    """A walk (first the mode), probability -> its crossing, and the minima of the valleys beside
-    that of the mode.
+    """A walk (first the mode), probability -> its crossing with the points that led there, and the
+    minima of the valleys beside that of the mode.
     """
 
     walk: list[End]
-    ends: dict[float, Crossing]
+    ends: dict[float, tuple[float | None, list[End]]]
     valleys: list[End]
 
 
@@ -229,7 +239,7 @@ def _interval(
     parameter, mode = fit.problem.parameters[i], sides[0].walk[0]
     points = [
         mode,
-        *(point for side in sides for end in side.ends.values() for point in end.trials),
+        *(point for side in sides for _, trials in side.ends.values() for point in trials),
         *(p for side in sides for p in side.walk[1:]),
     ]
     points.sort(key=lambda point: float(point.values[i]))
@@ -238,31 +248,29 @@ def _interval(
         [*finite, *(point for side in sides for point in side.valleys)],
         key=lambda point: point.objective,
     )
-    fall = max(0.0, search.objective(fit.values) - best.objective)
+    fall = max(0.0, search.objective(search.coordinates.of(fit.values)) - best.objective)
     # fall below the objective of the fit that counts as another, better optimum
     better = fall if fall > 0.02 else 0.0
     low, high = (
-        {
-            p: float(side.walk[-1].values[i]) if end.place is None else end.place
-            for p, end in side.ends.items()
-        }
+        dict(zip(side.ends, search.coordinates.values_of(i, places).tolist(), strict=True))
         for side in sides
+        for places in (
+            [side.walk[-1].values[i] if end is None else end for end, _ in side.ends.values()],
+        )
     )
-    open_low, open_high = ({p: end.place is None for p, end in side.ends.items()} for side in sides)
+    open_low, open_high = ({p: end is None for p, (end, _) in side.ends.items()} for side in sides)
     result = ProfileInterval(
         name=parameter.name,
-        value=float(mode.values[i]),
+        value=float(search.coordinates.values(mode.values)[i]),
         low=low,
         high=high,
         open_low=open_low,
         open_high=open_high,
-        x=np.array([point.values[i] for point in finite]),
+        x=search.coordinates.values_of(i, [point.values[i] for point in finite]),
         rise=np.array([point.objective - mode.objective for point in finite]),
+        by_size=bool(search.coordinates.by_size[i]),
         found_better=better,
         n_failed=sum(not point.converged for point in points),
-        unsettled=tuple(
-            sorted(p for p in rises if any(side.ends[p].beyond.given_up for side in sides))
-        ),
         pieces=tuple(
             sorted(
                 p for p, rise in rises.items() if any(returns(side.walk, rise) for side in sides)
@@ -290,9 +298,9 @@ def _nowhere(parameter: Parameter, value: float, rises: dict[float, float]) -> P
         open_high=dict(opened),
         x=np.array([value]),
         rise=np.zeros(1),
+        by_size=False,
         found_better=0.0,
         n_failed=1,
-        unsettled=(),
         pieces=(),
         sentence=sentence,
     )

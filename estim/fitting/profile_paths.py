@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -58,19 +57,11 @@ def _ahead(search: ProfileSearch, points: Sequence[End], i: int, target: float) 
     return Start(values, (i,), points[-1], instead=_with(last, i, target))
 
 
-@dataclass(frozen=True, eq=False)
-class Crossing:
-    """Where the objective passes a level for the last time on a walk (None: it does not), the next
-    point known beyond it, and the points computed to find it.
-    """
-
-    place: float | None
-    beyond: End
-    trials: list[End]
-
-
-def crossing(search: ProfileSearch, points: Sequence[End], i: int, rise: float) -> Task[Crossing]:
-    """Where the objective passes `rise` for the last time on a walk.
+def crossing(
+    search: ProfileSearch, points: Sequence[End], i: int, rise: float
+) -> Task[tuple[float | None, list[End]]]:
+    """Where the objective passes `rise` for the last time on a walk (None: it does not), and the
+    points computed to find it.
 
     False position, the height of an end that stays halved (Illinois).
     """
@@ -78,7 +69,7 @@ def crossing(search: ProfileSearch, points: Sequence[End], i: int, rise: float) 
     inside = [k for k, point in enumerate(points) if point.objective - mode.objective < rise]
     outer = max(inside, default=0) + 1
     if outer >= len(points):
-        return Crossing(None, points[-1], [])
+        return None, []
     inner, beyond = points[outer - 1], points[outer]
     below, above = _height(inner, mode, rise), _height(beyond, mode, rise)
     cuts: list[End] = []
@@ -106,8 +97,7 @@ def crossing(search: ProfileSearch, points: Sequence[End], i: int, rise: float) 
             break
     below, above = _height(inner, mode, rise), _height(beyond, mode, rise)
     share = below / (below - above)
-    place = float(inner.values[i] + share * (beyond.values[i] - inner.values[i]))
-    return Crossing(place, beyond, cuts)
+    return float(inner.values[i] + share * (beyond.values[i] - inner.values[i])), cuts
 
 
 def _with(values: FloatArray, i: int, value: float) -> FloatArray:

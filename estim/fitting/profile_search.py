@@ -4,6 +4,9 @@ call.
 Only the log density decides; it is differentiated by differences, so any likelihood will do.  Runs
 that are independent of each other are differentiated each in its own parameters alone.  It is an
 `ObjectiveFunction` of `estim.levenberg_marquardt`.
+
+Points are coordinates (`estim.problem.coordinates`): logarithms of parameters whose sign the data
+know, but hardly their size, else values.
 """
 
 from __future__ import annotations
@@ -13,18 +16,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, IntArray, all_finite, finite_or, sds_of
-from estim.fitting.fisher_information import beside_limits, information, prior_sds
+from estim.fitting.fisher_information import information, known_from_data, prior_sds
 from estim.fitting.least_squares import Fit
-from estim.problem import Likelihood, Posterior
+from estim.levenberg_marquardt import Start, minima
+from estim.problem import Coordinates, Likelihood, Posterior
 
 # of a conditional standard deviation, for differences: their error moves an optimum by 1e-6 sd
 _STEP = 1e-3
+_WIDE, _TIED = 0.2, 0.95  # standard deviation over value, correlation: beyond both, by its size
+_FARTHEST = 300.0  # of the logarithm of a ratio to the fit
 _AT_ONCE = 512  # rows of a call: what they need stays small
 
 
 @dataclass(frozen=True, eq=False)
 class ProfileSearch:
-    """A posterior with the bounds and scales of its parameters.
+    """A posterior with the bounds and scales of its parameters, all in coordinates.
 
     low, high : (n_par,) bounds.
     scale : (n_par,) standard deviations at the fit, uniform priors counted with theirs.
@@ -34,6 +40,7 @@ class ProfileSearch:
     """
 
     posterior: Posterior
+    coordinates: Coordinates
     low: FloatArray
     high: FloatArray
     scale: FloatArray
@@ -41,8 +48,9 @@ class ProfileSearch:
     prior_sd: FloatArray
     cov: FloatArray
 
-    def objectives(self, draws: FloatArray) -> FloatArray:
-        """(n_draw,) -2 log density, inf where there is none."""
+    def objectives(self, points: FloatArray) -> FloatArray:
+        """(n_point,) -2 log density, inf where there is none."""
+        draws = self.coordinates.values(points)
         with np.errstate(all="ignore"):
             parts = [
                 self.posterior.log_density(draws[k : k + _AT_ONCE])
@@ -50,8 +58,8 @@ class ProfileSearch:
             ]
         return _minus_twice(np.concatenate([np.zeros(0), *parts]))
 
-    def objective(self, values: FloatArray) -> float:
-        return float(self.objectives(values[None, :])[0])
+    def objective(self, point: FloatArray) -> float:
+        return float(self.objectives(point[None, :])[0])
 
     def reach(self, points: FloatArray) -> FloatArray:
         """(n_par,) beyond which the curvature at a point says nothing."""
@@ -115,18 +123,20 @@ class ProfileSearch:
             )
         return slopes * self.scale
 
-    def information(self, values: FloatArray) -> FloatArray:
-        """(n_par, n_par) the second derivatives that the Fisher information expects at `values`, in
+    def information(self, point: FloatArray) -> FloatArray:
+        """(n_par, n_par) the second derivatives that the Fisher information expects at a point, in
         standard deviations.
         """
+        values = self.coordinates.values(point)
+        units = self.coordinates.slopes(values) * self.scale
         with np.errstate(all="ignore"):
-            return 2.0 * information(self.posterior, values) * np.outer(self.scale, self.scale)
+            return 2.0 * information(self.posterior, values) * np.outer(units, units)
 
     def _heights(self, likelihood: Likelihood, own: IntArray, rows: FloatArray) -> FloatArray:
         """(n_point, n_row) -2 log likelihood of a group, inf where there is none, at rows (n_point,
         n_row, n_par).
         """
-        flat = rows.reshape(-1, rows.shape[-1])
+        flat = self.coordinates.values(rows.reshape(-1, rows.shape[-1]))
         minus = np.empty(len(flat))
         with np.errstate(all="ignore"):
             for start in range(0, len(flat), _AT_ONCE):
@@ -137,10 +147,11 @@ class ProfileSearch:
 
     def _priors(self, points: FloatArray) -> FloatArray:
         """(n_point, n_par) -2 log density of each prior."""
+        values = self.coordinates.values(points)
         with np.errstate(all="ignore"):
             return -2.0 * np.column_stack(
                 [
-                    p.prior.log_density(points[:, i])
+                    p.prior.log_density(values[:, i])
                     for i, p in enumerate(self.posterior.problem.parameters)
                 ]
             )
@@ -171,12 +182,15 @@ def _quotients(
     return np.divide(above - below, up - down, out=np.zeros(up.shape), where=up > down)
 
 
-def search_of(fit: Fit) -> ProfileSearch:
-    """The search around a fit, with the scales of the Gaussian there."""
+def search_of(fit: Fit, level: float = np.inf) -> ProfileSearch:
+    """The search around a fit, with the scales of the Gaussian there.
+
+    level : the highest rise of the objective that is asked for: where it rises by more towards 0,
+        a parameter has one sign.
+    """
     sds = prior_sds(fit.problem, fit.cov)
     with np.errstate(all="ignore"):
-        where = beside_limits(fit.posterior, fit.values)
-        whitened = fit.posterior.information(where) * np.outer(sds, sds)
+        whitened = known_from_data(fit.posterior, fit.values) * np.outer(sds, sds)
     if not all_finite(whitened):
         whitened = np.zeros_like(whitened)
     # its eigenvalues are positive: terms that all but cancel leave rounding errors for some
@@ -184,6 +198,49 @@ def search_of(fit: Fit) -> ProfileSearch:
     precision = 1.0 + np.maximum(known, 0.0)  # in units of the priors' standard deviations
     cov = (basis / precision) @ basis.T * np.outer(sds, sds)
     conditional = sds / np.sqrt(np.square(basis) @ precision)
-    low = np.array([p.prior.low for p in fit.problem.parameters])
-    high = np.array([p.prior.high for p in fit.problem.parameters])
-    return ProfileSearch(fit.posterior, low, high, sds_of(cov), conditional, sds, cov)
+    low, high = fit.problem.support()
+    plain = ProfileSearch(
+        fit.posterior,
+        Coordinates(fit.values, np.zeros(sds.size, dtype=bool)),
+        low,
+        high,
+        sds_of(cov),
+        conditional,
+        sds,
+        cov,
+    )
+    coordinates = Coordinates(fit.values, _known_by_size(plain, fit.values, level))
+    if not np.any(coordinates.by_size):
+        return plain
+    unit = coordinates.slopes(fit.values)
+    low, high = coordinates.of(low), coordinates.of(high)
+    return ProfileSearch(
+        fit.posterior,
+        coordinates,
+        np.where(coordinates.by_size, np.maximum(low, -_FARTHEST), low),
+        np.where(coordinates.by_size, np.minimum(high, _FARTHEST), high),
+        plain.scale / unit,
+        conditional / unit,
+        sds / unit,
+        cov / np.outer(unit, unit),
+    )
+
+
+def _known_by_size(search: ProfileSearch, values: FloatArray, level: float) -> BoolArray:
+    """(n_par,) which parameters others go with, so that the data tell little of their size, and
+    which are not 0: without them, the objective is higher by more than `level`.
+    """
+    sds = search.scale
+    together = np.abs(search.cov) / np.outer(sds, sds) - np.eye(sds.size)
+    tied = (sds > _WIDE * np.abs(values)) & (values != 0.0)
+    tied &= np.max(together, axis=1, initial=0.0) > _TIED
+    candidates = np.flatnonzero(tied & (search.low < values) & (values < search.high))
+    starts = []
+    for i in candidates:
+        without = values.copy()
+        without[i] = 0.0
+        starts.append(Start(without, (int(i),)))
+    known = np.zeros(sds.size, dtype=bool)
+    for i, end in zip(candidates, minima(search, starts), strict=True):
+        known[i] = end.objective - search.objective(values) > level
+    return known

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, IntArray, Named
+from estim.problem.coordinates import Coordinates
 from estim.problem.likelihood import Points, StackedPoints, n_draws, some_draws
 from estim.problem.roots import Root
 
@@ -111,6 +112,7 @@ class JeffreysPrior:
     ceiling : highest logarithm around the fit, which none elsewhere exceeds: else each of the
         endlessly many faster oscillations through the same points would count as much as the one
         that was found.
+    coordinates : of which that is the logarithm; of values if None.
 
     Source: Jeffreys, Proc. R. Soc. A 186 (1946) 453; Box and Tiao, Bayesian Inference in
     Statistical Analysis (1973), 1.3.6.
@@ -122,19 +124,33 @@ class JeffreysPrior:
     centre: float = 0.0
     smooth: ResponseSurface | None = None
     ceiling: float = np.inf
+    coordinates: Coordinates | None = None
 
     def log(self, draws: FloatArray, named: Callable[[FloatArray], Named]) -> FloatArray:
         """(n_draw,) its logarithm at draws (n_draw, n_par), which `named` turns into columns: by
         the polynomial, and exactly farther from the fit than that was fitted.
         """
         if self.smooth is None:
-            return np.minimum(self.exact(named(draws)), self.ceiling)
+            return self._capped(draws, named)
         place = self.smooth.place(draws)
         logs = self.smooth.value(place)
         far = np.linalg.norm(place, axis=1) > _FITTED
         if np.any(far):
-            logs[far] = np.minimum(self.exact(named(draws[far])), self.ceiling)
+            logs[far] = self._capped(draws[far], named)
         return logs
+
+    def _capped(self, draws: FloatArray, named: Callable[[FloatArray], Named]) -> FloatArray:
+        """(n_draw,) its logarithm, at most that of the ceiling."""
+        return np.minimum(self.exact(named(draws)), self.ceiling - self.log_volume(draws))
+
+    def log_volume(self, draws: FloatArray) -> FloatArray | float:
+        """(n_draw,) logarithm of the volume of values that a unit of coordinates takes, 0 at the
+        fit.
+        """
+        if self.coordinates is None:
+            return 0.0
+        there = self.coordinates.log_volume(np.vstack([self.coordinates.centre, draws]))
+        return there[1:] - there[0]
 
     def exact(self, named: Named) -> FloatArray:
         """(n_draw,) its logarithm at columns (n_draw, 1) of all parameters, 0 at the fit; -inf

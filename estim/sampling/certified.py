@@ -8,20 +8,22 @@ Where Monte-Carlo errors are too large for a verdict, both are done once more wi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, all_finite
 from estim.common import Kind, Stream, phrase, stream
 from estim.deviation import NormalParts
+from estim.problem import Coordinates
 from estim.sampling.certificate import Agreement, Certificate, compare_with_chain
 from estim.sampling.chain import Chain, Progress, Target, sample_posterior
 from estim.sampling.independent_check import second_opinion
 from estim.sampling.parts_proposal import proposal_of_parts
 from estim.sampling.proposal import Proposal, adapt_proposal
-from estim.sampling.protocol import Density, Support
+from estim.sampling.protocol import Density, InCoordinates, Support
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +42,22 @@ class Optima:
     modes: Sequence[FloatArray] = ()
     parts: NormalParts | None = None
 
+    def of(self, coordinates: Coordinates) -> Optima:
+        """The same in coordinates."""
+
+        def turned(cov: FloatArray, value: FloatArray) -> FloatArray:
+            unit = coordinates.slopes(value)
+            return cov / np.outer(unit, unit)
+
+        kept = [k for k, start in enumerate(self.starts) if all_finite(coordinates.of(start))]
+        return Optima(
+            coordinates.of(self.value),
+            turned(self.cov, self.value),
+            [coordinates.of(self.starts[k]) for k in kept],
+            [turned(self.covs[k], self.starts[k]) for k in kept],
+            [place for mode in self.modes if all_finite(place := coordinates.of(mode))],
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Certified:
@@ -51,6 +69,29 @@ class Certified:
     certificate: Certificate | None
     comparison: Agreement
 
+    def in_values(self, density: InCoordinates) -> Certified:
+        """Draws of coordinates as draws of values; the comparison, of ranks, stays."""
+        values, certificate = density.coordinates.values, self.certificate
+        draws = values(self.chain.draws)
+        heights = self.chain.log_density - density.coordinates.log_volume(draws)
+        if certificate is not None:
+            seen = values(certificate.draws)
+            sd = np.std(seen, axis=0)
+            certificate = replace(
+                certificate,
+                mean=np.mean(seen, axis=0),
+                sd=sd,
+                mcse_mean=sd / math.sqrt(certificate.ess),
+                mcse_sd=sd / math.sqrt(2.0 * certificate.ess),
+                quantiles={p: values(ends) for p, ends in certificate.quantiles.items()},
+                draws=seen,
+            )
+        return replace(
+            self,
+            chain=replace(self.chain, draws=draws, log_density=heights),
+            certificate=certificate,
+        )
+
 
 def certified_chain(
     density: Density,
@@ -60,14 +101,28 @@ def certified_chain(
     seed: int,
     most: int,
     support: Support | None,
+    coordinates: Coordinates | None = None,
     progress: Progress | None = None,
 ) -> Certified:
     """Draws of `density` with a second opinion.
 
     most : parameters beyond which there is no verdict.
+    coordinates : in which it is sampled; as it is if None.
 
     Raises NumericalError where the density is not a number.
     """
+    if coordinates is not None and np.any(coordinates.by_size):
+        turned = InCoordinates(density, coordinates)
+        ends = None if support is None else (coordinates.of(support[0]), coordinates.of(support[1]))
+        return certified_chain(
+            turned,
+            optima.of(coordinates),
+            target=target,
+            seed=seed,
+            most=most,
+            support=ends,
+            progress=progress,
+        ).in_values(turned)
     pairs: list[Certified] = []
     for i in range(2):
         if progress is not None:

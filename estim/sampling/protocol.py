@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import NumericalError
+from estim.problem import Coordinates
 
 Support = tuple[FloatArray, FloatArray]  # (n_par,) lowest and highest values
 
@@ -23,6 +25,28 @@ class Density(Protocol):
 
     def log_density(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) log density at draws (n_draw, n_par); -inf outside the support."""
+
+
+@dataclass(frozen=True, eq=False)
+class InCoordinates:
+    """A density in coordinates in which it is nearly normal."""
+
+    density: Density
+    coordinates: Coordinates
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return self.density.names
+
+    def log_density(self, points: FloatArray) -> FloatArray:
+        """(n_draw,) log density at points (n_draw, n_par)."""
+        values = self.coordinates.values(points)
+        volume = self.coordinates.log_volume(values)
+        usable = np.isfinite(volume)  # a value may overflow
+        log_p = np.full(len(points), -np.inf)
+        log_p[usable] = self.density.log_density(values[usable]) + volume[usable]
+        return log_p
 
 
 def log_density_in_batches(density: Density, draws: FloatArray) -> FloatArray:

@@ -154,10 +154,6 @@ WORDS: Table = {
     Kind.FIT_UNSETTLED: _not_settled,
     Kind.COVARIANCE_HELD: _held,
     Kind.STEP_UNSETTLED: _STILL_SHIFTED,
-    Kind.INTERVAL_UNSETTLED: (
-        "the interval of {name} may be too short: the search over the other parameters did not "
-        "converge where it ends"
-    ),
     Kind.VALUE_OUTSIDE: lambda f: phrase(
         "the {p:.0f} % interval of {name} does not contain its fitted value: the "
         "search met better solutions than the fit on the way",

@@ -119,7 +119,6 @@ ADVICE: Mapping[Kind, str] = {
         "check the starting values and the priors; a parameter that still changes may need a limit"
     ),
     Kind.STEP_UNSETTLED: "give it limits, or try other starting values",
-    Kind.INTERVAL_UNSETTLED: "write the formula in x - x0, with x0 in the middle of the data",
     Kind.ROUNDING: (
         "set limits on parameters that became far too large, or write the formula in x "
         "- x0, with x0 in the middle of the data"
