@@ -62,7 +62,7 @@ from estim.common import (
 )
 from estim.curve_fitting import CurveFit
 from estim.explanation import Candidate, Explanation, Outcome, explain
-from estim.fitting import Fit, fit_problem, search_of
+from estim.fitting import Fit, fit_problem
 from estim.problem import JeffreysPrior, Problem, folded
 from estim.sampling import (
     MAX_PARAMETERS,
@@ -90,8 +90,6 @@ from estim.words import advice_for
 
 _LOG = logging.getLogger("estim")
 _BENT = 0.15  # of the logarithm of Jeffreys' prior, over a standard deviation of a parameter
-# of -2 log density without a parameter, beyond which its sign is known and it is sampled by size
-_ONE_SIGN = 20.0
 _ELSEWHERE = 0.03  # of the draws of a chain that did not converge, where those of another are not
 
 
@@ -272,6 +270,8 @@ def _logged(progress: Progress | None) -> Progress:
     return told
 
 
+# a parameter that is known by its size may be so large that its square is infinite
+@np.errstate(over="ignore", invalid="ignore")
 def analyse_fit(
     fit: Fit,
     *,
@@ -392,7 +392,7 @@ def _drawn(
             seed=seed,
             most=most,
             support=problem.support(),
-            coordinates=search_of(fit, _ONE_SIGN).coordinates,
+            coordinates=fit.coordinates,
             progress=progress,
         )
     else:

@@ -362,7 +362,9 @@ def test_walks_of_all_parameters_together_are_those_of_each_alone(rng: np.random
     )
     together = profile_intervals(fit)
     assert len({found.x.size for found in together}) > 1
-    for found, sd in zip(together, search_of(fit).scale, strict=True):
+    for found, sd in zip(
+        together, search_of(fit.posterior, fit.values, fit.cov).scale, strict=True
+    ):
         (alone,) = profile_intervals(fit, names=[found.name])
         for p in (0.68, 0.95):
             assert (alone.open_low[p], alone.open_high[p]) == (
@@ -378,7 +380,7 @@ def test_runs_differentiated_each_in_its_own_parameters_give_the_whole_slope(rep
     fit = fitted(
         load_campaign(replica / "campaign.toml").problem(["heavy-02", "heavy-04"]), n_start=1
     )
-    search = search_of(fit)
+    search = search_of(fit.posterior, fit.values, fit.cov)
     assert len(fit.posterior.likelihoods) == 2
     points = np.clip(
         fit.values + np.array([[0.0], [0.4], [-0.3]]) * search.scale, search.low, search.high

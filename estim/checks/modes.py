@@ -97,7 +97,7 @@ def _log_volume(fit: Fit, values: FloatArray, cov: FloatArray) -> float:
 
 def _kept(fit: Fit, found: Modes) -> list[int]:
     """Which optima are separate from that of the fit and from each other."""
-    separate, search = [0], search_of(fit)
+    separate, search = [0], search_of(fit.posterior, fit.values, fit.cov)
     scale = np.where(search.scale > 0.0, search.scale, 1.0)
     for k in np.flatnonzero(found.shares[1:] > _NEGLIGIBLE) + 1:
         other = found.values[k]

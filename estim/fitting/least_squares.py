@@ -26,15 +26,19 @@ from estim.fitting.gauss_newton import stepped
 from estim.fitting.incidental_parameters import measure_of
 from estim.fitting.jeffreys import jeffreys_prior
 from estim.fitting.noise_fit import fit_noise
+from estim.fitting.profile_search import search_of
 from estim.fitting.relaxation import LEAST_SHARE, MAX_ROUNDS, SETTLED, Held, settle_by_runs
 from estim.fitting.separable import SeparableSearch
-from estim.problem import JeffreysPrior, Measure, Posterior, Problem, Symmetry
+from estim.problem import Coordinates, JeffreysPrior, Measure, Posterior, Problem, Symmetry
 
 _FEW_ROUNDS = 6
 # relative steps at which a search of the curve ends: at the mode, and to see where a start leads
 _EXACT, _ROUGH = 1e-12, 1e-6
 WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
 _FINE = 1e-2
+# of -2 log density without a parameter, beyond which its sign is known and it is sampled by size;
+# as high as where the ends of counts count as none (`estim.fitting.open_ends`)
+_ONE_SIGN = 30.0
 _ILL = 1e12  # condition of the information, columns of unit length
 
 _End = tuple[FloatArray, Posterior, float]
@@ -119,11 +123,21 @@ class Fit:
     def sampled(self) -> Posterior:
         """`posterior` as it is sampled: in a joint fit with the measure of readings
         (`estim.fitting.incidental_parameters`), and with Jeffreys' prior of unstated parameters.
+        Those of counts have flat ones, of the logarithm where they are known by their size.
         """
         if self.singular:
             return self.posterior
-        jeffreys = jeffreys_prior(self.posterior, self.values, self.cov)
-        return replace(self.posterior, measure=self.measure, jeffreys=jeffreys)
+        jeffreys, measure = jeffreys_prior(self.posterior, self.values, self.cov), self.measure
+        flat = None
+        if jeffreys is None and measure is None:
+            by_size = self.coordinates.by_size & self.problem.unstated
+            flat = Coordinates(self.values, by_size) if np.any(by_size) else None
+        return replace(self.posterior, measure=measure, jeffreys=jeffreys, flat=flat)
+
+    @cached_property
+    def coordinates(self) -> Coordinates:
+        """In which the posterior is nearly normal."""
+        return search_of(self.posterior, self.values, self.cov, _ONE_SIGN).coordinates
 
     @cached_property
     def measure(self) -> Measure | None:

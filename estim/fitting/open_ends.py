@@ -45,7 +45,8 @@ def open_sides(fit: Fit, sds: FloatArray) -> list[Finding]:
         parameter, far = fit.problem.parameters[i], _FAR * float(sds[i])
         found = side_left_open(interval, parameter, float(sds[i]))
         ends = interval.low[_PROBABILITY], interval.high[_PROBABILITY]
-        over = fit.jeffreys is None and max(abs(end - interval.value) for end in ends) > far
+        flat = fit.jeffreys is None and not interval.by_size
+        over = flat and max(abs(end - interval.value) for end in ends) > far
         findings += found or ([_open("decades", parameter)] if over else [])
     return findings
 

@@ -17,7 +17,6 @@ import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, IntArray, all_finite, finite_or, sds_of
 from estim.fitting.fisher_information import information, known_from_data, prior_sds
-from estim.fitting.least_squares import Fit
 from estim.levenberg_marquardt import Start, minima
 from estim.problem import Coordinates, Likelihood, Posterior
 
@@ -182,15 +181,18 @@ def _quotients(
     return np.divide(above - below, up - down, out=np.zeros(up.shape), where=up > down)
 
 
-def search_of(fit: Fit, level: float = np.inf) -> ProfileSearch:
-    """The search around a fit, with the scales of the Gaussian there.
+def search_of(
+    posterior: Posterior, values: FloatArray, cov: FloatArray, level: float = np.inf
+) -> ProfileSearch:
+    """The search around the fit `values` (n_par,) of covariance `cov`, with the scales of the
+    Gaussian there.
 
     level : the highest rise of the objective that is asked for: where it rises by more towards 0,
         a parameter has one sign.
     """
-    sds = prior_sds(fit.problem, fit.cov)
+    sds = prior_sds(posterior.problem, cov)
     with np.errstate(all="ignore"):
-        whitened = known_from_data(fit.posterior, fit.values) * np.outer(sds, sds)
+        whitened = known_from_data(posterior, values) * np.outer(sds, sds)
     if not all_finite(whitened):
         whitened = np.zeros_like(whitened)
     # its eigenvalues are positive: terms that all but cancel leave rounding errors for some
@@ -198,10 +200,10 @@ def search_of(fit: Fit, level: float = np.inf) -> ProfileSearch:
     precision = 1.0 + np.maximum(known, 0.0)  # in units of the priors' standard deviations
     cov = (basis / precision) @ basis.T * np.outer(sds, sds)
     conditional = sds / np.sqrt(np.square(basis) @ precision)
-    low, high = fit.problem.support()
+    low, high = posterior.problem.support()
     plain = ProfileSearch(
-        fit.posterior,
-        Coordinates(fit.values, np.zeros(sds.size, dtype=bool)),
+        posterior,
+        Coordinates(values, np.zeros(sds.size, dtype=bool)),
         low,
         high,
         sds_of(cov),
@@ -209,13 +211,13 @@ def search_of(fit: Fit, level: float = np.inf) -> ProfileSearch:
         sds,
         cov,
     )
-    coordinates = Coordinates(fit.values, _known_by_size(plain, fit.values, level))
+    coordinates = Coordinates(values, _known_by_size(plain, values, level))
     if not np.any(coordinates.by_size):
         return plain
-    unit = coordinates.slopes(fit.values)
+    unit = coordinates.slopes(values)
     low, high = coordinates.of(low), coordinates.of(high)
     return ProfileSearch(
-        fit.posterior,
+        posterior,
         coordinates,
         np.where(coordinates.by_size, np.maximum(low, -_FARTHEST), low),
         np.where(coordinates.by_size, np.minimum(high, _FARTHEST), high),

@@ -18,6 +18,7 @@ import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, IntArray
 from estim.common import InputError
+from estim.problem.coordinates import Coordinates
 from estim.problem.group import Group as Group
 from estim.problem.group import SharedNoise, grouped
 from estim.problem.likelihood import Ends, Likelihood
@@ -249,12 +250,15 @@ class Posterior:
     measure : of readings in a joint fit, where it is to be sampled with one; least squares, optima
         and profiles have none.
     jeffreys : the prior of unstated parameters, likewise.
+    flat : coordinates in which the prior of unstated parameters is flat, likewise; where there are
+        none, that of values is.
     """
 
     problem: Problem
     likelihoods: tuple[Likelihood, ...]
     measure: Measure | None = None
     jeffreys: JeffreysPrior | None = None
+    flat: Coordinates | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -277,6 +281,8 @@ class Posterior:
             inside = np.flatnonzero(np.isfinite(log_p))
             if inside.size:
                 log_p[inside] += self.jeffreys.log(draws[inside], self.problem.named)
+        if self.flat is not None:
+            log_p[inside] -= self.flat.log_volume(draws[inside])
         return log_p
 
     def log_likelihood(self, draws: FloatArray) -> FloatArray:

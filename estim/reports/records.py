@@ -288,6 +288,9 @@ def _prior_words(analysis: Analysis, parameter: Parameter) -> str:
     """How the prior of a parameter is written that was sampled."""
     prior = parameter.prior
     jeffreys = analysis.fit.jeffreys if analysis.diagnosis.sampled else None
+    flat = analysis.fit.sampled.flat
+    if flat is not None and flat.by_size[analysis.problem.names.index(parameter.name)]:
+        return phrase("nothing (a flat prior of its logarithm)")
     if jeffreys is None or parameter.name not in jeffreys.names:
         return prior.describe()
     if math.isfinite(prior.low):

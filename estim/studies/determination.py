@@ -40,7 +40,7 @@ def determine(analysis: Analysis, *, profiles: bool = True) -> Determination:
     )
     fit, symmetry = analysis.fit, analysis.fit.symmetry
     # else what was sampled is more than likelihood and priors, or a sum over labels
-    plain = fit.measure is None and fit.jeffreys is None
+    plain = fit.measure is None and fit.jeffreys is None and fit.sampled.flat is None
     if plain and (symmetry is None or symmetry.trivial):
         log_likelihood = analysis.chain.thinned_heights(_DRAWS) - problem.log_prior(draws)
     else:

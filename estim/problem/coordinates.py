@@ -1,0 +1,56 @@
+"""Coordinates of parameters in which a density is nearly normal.
+
+The constant of Arrhenius' law, or of an exponential that begins far from the data, may be known to
+a few powers of ten: others make up for it, so that it is highly correlated with them, along a bent
+valley.  With its logarithm the valley is nearly straight.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estim.arrays import BoolArray, FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Coordinates:
+    """Values, or logarithms of their ratio to `centre`, signed so that both increase together.
+
+    centre : (n_par,) values that are not 0 where the logarithm is taken.
+    by_size : (n_par,) whether it is.
+    """
+
+    centre: FloatArray
+    by_size: BoolArray
+
+    def values(self, places: FloatArray) -> FloatArray:
+        """Values (..., n_par) at coordinates."""
+        with np.errstate(all="ignore"):
+            sizes = self.centre * np.exp(np.sign(self.centre) * places)
+        return np.where(self.by_size, sizes, places)
+
+    def of(self, values: FloatArray) -> FloatArray:
+        """Coordinates (..., n_par) of values; infinite where a sign is not that of the centre."""
+        with np.errstate(all="ignore"):
+            logs = np.sign(self.centre) * np.log(np.maximum(values / self.centre, 0.0))
+        return np.where(self.by_size, logs, values)
+
+    def values_of(self, i: int, places: ArrayLike) -> FloatArray:
+        """Values (n,) of parameter i at coordinates (n,) of it."""
+        rows = np.zeros((np.size(places), self.centre.size))
+        rows[:, i] = places
+        return self.values(rows)[:, i]
+
+    def slopes(self, values: FloatArray) -> FloatArray:
+        """Derivatives (..., n_par) of the values in the coordinates."""
+        return np.where(self.by_size, np.abs(values), 1.0)
+
+    def log_volume(self, values: FloatArray) -> FloatArray:
+        """(...) logarithm of the volume of values that a unit of coordinates takes, at values (...,
+        n_par).
+        """
+        with np.errstate(divide="ignore"):
+            return np.sum(np.log(self.slopes(values)), axis=-1)
