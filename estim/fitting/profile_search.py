@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, IntArray, all_finite, finite_or, sds_of
-from estim.fitting.fisher_information import information, known_from_data, prior_sds
+from estim.fitting.fisher_information import information, known_from_data, on_limit, prior_sds
 from estim.levenberg_marquardt import Start, minima
 from estim.problem import Coordinates, Likelihood, Posterior
 
@@ -236,7 +236,7 @@ def _known_by_size(search: ProfileSearch, values: FloatArray, level: float) -> B
     together = np.abs(search.cov) / np.outer(sds, sds) - np.eye(sds.size)
     tied = (sds > _WIDE * np.abs(values)) & (values != 0.0)
     tied &= np.max(together, axis=1, initial=0.0) > _TIED
-    candidates = np.flatnonzero(tied & (search.low < values) & (values < search.high))
+    candidates = np.flatnonzero(tied & ~on_limit(search.posterior, values))
     starts = []
     for i in candidates:
         without = values.copy()
