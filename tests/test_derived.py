@@ -127,6 +127,21 @@ def test_what_depends_on_a_parameter_at_its_limit_has_no_plus_minus() -> None:
     )
     assert math.isnan(fit.sds["b"])
     assert math.isnan(fit.derived["twice"].sd)
+    assert fit.derived["twice"].interval[0.95] == pytest.approx(
+        (0.0, 2.0 * fit.intervals["b"][0.95][1])
+    )
+
+
+@pytest.mark.parametrize("formula", ["a*(1 - exp(-k*x))", "a*(1 - 2**(-k*x))"])
+def test_what_depends_on_one_parameter_has_the_interval_of_its_profile(formula: str) -> None:
+    """That of 1/k was linear in k, and twice as wide on one side as that of tau."""
+    x = np.linspace(0.3, 4.0, 12)
+    y = 3.0 * (1.0 - np.exp(-x / 2.5)) + 0.2 * np.random.default_rng(2).standard_normal(12)
+    unit = "1/k" if "exp" in formula else "1/(k*log(2))"
+    fit = fit_curve(formula, x, y, u_y=0.2, derived={"tau": unit})
+    direct = fit_curve("a*(1 - exp(-x/tau))", x, y, u_y=0.2)
+    for p in (0.68, 0.95):
+        assert fit.derived["tau"].interval[p] == pytest.approx(direct.intervals["tau"][p], rel=1e-3)
 
 
 def test_a_fit_that_is_not_ok_shows_no_plus_minus() -> None:

@@ -167,7 +167,13 @@ class CurveFit:
         for run in self.problem.runs:
             across = {sought.name for sought in run.sought if sought.others}
             for quantity in linear_derived(
-                run, self.names, values, self.cov, sizes=self._sizes, unknown=unknown
+                run,
+                self.names,
+                values,
+                self.cov,
+                sizes=self._sizes,
+                unknown=unknown,
+                intervals=self.intervals,
             ):
                 of_run = quantity.name not in across and any(
                     "[" in name

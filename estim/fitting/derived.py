@@ -4,14 +4,16 @@ without any draw.
     u^2(q) = g^T S g,    g = dq/dp        JCGM 100:2008, 5.2.2
 
 An interval is q at p + k S g / sqrt(g^T S g) for k = ± a quantile: along the direction in which q
-changes most for its probability.  For a q that is monotonic in one combination of the parameters it
-is exact, however bent q is; where q is linear it is q ± k u(q).
+changes for its probability.  For a q that is monotonic in one combination of the parameters it
+is exact, however bent q is; where q is linear it is q ± k u(q).  A q of one parameter alone has the
+interval of that parameter, which may be that of its profile.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -54,12 +56,15 @@ def linear_derived(
     *,
     sizes: ErrorSizes = STATED,
     unknown: Sequence[str] = (),
+    intervals: Mapping[str, Mapping[float, tuple[float, float]]] = MappingProxyType({}),
 ) -> tuple[LinearDerived, ...]:
     """What follows from the parameters `names` of a run at values (n_par,) with covariance cov
     (n_par, n_par), but for what is exact.
 
     sizes : of the errors.
     unknown : parameters without a standard deviation; what depends on one has none either.
+    intervals : name -> probability (0.68, 0.95) -> interval of a parameter, where it has another
+        than value ± k u.
     """
     n = values.size
     sds = sds_of(cov)
@@ -89,16 +94,28 @@ def linear_derived(
         k68, k95 = (student_quantile(0.5 + 0.5 * p, dof) for p in PROBABILITIES)
         reach = np.array([-k95, -k68, -1.0, 1.0, k68, k95])
         interval, plain = dict.fromkeys(PROBABILITIES, (np.nan, np.nan)), np.nan
-        if np.isfinite(sd) and sd > 0.0 and not np.any(gradients[q][np.isin(names, list(unknown))]):
+        moving = np.flatnonzero(gradients[q])
+        alone = names[moving[0]] if moving.size == 1 else ""
+        known = sd > 0.0 and not np.any(gradients[q][np.isin(names, list(unknown))])
+        if alone in intervals or (np.isfinite(sd) and known):
+            places = np.tile(values, (reach.size, 1))
+            if alone in intervals:
+                (low68, high68), (low95, high95) = (intervals[alone][p] for p in PROBABILITIES)
+                places[:, moving[0]] += reach * sds[moving[0]]
+                places[[0, 1, 4, 5], moving[0]] = low95, low68, high68, high95
+                places = places[:: int(np.sign(gradients[q][moving[0]]))]
+            else:
+                places += reach[:, None] * along / sd
             low95, low68, below, above, high68, high95 = (
-                _at(run, names, values + reach[:, None] * along / sd)[q].values[:, 0].tolist()
+                _at(run, names, places)[q].values[:, 0].tolist()
             )
             # else it has no value there, or turns back
             if low95 <= low68 <= centre <= high68 <= high95:
                 interval = dict(zip(PROBABILITIES, ((low68, high68), (low95, high95)), strict=True))
                 plain = (
                     sd
-                    if max(abs(above - centre - sd), abs(centre - below - sd)) <= LOPSIDED * sd
+                    if known
+                    and max(abs(above - centre - sd), abs(centre - below - sd)) <= LOPSIDED * sd
                     else np.nan
                 )
         quantities.append(
