@@ -96,13 +96,13 @@ def choose(
     and what was left aside.
 
     Other numbers that draw the same curve everywhere are one solution with it, given as it is
-    usually `written`.  Of curves through the same points (a frequency plus the rate of sampling;
-    through points that only rounded times tell apart, too) the one closest to the start is taken,
-    or the smoothest where ratios and differences do not agree on which that is.  Their weights do
-    not count: they depend on how the curve is written.  Where the user gave no range that holds the
-    others and the one taken is the smoothest of all, the others are left aside and no solutions.  A
-    worse end from which the next step would still lead away is no optimum: a parameter on its way
-    to infinity has any share.
+    usually `written`, but not by numbers that hold next to nothing of the posterior.  Of curves
+    through the same points (a frequency plus the rate of sampling; through points that only rounded
+    times tell apart, too) the one closest to the start is taken, or the smoothest where ratios and
+    differences do not agree on which that is.  Their weights do not count: they depend on how the
+    curve is written.  Where the user gave no range that holds the others and the one taken is the
+    smoothest of all, the others are left aside and no solutions.  A worse end from which the next
+    step would still lead away is no optimum: a parameter on its way to infinity has any share.
     """
     solutions: list[list[End]] = []
     for end in distinct[:1] + [end for end in distinct[1:] if _is_optimum(search, end)]:
@@ -111,9 +111,14 @@ def choose(
             solutions.append([end])
         else:
             known.append(end)
-    named = [written(search, [values for values, _ in ends], symmetry, start) for ends in solutions]
-    ends = [(values, ends[0][1]) for values, ends in zip(named, solutions, strict=True)]
-    shares = [_log_share(search, end) for end in ends]
+    named, shares = [], []
+    for found in solutions:
+        weights = [_log_share(search, end) for end in found]
+        shares.append(max(weights))
+        heavy = [w >= shares[-1] - WITHIN_REACH for w in weights]
+        alike = [values for (values, _), is_heavy in zip(found, heavy, strict=True) if is_heavy]
+        named.append(written(search, alike, symmetry, start))
+    ends = [(values, found[0][1]) for values, found in zip(named, solutions, strict=True)]
     best = ends[int(np.argmax(shares)) if math.isfinite(shares[0]) else 0]
     through = [
         i
