@@ -9,13 +9,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from estim.arrays import FloatArray, all_finite, max_abs
+from estim.arrays import BoolArray, FloatArray, all_finite, max_abs
 from estim.common import Amount, Finding, Kind
 from estim.fitting.gauss_newton import End, inverse_information
 from estim.fitting.least_squares import WITHIN_REACH
 from estim.fitting.separable import Indices, SeparableSearch
 from estim.fitting.symmetry_search import TURNS
-from estim.problem import Flat, Symmetry
+from estim.problem import Symmetry
 
 SAME = 1e-6  # relative difference of sums of squares between equal optima
 MOST_OTHERS = 16  # other optima that are kept
@@ -160,7 +160,7 @@ def choose(
     alike = [values for values in alike if not is_close(values, named[chosen], spread, PLACE)]
     told(Kind.OTHER_NUMBERS, alike, steady[differ[steady]])
     aside = [i for i in through if i != chosen]
-    if np.all(np.isfinite(search.low[moved]) & np.isfinite(search.high[moved])) or any(
+    if np.all(_has_range(search, moved)) or any(
         _roughness(search, named[i]) < _roughness(search, named[chosen]) for i in aside
     ):
         aside = []
@@ -229,15 +229,18 @@ def _log_share(search: SeparableSearch, end: End) -> float:
 
 
 def is_one(search: SeparableSearch, end: End, other: End) -> bool:
-    """Whether two ends draw the same curve everywhere; not where each nonlinear parameter in which
-    they differ has a range that was stated as a prior: then no start chooses one.
+    """Whether two ends draw the same curve everywhere; not where a range holds both of the only
+    nonlinear parameter in which they differ: it says that both are meant.
     """
     if not _as_good(search, end, other, between=True):
         return False
     apart = np.abs(end[0] - other[0]) > PLACE * spread_at(search, other)
-    parameters = search.posterior.problem.parameters
-    priors = [parameters[i].prior for i in search.nonlinear if apart[i]]
-    return any(prior.informative or isinstance(prior, Flat) for prior in priors)
+    moved = search.nonlinear[apart[search.nonlinear]]
+    return moved.size > 1 or not bool(np.all(_has_range(search, moved)))
+
+
+def _has_range(search: SeparableSearch, which: Indices) -> BoolArray:
+    return np.isfinite(search.low[which]) & np.isfinite(search.high[which])
 
 
 def _as_good(search: SeparableSearch, end: End, other: End, *, between: bool) -> bool:
