@@ -585,3 +585,40 @@ def test_a_parameter_without_a_derivative_is_one_that_the_data_are_silent_about(
         names=("A", "w"), values=np.zeros(2), posterior=posterior, problem=problem
     )
     assert silent_parameters(cast(Fit, fit)) == ("w",)
+
+
+@pytest.mark.parametrize("start", [None, {"b": 0.05}])
+@pytest.mark.parametrize(
+    "formula", ["sqrt(a**2 + (b*x)**2)", "a/(1 + (b*x)**2)", "a*cos(b*x)", "a + b*b*x"]
+)
+def test_a_parameter_best_where_its_sign_changes_is_told_to_take_the_limit(
+    formula: str, start: dict[str, float] | None
+) -> None:
+    """There the curve has no derivative in it, although the data determine it: that they do not was
+    said, or that the search did not converge.
+    """
+    x = np.linspace(0.0, 10.0, 60)
+    seen = 0
+    for seed in (1, 2, 6):
+        y = 2.0 + 0.1 * np.random.default_rng(seed).standard_normal(60)
+        fit = fit_curve(formula, x, y, u_y=0.1, start=start)
+        if fit.status == "ok":
+            continue
+        seen += 1
+        assert fit.status == "not-identified"
+        assert fit.reasons == (
+            "b has no standard deviation at its best value, 0: the curve is the same on both sides "
+            "of it, so that it does not change there to first order; give it the limit 0",
+        )
+        limited = fit_curve(formula, x, y, u_y=0.1, bounds={"b": (0.0, None)})
+        assert limited.status == "ok"
+        assert 0.0 < limited.intervals["b"][0.95][1] < 0.2
+    assert seen
+
+
+def test_a_parameter_that_no_point_sees_is_not_determined_on_any_side_of_0() -> None:
+    x = np.linspace(0.0, 10.0, 20)
+    y = 2.0 + 0.1 * np.random.default_rng(1).standard_normal(20)
+    fit = fit_curve("a + b*b*max(x - 20, 0)", x, y, u_y=0.1, start={"b": 1.0})
+    assert fit.status == "not-identified"
+    assert "do not determine b" in fit.reasons[0]

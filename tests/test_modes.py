@@ -16,6 +16,7 @@ from estim import CurveFit, fit_curve
 from estim.campaign import load_campaign
 from estim.fitting.symmetry_search import find_symmetry
 from estim.pipeline import analyse, sample_curve
+from estim.problem import Uniform
 from estim.problem.symmetry import folded, same_curves
 from estim.sampling.chain import Target
 from estim.words import tell
@@ -352,6 +353,96 @@ def test_an_exchange_hides_no_other_solution() -> None:
     )
     assert alone.status == "ok"
     assert "A with B and f with g" in alone.message
+
+
+RATIO = "a*exp(-x/t) + b*exp(-x/(t*r))"
+TWO_TIMES = (
+    4.0 * np.exp(-T) + 6.0 * np.exp(-T / 5.0) + 0.02 * np.random.default_rng(1).standard_normal(41)
+)
+
+
+@pytest.mark.parametrize(
+    ("formula", "choices"),
+    [
+        (RATIO, {}),
+        (RATIO, {"bounds": {"t": (0.01, 100.0), "r": (0.01, 100.0)}}),
+        (RATIO, {"priors": {"t": Uniform(0.1, 10.0), "r": Uniform(0.1, 10.0)}, "start": {"a": 1}}),
+        ("s*(f*exp(-x/t) + (1 - f)*exp(-x/(t*r)))", {}),
+        ("a*exp(-x/t) + b*exp(-x/u)", {"tied": {"u": "r*t"}, "start": {"r": 4.0}}),
+        ("a*exp(-x/t) + b*exp(-x/u)", {"tied": {"u": "r*t"}, "start": {"r": 0.3}}),
+        ("a*exp(-x/t) + b*exp(-x/u)", {"tied": {"b": "r*a"}, "start": {"r": 2.0}}),
+        ("a*exp(-x/t) + b*exp(-x/u)", {"tied": {"b": "r*a"}, "start": {"r": 0.5}}),
+    ],
+)
+def test_components_that_a_ratio_ties_are_exchanged_and_no_second_solution(
+    formula: str, choices: dict
+) -> None:
+    """r becomes 1/r and t becomes r*t, which is no exchange of parameters: the weight of each
+    spelling depends on the ratio, that of the curve does not.
+    """
+    plain = fit_curve("a*exp(-x/t) + b*exp(-x/u)", T, TWO_TIMES, u_y=0.02)
+    fit = fit_curve(formula, T, TWO_TIMES, u_y=0.02, **choices)
+    assert fit.status == "ok", fit.reasons
+    assert fit.chi2 == pytest.approx(plain.chi2, rel=1e-9)
+    assert fit.values["t"] == pytest.approx(plain.values["t"], rel=1e-6) or fit.values[
+        "t"
+    ] == pytest.approx(plain.values["u"], rel=1e-6)
+    if "r" in choices.get("start", {}):  # the one that was meant
+        assert (fit.values["r"] > 1.0) == (choices["start"]["r"] > 1.0)
+        assert "the curve is the same with other parameter values" in fit.message
+
+
+def test_draws_of_components_that_a_ratio_ties_describe_one_solution() -> None:
+    fit = fit_curve(RATIO, T, TWO_TIMES, u_y=0.02, start={"t": 1.0, "r": 5.0})
+    found = sample_curve(fit, seed=1, target=Target(max_step=200))
+    assert found.diagnosis.status == "ok"
+    assert np.min(found.chain.flat[:, fit.names.index("r")]) > 4.0
+    assert any("other parameter values" in note for note in found.diagnosis.notes)
+
+
+def test_a_range_of_a_shift_that_holds_several_says_that_each_is_meant() -> None:
+    """Draws would go from one to the next; of what a ratio ties they do not."""
+    y = 8.0 * np.sin(4.5 * (T - 0.2)) + 0.3 * np.random.default_rng(1).standard_normal(41)
+    fit = fit_curve("A*sin(w*(x - t0))", T, y, u_y=0.3, bounds={"t0": (0.0, 5.0)})
+    assert fit.status == "multimodal"
+    assert fit_curve("A*sin(w*(x - t0))", T, y, u_y=0.3).status == "ok"
+
+
+def test_a_ratio_hides_no_other_solution() -> None:
+    """Two waves whose frequencies a ratio ties may change places, and each may be an alias."""
+    y = (
+        2.0 * np.sin(2 * np.pi * 0.13 * WHOLE)
+        + np.sin(2 * np.pi * 0.31 * WHOLE)
+        + 0.02 * np.random.default_rng(2).standard_normal(20)
+    )
+    fit = fit_curve(
+        "A*sin(2*pi*f*x) + B*sin(2*pi*f*r*x)",
+        WHOLE,
+        y,
+        start={"A": 1.0, "B": 1.0, "f": 0.1, "r": 3.0},
+        u_y=0.02,
+        bounds={"f": (0.05, 1.0), "r": (0.1, 6.0)},
+    )
+    assert fit.status == "multimodal"
+    assert "the curve is the same with other parameter values" not in fit.reasons[0]
+
+
+@pytest.mark.parametrize("distance", [6.0, -6.0])
+def test_a_distance_between_two_peaks_keeps_the_sign_of_its_start(distance: float) -> None:
+    x = np.arange(0.0, 20.0, 0.5)
+    right = (
+        100.0 * np.exp(-((x - 6.0) ** 2) / 2.88) + 60.0 * np.exp(-((x - 12.0) ** 2) / 2.88) + 5.0
+    )
+    fit = fit_curve(
+        "l_gaussian + r_gaussian + constant",
+        x,
+        np.random.default_rng(4).poisson(right),
+        noise="poisson",
+        tied={"r_sigma": "l_sigma", "r_center": "l_center + d"},
+        start={"d": distance},
+    )
+    assert fit.status == "ok"
+    assert fit.values["d"] == pytest.approx(distance, abs=0.5)
 
 
 # where there is one solution

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from estim.checks.counts import counts_as_readings
 from estim.checks.diagnosis import failed_tests, marginal_tests, tolerated_pattern
 from estim.checks.goodness_of_fit import P_FLOOR, P_POOR_FIT, Goodness
@@ -12,6 +14,7 @@ from estim.common import Amount, Finding, Kind
 from estim.fitting import FEW, Ends, Fit, Optimum, coverage_of_sd, pressed_edges, silent_parameters
 
 _ROUNDED = 1e-6  # of an interval's width
+_AS_GOOD = 0.01  # of the log density
 # standard deviations that rounding errors move a value by: worth a word; no result
 _FEW_DIGITS, _NO_DIGITS = 0.01, 0.5
 
@@ -32,8 +35,12 @@ def curve_findings(
     fixed : with errors of a fixed size, which was `estimated` from the residuals or stated.
     perfect : whether there are no residuals.
     """
-    findings = []
-    if not best.settled and not best.singular:
+    lost = silent_parameters(fixed) if best.singular else () if best.settled else (best.mover,)
+    even = [name for name in lost if _even_at_zero(fixed, name)]
+    findings = [
+        Finding(Kind.UNDETERMINED, names=(name,), parameters=(Amount(name, 0.0),)) for name in even
+    ]
+    if not best.settled and not best.singular and not even:
         findings.append(
             Finding(Kind.STEP_UNSETTLED, size=best.step, parameters=(Amount(best.mover),))
         )
@@ -41,8 +48,9 @@ def curve_findings(
         findings.append(Finding(Kind.ROUNDING, size=best.tolerance))
     if best.unheld is not None:
         findings.append(best.unheld)
-    if best.singular:
-        findings.append(Finding(Kind.UNDETERMINED, names=silent_parameters(fixed)))
+    if best.singular and len(even) < len(lost):
+        names = tuple(name for name in lost if name not in even)
+        findings.append(Finding(Kind.UNDETERMINED, names=names))
     findings += pressed_edges(fixed, Kind.PRESSED_LIMIT, estimated=estimated)
     for failed in failed_tests(goodness, dof=dof):
         if failed.test == "chi2" and (len(goodness) == 1 or not failed.run):
@@ -53,6 +61,20 @@ def curve_findings(
         elif failed.test:
             findings.append(failed)
     return findings
+
+
+def _even_at_zero(fit: Fit, name: str) -> bool:
+    """Whether the posterior density has its mode where a parameter is 0, and falls off alike on
+    both sides: the curve has no derivative there, however well the data determine the parameter.
+    """
+    sizes, i = np.logspace(-30.0, 30.0, 121), fit.names.index(name)  # in any unit
+    points = np.tile(fit.values, (2 * sizes.size + 2, 1))
+    points[:-1, i] = [*sizes, *-sizes, 0.0]
+    with np.errstate(all="ignore"):  # far away a curve may overflow
+        heights = fit.posterior.log_density(points)
+    (above, below), (at_zero, best) = heights[:-2].reshape(2, -1), heights[-2:]
+    falls = np.any((above < at_zero - 1.0) & np.isfinite(above))
+    return bool(falls and at_zero > best - _AS_GOOD and np.allclose(above, below, rtol=1e-6))
 
 
 def values_outside(values: Mapping[str, float], intervals: Mapping[str, Ends]) -> list[Finding]:

@@ -8,8 +8,9 @@ Gauss-Newton steps with a QR decomposition until they are at rounding error.
 
 From the best point every nonlinear parameter is then led through its whole range
 (`estim.fitting.further_optima`), so that other optima are met, better ones or equal ones.  Values
-that draw the same curve everywhere (two exponentials can change places, `estim.problem.symmetry`)
-are one optimum, given with the labels closest to the user's start.  All else that is not much worse
+that draw the same curve everywhere (two exponentials can change places) are one optimum, given with
+the labels closest to the user's start, whether a map of all parameters leads from one to the other
+(`estim.problem.symmetry`) or not.  All else that is not much worse
 is another solution.
 """
 
@@ -48,6 +49,7 @@ from estim.fitting.solutions import (
     equal_to,
     is_at,
     is_close,
+    is_one,
     repeats,
     spread_at,
 )
@@ -264,9 +266,13 @@ def _chosen(
     """The optimum that `every` end of descents and scans gives, with the other solutions among
     them; tried : the ends that the starts led to.
     """
-    distinct = distinct_ends(search, best, every, symmetry, start)
+    distinct = distinct_ends(search, best, every, symmetry)
     values, others, aliases = choose(search, distinct, symmetry, start)
-    n_same = sum(is_at(search, best, end, values, symmetry) for end, _ in tried)
+    chosen = values, search.chi2(values)
+    n_same = sum(
+        is_at(search, best, end[0], values, symmetry) or is_one(search, end, chosen)
+        for end in tried
+    )
     optimum = _polished(search, values, n_start=n_start, n_same=n_same)
     return replace(optimum, others=others, symmetry=symmetry, aliases=aliases)
 

@@ -5,14 +5,15 @@ another solution.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from estim.arrays import FloatArray, all_finite, max_abs
+from estim.arrays import BoolArray, FloatArray, all_finite, max_abs
 from estim.common import Amount, Finding, Kind
 from estim.fitting.gauss_newton import End, inverse_information
 from estim.fitting.least_squares import WITHIN_REACH
-from estim.fitting.separable import SeparableSearch
+from estim.fitting.separable import Indices, SeparableSearch
 from estim.fitting.symmetry_search import TURNS
 from estim.problem import Symmetry
 
@@ -21,7 +22,6 @@ MOST_OTHERS = 16  # other optima that are kept
 PLACE = 0.5  # standard deviations: closer ends are one place
 _EXACT, _ROUNDED = 1e-9, 0.01  # of the distance between two points: from its even place
 _ASIDE = 0.382  # of the distance: no simple share, at which other aliases meet again
-_ALIKE = 0.1  # in log share: solutions of the same weight
 _UNFELT = 0.01  # of the scatter, by which curves through the same points differ
 # ratio of singular values from which a normal distribution says what an optimum holds
 _SOUND = 1e-6
@@ -76,21 +76,12 @@ def is_at(
 
 
 def distinct_ends(
-    search: SeparableSearch, best: End, ends: list[End], symmetry: Symmetry, start: FloatArray
+    search: SeparableSearch, best: End, ends: list[End], symmetry: Symmetry
 ) -> list[End]:
-    """Ends that are not much worse than the best, each place once, labels aside; the best first, of
-    equal ones that closest to the start.
-    """
+    """Ends that are not much worse than the best, each place once, labels aside; the best first."""
     distinct: list[End] = []
-    limit, equal = chi2_limit(search, best), equal_to(search, best[1])
-    for end in sorted(
-        ends,
-        key=lambda candidate: (
-            (0.0, distance(search, candidate[0], start, symmetry.period))
-            if candidate[1] <= equal
-            else (candidate[1], 0.0)
-        ),
-    ):
+    limit = chi2_limit(search, best)
+    for end in sorted(ends, key=lambda candidate: candidate[1]):
         if end[1] > limit or len(distinct) > MOST_OTHERS:
             break
         if not any(is_at(search, other, end[0], other[0], symmetry) for other in distinct):
@@ -104,48 +95,45 @@ def choose(
     """The optimum with the largest share of the posterior, the other solutions (n_other, n_par),
     and what was left aside.
 
-    Each is as it is usually `written`.  Of curves through the same points (a frequency plus the
-    rate of sampling; through points that only rounded times tell apart, too) the one closest to the
-    start is taken, or the smoothest where ratios and differences do not agree on which that is.
-    Their weights do not count: they depend on how the curve is written.  Where the user gave no
-    range that holds the others and the one taken is the smoothest of all, the others are left aside
-    and no solutions; so are other numbers that draw the same curve everywhere.  A worse end from
-    which the next step would still lead away is no optimum: a parameter on its way to infinity has
-    any share.
+    Other numbers that draw the same curve everywhere are one solution with it, given as it is
+    usually `written`, but not by numbers that hold next to nothing of the posterior.  Of curves
+    through the same points (a frequency plus the rate of sampling; through points that only rounded
+    times tell apart, too) the one closest to the start is taken, or the smoothest where ratios and
+    differences do not agree on which that is.  Their weights do not count: they depend on how the
+    curve is written.  Where the user gave no range that holds the others and the one taken is the
+    smoothest of all, the others are left aside and no solutions.  A worse end from which the next
+    step would still lead away is no optimum: a parameter on its way to infinity has any share.
     """
-    distinct = distinct[:1] + [end for end in distinct[1:] if _is_optimum(search, end)]
-    shares = [_log_share(search, end) for end in distinct]
-    heaviest = int(np.argmax(shares)) if math.isfinite(shares[0]) else 0
-    least = distinct[heaviest][1] * (1.0 - SAME) - search.rounding
-    equal = equal_to(search, distinct[heaviest][1])
-    named = [written(search, values, symmetry, start) for values, _ in distinct]
-    rounded = [_is_alias(search, values, distinct[heaviest][0]) for values, _ in distinct]
+    solutions: list[list[End]] = []
+    for end in distinct[:1] + [end for end in distinct[1:] if _is_optimum(search, end)]:
+        known = next((ends for ends in solutions if is_one(search, end, ends[0])), None)
+        if known is None:
+            solutions.append([end])
+        else:
+            known.append(end)
+    named, shares = [], []
+    for found in solutions:
+        weights = [_log_share(search, end) for end in found]
+        shares.append(max(weights))
+        heavy = [w >= shares[-1] - WITHIN_REACH for w in weights]
+        alike = [values for (values, _), is_heavy in zip(found, heavy, strict=True) if is_heavy]
+        named.append(written(search, alike, symmetry, start))
+    ends = [(values, found[0][1]) for values, found in zip(named, solutions, strict=True)]
+    best = ends[int(np.argmax(shares)) if math.isfinite(shares[0]) else 0]
     through = [
         i
-        for i, (values, chi2) in enumerate(distinct)
-        if rounded[i]
-        or (
-            least <= chi2 <= equal
-            and _same_curve(search, values, distinct[heaviest][0], between=False, unfelt=_UNFELT)
-        )
+        for i, end in enumerate(ends)
+        if _is_alias(search, end[0], best[0]) or _as_good(search, end, best, between=False)
     ]
-    # numbers that draw the same curve everywhere have their weight
-    same = [
-        i
-        for i in through
-        if i == heaviest
-        or shares[i] > shares[heaviest] - _ALIKE
-        or not _same_curve(search, named[i], named[heaviest], between=True, unfelt=_UNFELT)
-    ]
-    points = np.array([named[i] for i in through])
-    apart = np.ptp(points, axis=0)
+    apart = np.ptp([named[i] for i in through], axis=0)
     steady = np.array(
         [i for i in search.nonlinear if not math.isfinite(symmetry.period[i])], dtype=np.int64
     )
-    moved = steady[apart[steady] > spread_at(search, distinct[heaviest])[steady]]
-    chosen, findings = same[0], list[Finding]()
+    spread = spread_at(search, best)
+    moved = steady[apart[steady] > spread[steady]]
+    chosen, findings = through[0], list[Finding]()
     if moved.size:
-        begun = written(search, start, symmetry, start)
+        begun = written(search, [start], symmetry, start)
         alone = np.isin(np.arange(start.size), moved)
 
         def by_ratio(i: int) -> float:
@@ -154,53 +142,40 @@ def choose(
         def by_difference(i: int) -> float:
             return float(np.sum(((named[i] - begun)[moved] / apart[moved]) ** 2))
 
-        chosen = min(same, key=by_ratio)
-        if chosen != min(same, key=by_difference):  # far from all of them
-            chosen = min(same, key=lambda i: _roughness(search, named[i]))
-    aside = []
-    if moved.size and not np.all(np.isfinite(search.low[moved]) & np.isfinite(search.high[moved])):
+        chosen = min(through, key=by_ratio)
+        if chosen != min(through, key=by_difference):  # far from all of them
+            chosen = min(through, key=lambda i: _roughness(search, named[i]))
+
+    def told(kind: Kind, others: list[FloatArray], which: Indices) -> None:
         names = search.posterior.problem.names
+        parts = tuple(
+            Finding(Kind.VALUES, parameters=tuple(Amount(names[k], float(other[k])) for k in which))
+            for other in others[:2]
+        )
+        if parts:
+            findings.append(Finding(kind, parts=parts))
 
-        def shown(which: list[int]) -> tuple[Finding, ...]:
-            return tuple(
-                Finding(
-                    Kind.VALUES,
-                    parameters=tuple(Amount(names[k], float(named[i][k])) for k in moved),
-                )
-                for i in which[:2]
-            )
-
-        alike = [
-            i
-            for i in same
-            if i != chosen
-            and _same_curve(search, named[i], named[chosen], between=True, unfelt=_UNFELT)
-        ]
-        faster = [
-            i
-            for i in through
-            if i != chosen
-            and i not in alike
-            and not _same_curve(search, named[i], named[chosen], between=True, unfelt=_UNFELT)
-        ]
-        aside += alike
-        if alike:
-            findings.append(Finding(Kind.OTHER_NUMBERS, parts=shown(alike)))
-        if faster and _roughness(search, named[chosen]) <= min(
-            _roughness(search, named[i]) for i in faster
-        ):
-            aside += faster
-            findings.append(Finding(Kind.FASTER_CURVES, parts=shown(faster)))
+    alike = [written(search, [values], symmetry, start) for values, _ in solutions[chosen]]
+    differ = np.max(np.abs(np.array(alike) - named[chosen]), axis=0) > spread
+    alike = [values for values in alike if not is_close(values, named[chosen], spread, PLACE)]
+    told(Kind.OTHER_NUMBERS, alike, steady[differ[steady]])
+    aside = [i for i in through if i != chosen]
+    if np.all(_has_range(search, moved)) or any(
+        _roughness(search, named[i]) < _roughness(search, named[chosen]) for i in aside
+    ):
+        aside = []
+    told(Kind.FASTER_CURVES, [named[i] for i in aside], moved)
     rest = [named[i] for i in range(len(named)) if i != chosen and i not in aside]
     return named[chosen], np.array(rest).reshape(-1, start.size), tuple(findings)
 
 
 def written(
-    search: SeparableSearch, values: FloatArray, symmetry: Symmetry, start: FloatArray
+    search: SeparableSearch, alike: Sequence[FloatArray], symmetry: Symmetry, start: FloatArray
 ) -> FloatArray:
-    """Of the values that draw the same curve, those closest to the starts that were stated; of
-    these those with positive frequencies and widths, then with positive amplitudes, with phases
-    within half a turn, and closest to starts that were found from the points.
+    """Of the values `alike` that draw the same curve, and of their images, those closest to the
+    starts that were stated; of these those with positive frequencies and widths, then with positive
+    amplitudes, with phases within half a turn, and closest to starts that were found from the
+    points.
     """
     stated = np.array([p.prior.start_stated for p in search.posterior.problem.parameters])
     near = np.where(~stated & np.isfinite(symmetry.period), 0.0, start)
@@ -221,7 +196,8 @@ def written(
             distance(search, image, start, symmetry.period),
         )
 
-    return min(symmetry.within(values, near), key=order, default=values)
+    images = [image for values in alike for image in symmetry.within(values, near)]
+    return min(images, key=order, default=alike[0])
 
 
 def _is_optimum(search: SeparableSearch, end: End) -> bool:
@@ -250,6 +226,28 @@ def _log_share(search: SeparableSearch, end: End) -> float:
     dof = max(1, search.posterior.problem.n_obs - free.size)
     height = -0.5 * dof * math.log(end[1] + search.rounding) if search.unstated else -0.5 * end[1]
     return height + 0.5 * float(np.linalg.slogdet(cov)[1])
+
+
+def is_one(search: SeparableSearch, end: End, other: End) -> bool:
+    """Whether two ends draw the same curve everywhere; not where a range holds both of the only
+    nonlinear parameter in which they differ: it says that both are meant.
+    """
+    if not _as_good(search, end, other, between=True):
+        return False
+    apart = np.abs(end[0] - other[0]) > PLACE * spread_at(search, other)
+    moved = search.nonlinear[apart[search.nonlinear]]
+    return moved.size > 1 or not bool(np.all(_has_range(search, moved)))
+
+
+def _has_range(search: SeparableSearch, which: Indices) -> BoolArray:
+    return np.isfinite(search.low[which]) & np.isfinite(search.high[which])
+
+
+def _as_good(search: SeparableSearch, end: End, other: End, *, between: bool) -> bool:
+    """Whether two ends draw the same curves (`_same_curve`) and their priors are as good."""
+    return abs(end[1] - other[1]) <= SAME * other[1] + search.rounding and _same_curve(
+        search, end[0], other[0], between=between, unfelt=_UNFELT
+    )
 
 
 def _same_curve(

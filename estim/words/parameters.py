@@ -203,7 +203,11 @@ WORDS: Table = {
     ),
     Kind.UNDETERMINED: lambda f: said(
         f,
-        "the data do not determine {names}, so there are no standard deviations"
+        "{name} has no standard deviation at its best value, {value:.6g}: the curve is the same on "
+        "both sides of it, so that it does not change there to first order; give it the limit "
+        "{value:.6g}"
+        if f.parameters
+        else "the data do not determine {names}, so there are no standard deviations"
         if len(f.names) == 1
         else "the data do not determine {names} individually, only a combination of them, so there "
         "are no standard deviations",
