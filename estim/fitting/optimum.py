@@ -235,6 +235,7 @@ def _found(
     if not tried:
         raise _nowhere_finite(search.posterior.problem, start)
     best = min(tried, key=lambda end: end[1])
+    _refuse_vanishing(search.posterior.problem, best[0])
     if not searched:
         return _polished(search, best[0], n_start=1, n_same=1)
     symmetry = find_symmetry(search.posterior.problem, best[0], search.nonlinear.tolist(), rng)
@@ -373,6 +374,19 @@ def _fades(search: SeparableSearch, i: int, places: FloatArray, present: BoolArr
             sizes[k] = np.linalg.norm(own - along)
     less = sizes[1::2] <= np.maximum(sizes[::2], _NOTHING)
     return bool(np.all(less | ~present[1::2]))
+
+
+def _refuse_vanishing(problem: Problem, values: FloatArray) -> None:
+    """Raises InputError where the best density is one that numbers cannot hold."""
+    named = problem.named(values[None, :])
+    for run in problem.runs:
+        look = getattr(run.curve, "vanishes", None)  # of a density (`estim.curves.binned`)
+        if look is not None and look(run.points.bind(named)):
+            raise InputError(
+                "is a density so close to 0 at all events that numbers cannot hold it: count x "
+                "from an origin near them, as in exp(-(x - origin)/tau)",
+                field="curve",
+            )
 
 
 def _nowhere_finite(problem: Problem, start: FloatArray) -> InputError:
