@@ -38,10 +38,12 @@ def on_limit(posterior: Posterior, values: FloatArray) -> BoolArray:
 def beside_limits(posterior: Posterior, values: FloatArray) -> FloatArray:
     """(n_par,) where the information tells how well each parameter is known: `values`, but for
     those on a limit at which the curve does not depend on them to first order (the b of
-    sqrt(a^2 + b^2 x^2) at 0).  Such a one lies inside, where the density has fallen by half a unit.
+    sqrt(a^2 + b^2 x^2) at 0), or not at all on another one (the t of a exp(-x/t) where a is 0).
+    Such a one lies inside, where the density has fallen by half a unit.
     """
     low, high = posterior.problem.support()
     known = np.sqrt(np.diag(information(posterior, values)))
+    silent = bool(np.any(known[list(posterior.problem.of_curve)] == 0.0))
     moved = values.copy()
     for i in np.flatnonzero(on_limit(posterior, values)):
         inside, room = (
@@ -56,7 +58,7 @@ def beside_limits(posterior: Posterior, values: FloatArray) -> FloatArray:
         with np.errstate(all="ignore"):
             heights = posterior.log_density(places)
         fallen = heights[0] - heights[1:] > 0.5
-        if heights[0] - heights[1] > _MUCH and not np.all(fallen):
+        if (silent or heights[0] - heights[1] > _MUCH) and not np.all(fallen):
             moved[i] = places[1 + np.argmin(fallen), i]
     return moved
 

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import BoolArray, FloatArray, Named, all_finite, sds_of
 from estim.common import Amount, Finding, InputError, Kind, NumericalError, phrase
+from estim.fitting.fisher_information import beside_limits
 from estim.fitting.further_optima import far_places, further_optima
 from estim.fitting.gauss_newton import End, descended, inverse_information, near_bound, stepped
 from estim.fitting.least_squares import (
@@ -624,6 +625,10 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
     rounded = search.rounding_at(values, jacobian)
     floor = 0.1 * math.sqrt(rounded / max(chi2, 1e-300) * max(1, residual.size - free.size))
     near = near_bound(search, values, jacobian, residual, chi2)
+    if np.any(near) and not np.all(np.any(jacobian, axis=0)[free]):
+        # what another parameter hides on its limit lies anywhere
+        beside = search.scoring(beside_limits(search.posterior, values))[0]
+        near |= np.any(beside, axis=0) & ~np.any(jacobian, axis=0)
     moving = free[~near[free]]
     cov, condition = inverse_information(jacobian[:, moving], resolved)
     full = np.zeros((values.size, values.size))
