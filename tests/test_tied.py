@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estim import fit_curve
+from estim import AxisNames, fit_curve
 from estim.common import InputError
 
 X = np.linspace(0.0, 10.0, 40)
@@ -99,3 +99,21 @@ def test_a_tied_formula_needs_no_starting_values() -> None:
     assert fit.values["s"] == pytest.approx(1.5, abs=4.0 * fit.sds["s"])
     with pytest.raises(InputError, match=r"tied\[b\]' names 'q', which is no parameter"):
         fit_curve("a*exp(-x/s) + b*exp(-x/r)", x, y, u_y=0.02, tied=tied | {"b": "q*a"})
+
+
+def test_a_tied_parameter_is_in_the_unit_that_the_curve_says() -> None:
+    axes = AxisNames("t", "s", "U", "V")
+    fit = fit_curve(SUM, X, Y, u_y=0.02, axes=axes, tied={"t": "2*s"}, derived={"k": "1/t"})
+    units = {quantity.name: quantity.unit for quantity in fit.derived.values()}
+    assert units == {"t": "s", "k": "1/s"}
+    open_number = fit_curve(SUM, X, Y, u_y=0.02, axes=axes, tied={"t": "25/s"}, start={"s": 2.0})
+    assert open_number.derived["t"].unit == "s"  # of 25 s^2
+
+
+@pytest.mark.parametrize(
+    ("tie", "unit"), [("a*s", r"in V·s"), ("2/s", "in 1/s"), ("s**2/2", "in s²"), ("s/s", "a pure")]
+)
+def test_a_tie_in_another_unit_than_the_curve_says_is_refused(tie: str, unit: str) -> None:
+    axes = AxisNames("t", "s", "U", "V")
+    with pytest.raises(InputError, match=f"'t' would be {unit}.*, but must be in s,"):
+        fit_curve(SUM, X, Y, u_y=0.02, axes=axes, tied={"t": tie}, start={"s": 2.0})
