@@ -490,7 +490,11 @@ def _describe(
     same: list[FloatArray],
 ) -> Fit:
     """Raises NumericalError where the curve has no finite derivatives."""
-    matrix = information(posterior, beside_limits(posterior, values))
+    matrix, inside = (
+        information(posterior, at) for at in (values, beside_limits(posterior, values))
+    )
+    # what lies on its limit is known as well as inside, and makes the others no less known
+    np.fill_diagonal(matrix, np.maximum(np.diag(matrix), np.diag(inside)))
     if not all_finite(matrix):
         raise _no_curvature(values, posterior)
     spread = diagonal_scale(matrix)
