@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from estim import AxisNames, fit_curve
+from estim import AxisNames, DataSet, fit_curve, fit_curves
 from estim.common import InputError
 
 X = np.linspace(0.0, 10.0, 40)
@@ -79,13 +81,28 @@ def test_peaks_of_one_width() -> None:
         ({"b": "2*q"}, r"tied\[b\]' names 'q'"),
         ({"b": "2*x"}, "must not hold x"),
         ({"b": "t", "t": "s"}, "names 't'"),
-        ({"b": "a", "t": "s", "u": "a"}, "'u'"),
+        (
+            {"b": "a", "t": "s", "u": "a"},
+            r"'tied' names 'u', which is not a parameter of the curve \(a, s, b, t\): a",
+        ),
         ({"b": "open(1)"}, "calls 'open'"),
     ],
 )
-def test_what_is_wrong_with_a_tie(tied: dict[str, str], said: str) -> None:
+@pytest.mark.parametrize("curve", [SUM, two])
+def test_what_is_wrong_with_a_tie(curve: object, tied: dict[str, str], said: str) -> None:
     with pytest.raises(InputError, match=said):
-        fit_curve(SUM, X, Y, u_y=0.02, start={"a": 1.0, "s": 1.0}, tied=tied)
+        fit_curve(curve, X, Y, u_y=0.02, start={"a": 1.0, "s": 1.0}, tied=tied)
+
+
+def test_a_tie_across_data_sets_is_refused_with_what_to_do() -> None:
+    curve, other = "a*exp(-x/s)", "b*exp(-x/t)"
+    data = {"p": DataSet(X, Y, u_y=0.02), "q": DataSet(X, 2.0 * Y, u_y=0.04)}
+    with pytest.raises(InputError, match=r"give each DataSet a curve of its own.*a\[q\] = 2"):
+        fit_curves(curve, data, shared=["s"], tied={"a[q]": "2*a[p]"})
+    own = {"p": replace(data["p"], curve=curve), "q": replace(data["q"], curve=other)}
+    fit = fit_curves(None, own, tied={"b": "2*a", "t": "s"})
+    assert fit.names == ("a", "s")
+    assert fit.derived["b"].value == pytest.approx(2.0 * fit.values["a"])
 
 
 def test_a_tied_formula_needs_no_starting_values() -> None:
