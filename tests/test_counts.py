@@ -746,6 +746,34 @@ def test_a_density_without_an_integral_is_refused_by_that_name(
         fit_curve(density, times, None, start={"a": 1.0, "b": 1.0}, noise=EventTimes(0.0, 1.0))
 
 
+@pytest.mark.parametrize("start", [None, {"tau": 3.0}])
+def test_times_since_an_origin_far_off_need_one_in_the_formula(
+    rng: np.random.Generator, start: dict[str, float] | None
+) -> None:
+    # exp(-10000 s/3 s) is less than any number
+    times = 1e4 + rng.exponential(3.0, 200)
+    window = EventTimes(1e4, 1e4 + 100.0)
+    with pytest.raises(InputError, match="an origin near them") as caught:
+        fit_curve("exp(-x/tau)", times, None, noise=window, start=start)
+    assert caught.value.field == "curve"
+    fit = fit_curve("exp(-(x-1e4)/tau)", times, None, noise=window, start=start)
+    assert fit.values["tau"] == pytest.approx(np.mean(times - 1e4), rel=1e-6)
+
+
+def test_a_start_at_which_no_event_is_expected_leads_to_the_peak(rng: np.random.Generator) -> None:
+    times = rng.normal(100.0, 1.0, 200)
+    fit = fit_curve(
+        "exp(-(x-m)**2/(2*s**2))",
+        times,
+        None,
+        noise=EventTimes(80.0, 120.0),
+        start={"m": 20.0, "s": 0.1},
+    )
+    assert fit.status == "ok"
+    assert fit.values["m"] == pytest.approx(np.mean(times), rel=1e-6)
+    assert abs(fit.values["s"]) == pytest.approx(np.std(times), rel=1e-4)
+
+
 def test_thousands_of_bins_are_fit_as_they_are(rng: np.random.Generator) -> None:
     """Bins so fine hold what the times of their events hold, and the curve is flat in each."""
     n = 3500

@@ -323,6 +323,49 @@ def test_a_limit_is_reported_as_a_limit(rng: np.random.Generator) -> None:
     )
 
 
+@pytest.mark.parametrize("estimated", [False, True])
+def test_an_amplitude_of_0_at_its_limit_does_not_take_the_others_intervals_away(
+    estimated: bool,
+) -> None:
+    """Where A = 0 is best the curve does not depend on t, but the limits of t are known, and with
+    them what A and c can be: as where rounding left 1e-9 of A.
+    """
+    x = np.linspace(0.0, 10.0, 60)
+    y = 2.0 + 0.1 * np.random.default_rng(3).standard_normal(60)
+    exact, rounded = (
+        fit_curve(
+            "c + A*exp(-x/t)",
+            x,
+            y,
+            u_y=None if estimated else 0.1,
+            bounds={"A": (least, None), "t": (0.5, 5.0)},
+        )
+        for least in (0.0, 1e-9)
+    )
+    assert exact.values["A"] == 0.0
+    assert exact.status == rounded.status == "ok"
+    assert exact.intervals["t"][0.95] == (0.5, 5.0)
+    for name in ("A", "c"):
+        assert exact.intervals[name][0.95] == pytest.approx(rounded.intervals[name][0.95], abs=1e-3)
+    silent = fit_curve(
+        "c + A*exp(-x/3) + 0*b", x, y, u_y=0.1, bounds={"A": (0.0, None), "b": (0.5, 5.0)}
+    )
+    assert silent.status == "not-identified"
+
+
+def test_a_place_that_an_amplitude_of_0_hides_is_not_said_to_lie_at_a_limit() -> None:
+    x = np.linspace(0.0, 10.0, 60)
+    y = 2.0 + 0.1 * np.random.default_rng(25).standard_normal(60)
+    bounds, start = {"A": (0.0, None), "m": (4.5, 5.5)}, {"A": 0.1, "m": 5.0, "c": 2.0}
+    fit = fit_curve("c + A*exp(-((x - m)/0.7)**2)", x, y, u_y=0.1, bounds=bounds, start=start)
+    assert 4.6 < fit.values["m"] < 5.4
+    assert fit.intervals["m"][0.95] == (4.5, 5.5)
+    assert [note.split(":")[0] for note in fit.notes[:2]] == [
+        "A lies at its limit 0",
+        "m is less than one standard deviation from its limit 4.5",
+    ]
+
+
 def test_as_many_parameters_as_points_leave_nothing_to_test() -> None:
     fit = fit_curve(LINE, [0.0, 1.0], [1.0, 3.0], start={"a": 0.0, "b": 0.0}, u_y=0.1)
     assert fit.values == pytest.approx({"a": 1.0, "b": 2.0})

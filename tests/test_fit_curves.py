@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
+from scipy.stats import chi2
 
 from estim import Component, DataSet, Poisson, fit_curve, fit_curves, load_campaign
 from estim.campaign import TableChoices, campaign_of_table
@@ -116,6 +118,27 @@ def test_a_wrong_curve_is_refused_with_the_name_of_its_set() -> None:
     assert fit.status == "poor-fit"
     assert any("second" in reason for reason in fit.reasons)
     assert "±" not in str(fit)
+
+
+@pytest.mark.parametrize("jitter", [False, True])
+def test_data_sets_that_disagree_about_what_they_share_are_a_poor_fit(jitter: bool) -> None:
+    """As in `estim fit --joint`: 40 points within their errors, slopes far apart."""
+    x = np.linspace(0.0, 5.0, 20)
+    slopes, data = {"a": 2.0, "b": 2.035}, {}
+    rng = np.random.default_rng(1)
+    for name, slope in slopes.items():
+        data[name] = DataSet(x, slope * x + 0.1 * rng.standard_normal(20), u_y=0.1)
+    apart = np.diff([float(x @ data[name].y / (x @ x)) for name in slopes])[0]
+    p = chi2.sf(0.5 * apart**2 * (x @ x) / 0.1**2, 1)
+    fit = fit_curves("m*x", data, jitter=jitter)
+    assert fit.status == "poor-fit"
+    assert "the runs disagree about the quantities they share" in fit.reasons[0]
+    (found,) = fit.findings
+    if not jitter:
+        assert fit.p_value > 0.1
+        assert found.p == pytest.approx(p, rel=1e-3)
+    same = {"a": data["a"], "b": replace(data["b"], y=data["b"].y - 0.035 * x)}
+    assert fit_curves("m*x", same, jitter=jitter).status == "ok"
 
 
 def test_what_is_said_of_one_set_has_the_last_word() -> None:

@@ -46,6 +46,7 @@ from estim.studies.model_comparison import (
     ModelComparison,
     check_same_points,
     compare_models,
+    contains,
     fit_model,
     recommend,
 )
@@ -381,6 +382,27 @@ def test_what_the_first_lines_say_of_the_odds_is_true() -> None:
         "drag has higher evidence, 10 to 1 (positive), but these data do not distinguish it"
     )
     assert dict(verdicts(beaten))["drag"] == "the odds for it are 10 to 1 (positive)"
+
+
+def test_only_a_model_with_all_that_another_has_contains_it() -> None:
+    """The paper's model has no free start, and one with resistance alone no unmodelled force."""
+    paper = stand_in("paper", 0.0)
+    drag = stand_in("drag", 0.0, own=("k",))
+    free = stand_in("free-start", 0.0, own=("release_energy[r]",))
+    stated = stand_in("as-stated", 0.0, own=("k", "release_energy[r]"))
+    force = stand_in("unmodelled-force", 0.0, own=("k",), forced=True)
+    held = {
+        (larger.model.name, row.model.name)
+        for larger in (paper, drag, free, stated, force)
+        for row in (paper, drag, free, stated, force)
+        if larger is not row and contains(larger, row)
+    }
+    assert held == {
+        ("drag", "paper"),
+        ("free-start", "paper"),
+        *(("as-stated", name) for name in ("paper", "drag", "free-start")),
+        *(("unmodelled-force", name) for name in ("paper", "drag", "free-start")),
+    }
 
 
 def test_data_sets_drawn_again_have_the_mean_and_covariance_of_the_same_deviation_with_new_noise(

@@ -57,6 +57,14 @@ def test_linear_parameters_are_linear_together() -> None:
     assert linear_in(formula, ["d", "c", "b"]) == ("d",)
 
 
+def test_an_origin_far_off_in_the_formula_is_no_warning(rng: np.random.Generator) -> None:
+    x = np.arange(0.0, 20.0, 0.5)
+    y = 40.0 * np.exp(-x / 4.0) + 5.0 + rng.normal(0.0, 1.0, x.size)
+    near = fit_curve("a*exp(-x/t)+b", x, y, u_y=1.0)
+    far = fit_curve("a*exp(-(x-2459000.5)/t)+b", x + 2459000.5, y, u_y=1.0)
+    assert far.values == pytest.approx(near.values, rel=1e-6)
+
+
 def test_data_in_any_unit_give_the_same_start() -> None:
     rng = np.random.default_rng(2)
     x = np.linspace(0.0, 10.0, 60)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from estim import fit_curve
+from estim import AxisNames, DataSet, fit_curve, fit_curves
 from estim.common import InputError
 
 X = np.linspace(0.0, 10.0, 40)
@@ -79,13 +81,28 @@ def test_peaks_of_one_width() -> None:
         ({"b": "2*q"}, r"tied\[b\]' names 'q'"),
         ({"b": "2*x"}, "must not hold x"),
         ({"b": "t", "t": "s"}, "names 't'"),
-        ({"b": "a", "t": "s", "u": "a"}, "'u'"),
+        (
+            {"b": "a", "t": "s", "u": "a"},
+            r"'tied' names 'u', which is not a parameter of the curve \(a, s, b, t\): a",
+        ),
         ({"b": "open(1)"}, "calls 'open'"),
     ],
 )
-def test_what_is_wrong_with_a_tie(tied: dict[str, str], said: str) -> None:
+@pytest.mark.parametrize("curve", [SUM, two])
+def test_what_is_wrong_with_a_tie(curve: object, tied: dict[str, str], said: str) -> None:
     with pytest.raises(InputError, match=said):
-        fit_curve(SUM, X, Y, u_y=0.02, start={"a": 1.0, "s": 1.0}, tied=tied)
+        fit_curve(curve, X, Y, u_y=0.02, start={"a": 1.0, "s": 1.0}, tied=tied)
+
+
+def test_a_tie_across_data_sets_is_refused_with_what_to_do() -> None:
+    curve, other = "a*exp(-x/s)", "b*exp(-x/t)"
+    data = {"p": DataSet(X, Y, u_y=0.02), "q": DataSet(X, 2.0 * Y, u_y=0.04)}
+    with pytest.raises(InputError, match=r"give each DataSet a curve of its own.*a\[q\] = 2"):
+        fit_curves(curve, data, shared=["s"], tied={"a[q]": "2*a[p]"})
+    own = {"p": replace(data["p"], curve=curve), "q": replace(data["q"], curve=other)}
+    fit = fit_curves(None, own, tied={"b": "2*a", "t": "s"})
+    assert fit.names == ("a", "s")
+    assert fit.derived["b"].value == pytest.approx(2.0 * fit.values["a"])
 
 
 def test_a_tied_formula_needs_no_starting_values() -> None:
@@ -99,3 +116,21 @@ def test_a_tied_formula_needs_no_starting_values() -> None:
     assert fit.values["s"] == pytest.approx(1.5, abs=4.0 * fit.sds["s"])
     with pytest.raises(InputError, match=r"tied\[b\]' names 'q', which is no parameter"):
         fit_curve("a*exp(-x/s) + b*exp(-x/r)", x, y, u_y=0.02, tied=tied | {"b": "q*a"})
+
+
+def test_a_tied_parameter_is_in_the_unit_that_the_curve_says() -> None:
+    axes = AxisNames("t", "s", "U", "V")
+    fit = fit_curve(SUM, X, Y, u_y=0.02, axes=axes, tied={"t": "2*s"}, derived={"k": "1/t"})
+    units = {quantity.name: quantity.unit for quantity in fit.derived.values()}
+    assert units == {"t": "s", "k": "1/s"}
+    open_number = fit_curve(SUM, X, Y, u_y=0.02, axes=axes, tied={"t": "25/s"}, start={"s": 2.0})
+    assert open_number.derived["t"].unit == "s"  # of 25 s^2
+
+
+@pytest.mark.parametrize(
+    ("tie", "unit"), [("a*s", r"in V·s"), ("2/s", "in 1/s"), ("s**2/2", "in s²"), ("s/s", "a pure")]
+)
+def test_a_tie_in_another_unit_than_the_curve_says_is_refused(tie: str, unit: str) -> None:
+    axes = AxisNames("t", "s", "U", "V")
+    with pytest.raises(InputError, match=f"'t' would be {unit}.*, but must be in s,"):
+        fit_curve(SUM, X, Y, u_y=0.02, axes=axes, tied={"t": tie}, start={"s": 2.0})

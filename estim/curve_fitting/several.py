@@ -97,6 +97,13 @@ def fit_curves(
     }
     for field, given in written.items():
         of_data_set({} if given is None else given, "", list(data), field)  # refuses what is none
+    for name, text in (tied or {}).items():
+        if "[" in str(text):
+            rule = (
+                "names a parameter of another data set: give each DataSet a curve of its own, with "
+                "names of its own, and tie these"
+            )
+            raise InputError(rule, field="tied", value=f"{name} = {text}")
     placed = {
         name: numbered(curve if points.curve is None else points.curve, points.x)
         for name, points in data.items()

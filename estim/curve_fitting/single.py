@@ -19,8 +19,10 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray, finite_or, max_abs, sds_of
 from estim.checks import (
+    check_consistency,
     check_goodness,
     check_stated_values,
+    comparable,
     curve_findings,
     curve_remarks,
     deviation_finding,
@@ -358,6 +360,7 @@ def fit_errors(
         fit.unheld,
         *pressed_edges(fit, Kind.PRESSED_LIMIT),
         *failed_tests(goodness, dof=fit.dof),
+        *_disagreement(fit),
         *too_many_outliers(fit),
         None if fit.singular else stated_values(fit, check_stated_values(fit)),
     ]
@@ -384,6 +387,12 @@ def fit_errors(
         fixed=posed.fixed,
         called=posed.called or posed.text,
     )
+
+
+def _disagreement(fit: Fit) -> list[Finding]:
+    """That data sets disagree about what they share, if they do."""
+    found = check_consistency(fit) if comparable(fit) else None
+    return [] if found is None or found.agree else [found.finding]
 
 
 def _profiled_over_curvature(
@@ -522,7 +531,10 @@ def _concluded(
     about = curve_findings(
         held, best, p_value, chi2, dof, goodness, estimated=sigma is not None, perfect=perfect
     )
-    findings = unnamed(wrong([*solutions, *outside, *uncertainty.open, *about, *stated]), fit)
+    apart = [] if best.singular else _disagreement(fit)
+    findings = unnamed(
+        wrong([*solutions, *outside, *uncertainty.open, *about, *apart, *stated]), fit
+    )
     remarks = curve_remarks(
         fit, best, p_value, chi2, dof, goodness, stated=sigma is None, perfect=perfect
     )

@@ -29,6 +29,7 @@ _SEEN = 1e-3  # and what stands out between its nodes; both less for many events
 # of the log-likelihood, and ten times as much for what stands out, which is nearly always a round
 # top or a slope at an end
 _OFF = 0.01
+_LEAST = 1e-290  # the least integral that has all its digits
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +90,7 @@ class BinnedCurve:
         """The density with its gradient at t (n,), for single arguments."""
         nodes, weights, _ = self._quadrature(arguments)
         inside, here = self.density.local(nodes, arguments), self.density.local(t, arguments)
-        whole = float(np.sum(inside.value * weights))
+        whole = np.sum(inside.value * weights)
         scale = 1.0 if self.total is None else self.total / whole
         gradient = {
             name: scale
@@ -119,6 +120,12 @@ class BinnedCurve:
         )[0]
         bad = np.flatnonzero(~np.isfinite(inside) & np.isfinite(middle))
         return (float(self.low[bad[0]]), float(self.high[bad[0]])) if bad.size else None
+
+    def vanishes(self, arguments: Named) -> bool:
+        """Whether a density that counts up to a factor is as small as numbers can be, for single
+        arguments: what is left of its shape there is rounding.
+        """
+        return self.total is not None and not np.sum(self._integrals(arguments)[0]) > _LEAST
 
     def _at_events(self, arguments: Named) -> FloatArray:
         """(n_draw, n_event) the density, not scaled."""

@@ -328,8 +328,8 @@ def pose_curve(
     )
     begun |= {name: float(followed(ties, {**values, **exact})[name]) for name in ties}
     read = _curve(curve, points["x"], begun, held)
-    parameter_units = units_of(
-        read, axes, names, density=(density := counted is not None and counted.density)
+    of_curve = units_of(
+        read, axes, (*names, *ties), density=(density := counted is not None and counted.density)
     )
     refuse_degrees(read, axes)
     check_units(
@@ -339,7 +339,9 @@ def pose_curve(
         {name: value for name, value in {**exact, **values}.items() if name not in chosen},
         density=density,
     )
-    parameter_units |= {name: unit for name, unit in units.items() if name not in following}
+    parameter_units = {
+        name: unit for name, unit in {**of_curve, **units}.items() if name not in following
+    }
     parameters = _parameters(names, values, bounds, priors, parameter_units, exact)
     shared = _shared(errors, (*all_of, *ties), axes)
     stated = u_y is not None or cov is not None or counted is not None
@@ -402,7 +404,9 @@ def pose_curve(
             deviation, correlated, order, stated=stated, exact_x=u_x is None and cov_x is None
         ),
         counted=counted,
-        sought=seek_of_fit(following, units, [*all_of, *(p.name for p in shared)], parameter_units),
+        sought=seek_of_fit(
+            following, units, [*all_of, *(p.name for p in shared)], {**of_curve, **parameter_units}
+        ),
         share=share,
         said=said,
         places=places,

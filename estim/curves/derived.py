@@ -178,7 +178,7 @@ def in_units(
     sought: Iterable[SoughtQuantity], units: Mapping[str, str]
 ) -> tuple[SoughtQuantity, ...]:
     """The same, each in the unit that was stated of it, or that follows from those before it and
-    `units`, of names as they are written.
+    `units`, of names as they are written; of a tied parameter that of the curve.
 
     Raises InputError with the quantity as field, where the stated unit is another, or the formula
     cannot mean what it says.
@@ -191,6 +191,7 @@ def in_units(
                 quantity.symbols,
                 {**units, **{before.name: before.unit for before in quantities}},
                 quantity.stated,
+                units.get(quantity.name),
             )
         except InputError as error:
             raise InputError(
@@ -210,7 +211,7 @@ def seek_of_fit(
     Raises InputError.
 
     units : those stated, also of quantities.
-    of_parameters : those of the parameters, stated or as they follow.
+    of_parameters : those of the parameters, stated or as they follow, also of tied ones.
     """
     sought = tuple(seek(name, text, unit=units.get(name)) for name, text in derived.items())
     for quantity in sought:

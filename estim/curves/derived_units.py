@@ -9,11 +9,18 @@ exponents, the 1 of `1/tau`, whole divisors as in `v**2/2`, and factors beside p
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
 
 from estim.common import InputError, in_unit, is_in_degrees, powers_in, raised, same_unit
-from estim.curves.dimensions import LARGEST_PURE, ROOTS, number_in_formula, summed
+from estim.curves.dimensions import (
+    LARGEST_PURE,
+    ROOTS,
+    is_count_or_half,
+    is_pure_in_angle,
+    number_in_formula,
+    summed,
+)
 from estim.curves.formula import CONSTANTS
 
 Factors = dict[str, Fraction]
@@ -43,13 +50,18 @@ LONGEST = 20  # characters of a unit that nobody stated
 
 
 def unit_that_follows(
-    tree: ast.expr, symbols: Mapping[str, str], units: Mapping[str, str], stated: str | None
+    tree: ast.expr,
+    symbols: Mapping[str, str],
+    units: Mapping[str, str],
+    stated: str | None,
+    of_curve: str | None = None,
 ) -> str:
     """The unit of a formula: as stated, or as it follows from those of its names; "1" where it does
     not.
 
     symbols : name in the formula -> as it is written, `gamma[heavy]`.
     units : of the names as they are written.
+    of_curve : of a tied parameter, as the curve says it; ½ and whole numbers are pure in its tie.
 
     Raises InputError without a field where the stated unit is another than the one that follows, a
     sine takes degrees, or metres are added to mm.
@@ -59,25 +71,29 @@ def unit_that_follows(
         for symbol, name in symbols.items()
         if (factors := _factors(units.get(name, "1")))
     }
+    if of_curve is not None:
+        read = _Reading(known, symbols, is_count_or_half).of(tree)
+        if read is not None and _is_another(of_curve, read):
+            raise InputError(
+                f"would be {_what(_shown(read))}, but must be {_what(of_curve)}, as the curve and "
+                "the units of the axes say; nothing is converted"
+            )
+        return stated or of_curve
     follows = _Reading(known, symbols).of(tree)
     if stated is None:
         unit = "1" if follows is None or _is_broken(follows) else _shown(follows)
         return unit if len(unit) <= LONGEST else "1"
-    guessed = _Reading(known, symbols, all_pure=True).of(tree) if follows is None else None
-    wrong = (
-        follows is not None
-        and same_unit(stated, _written(follows)) is False
-        and not _has_own_zero(stated, follows)
-    )
+    guessed = _Reading(known, symbols, is_pure_in_angle).of(tree) if follows is None else None
+    wrong = follows is not None and _is_another(stated, follows)
     if wrong or (guessed is not None and _is_of_other_size(stated, guessed)):
         expected = follows if follows is not None else guessed or {}
         angle = is_in_degrees(stated) and same_unit(_written(expected), "rad") is True
         cure = (
             ": write degrees(...)" if angle else "" if follows is not None else _NUMBER_OF_ITS_OWN
         )
-        what = f"in {_shown(expected)}" if expected else "a pure number"
         raise InputError(
-            f"must be {what}, as its formula and the units in it say; nothing is converted{cure}",
+            f"must be {_what(_shown(expected))}, as its formula and the units in it say; nothing "
+            f"is converted{cure}",
             value=stated,
         )
     return stated
@@ -89,14 +105,17 @@ _NUMBER_OF_ITS_OWN = (
 
 
 class _Reading:
-    """Reads units off a formula.  all_pure : whether numbers below 10 are taken to be pure wherever
-    they stand.
+    """Reads units off a formula.  is_pure : of a number, whether it is wherever it stands; others
+    only where they surely are.
     """
 
     def __init__(
-        self, known: Mapping[str, Factors], symbols: Mapping[str, str], *, all_pure: bool = False
+        self,
+        known: Mapping[str, Factors],
+        symbols: Mapping[str, str],
+        is_pure: Callable[[float], bool] | None = None,
     ) -> None:
-        self.known, self.symbols, self.all_pure = known, symbols, all_pure
+        self.known, self.symbols, self.is_pure = known, symbols, is_pure
 
     def of(self, node: ast.expr) -> Factors | None:
         """Its unit; None where that is not known."""
@@ -133,7 +152,8 @@ class _Reading:
                 value = float(part.value)  # type: ignore[arg-type]
                 simple = abs(value) < LARGEST_PURE and (4.0 * value).is_integer()
                 sure = turns or value == 1.0 or (_is_whole(part) and (sign < 0 or whole_below))
-                unit: Factors | None = {} if simple and (sure or self.all_pure) else None
+                pure = (simple and sure) or (self.is_pure is not None and self.is_pure(value))
+                unit: Factors | None = {} if pure else None
             else:
                 unit = self.of(part)
             product = (
@@ -277,6 +297,10 @@ def _written(unit: Factors) -> str:
     )
 
 
+def _what(unit: str) -> str:
+    return "a pure number" if unit == "1" else f"in {unit}"
+
+
 def _shown(unit: Factors) -> str:
     """A unit as people write it, m/s²."""
     return power_text(
@@ -308,6 +332,11 @@ def _has_own_zero(text: str, unit: Factors) -> bool:
     kelvins.
     """
     return bool(_OF_OWN_ZERO & {text, *unit})
+
+
+def _is_another(stated: str, unit: Factors) -> bool:
+    """Whether a unit is surely another one."""
+    return same_unit(stated, _written(unit)) is False and not _has_own_zero(stated, unit)
 
 
 def _is_of_other_size(stated: str, unit: Factors) -> bool:

@@ -62,7 +62,7 @@ def certain_dimensions(
         else ({},)
     )
     for of_whole in (density, None):
-        for is_pure in (_none,) if any_number else (_is_count_or_half, _none):
+        for is_pure in (_none,) if any_number else (is_count_or_half, _none):
             for axis in known:
                 system = _System(
                     dict(axis), any_angle=True, any_logarithm=of_whole is None, is_pure=is_pure
@@ -131,7 +131,7 @@ def is_pure_in_angle(number: float) -> bool:
     return abs(number) <= LARGEST_PURE and float(4.0 * number).is_integer()
 
 
-def _is_count_or_half(number: float) -> bool:
+def is_count_or_half(number: float) -> bool:
     # 0 has any unit
     return number == 0.5 or (0.0 < abs(number) < LARGEST_PURE and number.is_integer())
 

@@ -39,7 +39,8 @@ def linear_in(formula: Formula, names: Collection[str]) -> tuple[str, ...]:
             for sign in (1.0, -1.0)
         ]
         middle = {key: 0.5 * (points[0][key] + points[1][key]) for key in tried}
-        ends, between = (value(points[0]) + value(points[1])) / 2.0, value(middle)
+        with np.errstate(all="ignore"):  # an origin far off may make a curve overflow here
+            ends, between = (value(points[0]) + value(points[1])) / 2.0, value(middle)
         if all_finite(between) and np.allclose(ends, between, rtol=1e-10, atol=1e-12):
             linear.append(name)
     return tuple(linear)

@@ -99,11 +99,18 @@ def read_tied(tied: Mapping[str, str], names: Collection[str]) -> dict[str, Form
 def only_for_ties(
     curve: str | Formula | Callable[..., Any], tied: Mapping[str, Formula]
 ) -> set[str]:
-    """Names in the formulas of `tied` that the curve itself does not take."""
-    named = {symbol for formula in tied.values() for symbol in formula.names}
-    if not callable(curve):
-        return named - {*read_formula(curve, field="curve").names}
-    takes = arguments_taken(curve)
-    if not takes or any(parameter.kind is parameter.VAR_KEYWORD for parameter in takes):
-        return set()
-    return named - {parameter.name for parameter in takes}
+    """Names in the formulas of `tied` that the curve itself does not take.  Raises InputError where
+    it does not take what is tied.
+    """
+    if callable(curve):
+        takes = arguments_taken(curve)
+        if not takes or any(parameter.kind is parameter.VAR_KEYWORD for parameter in takes):
+            return set()
+        own = [parameter.name for parameter in takes[1:]]
+    else:
+        own = [*read_formula(curve, field="curve").names]
+    for name in tied:
+        if name not in own:
+            rule = f"names '{name}', which is not a parameter of the curve ({', '.join(own)})"
+            raise InputError(rule, field="tied", value=tied[name].text)
+    return {symbol for formula in tied.values() for symbol in formula.names}.difference(own)

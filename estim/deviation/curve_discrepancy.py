@@ -200,8 +200,9 @@ def presence(run: Observations, problem: Problem, values: FloatArray) -> float:
     """
     covariance, _, residuals, jacobian = _measured(run, problem, values, stated=run.stated)
     precision, pull = _beside(run, problem, values)
-    # no slope says anything of the size of the errors, and a flat prior of it neither
-    silent = (np.diag(precision) == 0.0) & np.isin(problem.names, list(problem.noise_names))
+    # no slope says anything of the size of the errors, and a flat prior of it neither; nor of what
+    # another parameter hides on its limit
+    silent = (np.diag(precision) == 0.0) & ~np.any(jacobian, axis=0)
     size = float(np.sqrt(np.median(np.diag(covariance))))
     shapes = tuple(shape.times(size) for shape in deviation_shapes(run.x))
     grid = relative_grid(stated=run.stated, spike=SPIKE)

@@ -54,6 +54,8 @@ Ends = Mapping[float, tuple[float, float]]
 # standard deviations by which the curve bends within one: an end of its profile may then differ
 # from value ± 1.96 s by a fifth of s
 _CURVED = 0.1
+_THERE = 1e-5  # of an interval: so near a limit a value is at it
+_WIDEST = PROBABILITIES[-1]
 FEW = 10  # degrees of freedom up to which value ± s is not shown: it would hold less than 66 %
 
 
@@ -119,10 +121,11 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
         distance = min(best.values[i] - parameter.prior.low, parameter.prior.high - best.values[i])
         edge = edge_of(parameter.prior, float(best.values[i]))
         if best.at_bound[i] or distance < sds[i]:
+            # and not anywhere, hidden by another one on its limit
+            there = best.at_bound[i] and distance <= _THERE * np.ptp(intervals[name][_WIDEST])
             notes.append(
                 Finding(
-                    Kind.AT_LIMIT if best.at_bound[i] else Kind.NEAR_LIMIT,
-                    parameters=(Amount(name, edge),),
+                    Kind.AT_LIMIT if there else Kind.NEAR_LIMIT, parameters=(Amount(name, edge),)
                 )
             )
             sds[i] = np.nan
@@ -165,7 +168,7 @@ def _degrees_of_freedom(cov: FloatArray, pulls: FloatArray, dof: float) -> Float
 
 def _within_reach(fit: Fit, sds: FloatArray, dofs: FloatArray) -> BoolArray:
     """(n_par,) whether an edge of a parameter's prior lies inside its 95 % interval."""
-    half = _quantile(PROBABILITIES[-1], dofs) * sds
+    half = _quantile(_WIDEST, dofs) * sds
     priors = [p.prior for p in fit.problem.parameters]
     room = [
         min(value - prior.low, prior.high - value)
@@ -216,8 +219,7 @@ def profiled(
 
 def _one_sign(ends: Ends, symmetric: Ends) -> bool:
     """Whether the 95 % interval has one sign where value ± sd has not."""
-    widest = PROBABILITIES[-1]
-    return ends[widest][0] * ends[widest][1] > 0.0 > math.prod(symmetric[widest])
+    return math.prod(ends[_WIDEST]) > 0.0 > math.prod(symmetric[_WIDEST])
 
 
 def _lopsided(ends: Ends, value: float, sd: float, dof: float) -> bool:
@@ -243,7 +245,7 @@ def shown_value(
     few : whether sd has so few degrees of freedom that ± misleads.
     ok : whether the status allows a value with an uncertainty.
     """
-    low, high = ends[PROBABILITIES[-1]]
+    low, high = ends[_WIDEST]
     behind = f" {unit}" if unit else ""
     if math.isnan(low) or math.isnan(high):
         return "=", f"{format_quantity(value)}{behind} ({phrase('no uncertainty')})"

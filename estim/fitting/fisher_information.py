@@ -35,15 +35,14 @@ def on_limit(posterior: Posterior, values: FloatArray) -> BoolArray:
     return (room <= 0.0) | (felt & (room * np.where(felt, known, 1.0) <= _ON_LIMIT))
 
 
-def known_from_data(posterior: Posterior, values: FloatArray) -> FloatArray:
-    """(n_par, n_par) what the data tell about the parameters at `values`: the Fisher information,
-    but for those on a limit at which the curve does not depend on them to first order (the b of
-    sqrt(a^2 + b^2 x^2) at 0).  Of such a one it is taken inside, where the density has fallen by
-    half a unit.
+def beside_limits(posterior: Posterior, values: FloatArray) -> FloatArray:
+    """(n_par,) `values`, but for parameters on a limit at which the curve does not depend on them
+    to first order (the b of sqrt(a^2 + b^2 x^2) at 0), or not at all on another one (the t of a
+    exp(-x/t) where a is 0).  Such a one lies inside, where the density has fallen by half a unit.
     """
     low, high = posterior.problem.support()
-    matrix = posterior.information(values)
-    known = np.sqrt(np.diag(information(posterior, values)))
+    known, inside = np.sqrt(np.diag(information(posterior, values))), values.copy()
+    silent = bool(np.any(known[list(posterior.problem.of_curve)] == 0.0))
     for i in np.flatnonzero(on_limit(posterior, values)):
         below = values[i] - low[i] < high[i] - values[i]
         room = high[i] - values[i] if below else values[i] - low[i]
@@ -54,10 +53,22 @@ def known_from_data(posterior: Posterior, values: FloatArray) -> FloatArray:
         with np.errstate(all="ignore"):
             heights = posterior.log_density(places)
         fallen = heights[0] - heights[1:] > 0.5
-        if heights[0] - heights[1] > _MUCH and not np.all(fallen):
-            inside = posterior.information(places[1 + np.argmin(fallen)])[i, i]
-            matrix[i], matrix[:, i] = 0.0, 0.0
-            matrix[i, i] = inside
+        if (silent or heights[0] - heights[1] > _MUCH) and not np.all(fallen):
+            inside[i] = places[1 + np.argmin(fallen), i]
+    return inside
+
+
+def known_from_data(posterior: Posterior, values: FloatArray) -> FloatArray:
+    """(n_par, n_par) what the data tell about the parameters at `values`: the Fisher information,
+    of those that `beside_limits` moves, and of what they hide, that inside.
+    """
+    matrix, inside = posterior.information(values), beside_limits(posterior, values)
+    moved = inside != values
+    if np.any(moved):
+        matrix[moved], matrix[:, moved] = 0.0, 0.0
+        alone = np.diag(matrix)
+        own = np.where(alone == 0.0, np.diag(posterior.information(inside)), alone)
+        np.fill_diagonal(matrix, own)
     return matrix
 
 

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import BoolArray, FloatArray, Named, all_finite, sds_of
 from estim.common import Amount, Finding, InputError, Kind, NumericalError, phrase
+from estim.fitting.fisher_information import beside_limits
 from estim.fitting.further_optima import far_places, further_optima
 from estim.fitting.gauss_newton import End, descended, inverse_information, near_bound, stepped
 from estim.fitting.least_squares import (
@@ -237,6 +238,7 @@ def _found(
     if not tried:
         raise _nowhere_finite(search.posterior.problem, start)
     best = min(tried, key=lambda end: end[1])
+    _refuse_vanishing(search.posterior.problem, best[0])
     if not searched:
         return _polished(search, best[0], n_start=1, n_same=1)
     symmetry = find_symmetry(search.posterior.problem, best[0], search.nonlinear.tolist(), rng)
@@ -379,6 +381,19 @@ def _fades(search: SeparableSearch, i: int, places: FloatArray, present: BoolArr
             sizes[k] = np.linalg.norm(own - along)
     less = sizes[1::2] <= np.maximum(sizes[::2], _NOTHING)
     return bool(np.all(less | ~present[1::2]))
+
+
+def _refuse_vanishing(problem: Problem, values: FloatArray) -> None:
+    """Raises InputError where the best density is one that numbers cannot hold."""
+    named = problem.named(values[None, :])
+    for run in problem.runs:
+        look = getattr(run.curve, "vanishes", None)  # of a density (`estim.curves.binned`)
+        if look is not None and look(run.points.bind(named)):
+            raise InputError(
+                "is a density so close to 0 at all events that numbers cannot hold it: count x "
+                "from an origin near them, as in exp(-(x - origin)/tau)",
+                field="curve",
+            )
 
 
 def _nowhere_finite(problem: Problem, start: FloatArray) -> InputError:
@@ -616,6 +631,10 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
     rounded = search.rounding_at(values, jacobian)
     floor = 0.1 * math.sqrt(rounded / max(chi2, 1e-300) * max(1, residual.size - free.size))
     near = near_bound(search, values, jacobian, residual, chi2)
+    if np.any(near) and not np.all(np.any(jacobian, axis=0)[free]):
+        # what another parameter hides on its limit lies anywhere
+        beside = search.scoring(beside_limits(search.posterior, values))[0]
+        near |= np.any(beside, axis=0) & ~np.any(jacobian, axis=0)
     moving = free[~near[free]]
     cov, condition = inverse_information(jacobian[:, moving], resolved)
     full = np.zeros((values.size, values.size))

@@ -91,7 +91,8 @@ class SeparableSearch:
         posterior = self.posterior
         named = posterior.problem.named(self.held)
         groups = zip(posterior.problem.groups, posterior.likelihoods, strict=True)
-        return 1e-28 * sum(likelihood.squared_size(group.y, named) for group, likelihood in groups)
+        sizes = [likelihood.squared_size(group.y, named) for group, likelihood in groups]
+        return 1e-28 * float(np.nansum(sizes))  # where counts have no expectation no scatter either
 
     def rounding_at(self, values: FloatArray, jacobian: FloatArray) -> float:
         """The same with those of the curve at `values` (n_par,), where it has this `jacobian`.

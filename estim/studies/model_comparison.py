@@ -283,9 +283,11 @@ def _held_against_none(row: ComparedModel, other: ComparedModel) -> float:
     return row.price_of_start if at_rest else 0.0
 
 
-def contains(default: ComparedModel, row: ComparedModel) -> bool:
-    """Whether a model with force and free start has all that another has."""
-    return set(row.model.own) <= set(default.model.own) or row.model.name == "free-start"
+def contains(larger: ComparedModel, row: ComparedModel) -> bool:
+    """Whether a model has all that another has; one with a force has a free start too."""
+    if larger.model.forced and row.model.name == "free-start":
+        return True
+    return larger.model.forced >= row.model.forced and set(row.model.own) <= set(larger.model.own)
 
 
 def _apart(better: ComparedModel, worse: ComparedModel, *, by_evidence: bool) -> bool:
