@@ -29,7 +29,6 @@ _ROUGHNESS = 1e-3
 
 _FELT = 1e-13  # share of a component below which rounding hides it
 _AT_ONCE = 50  # draws at once of the density of each point
-_CHUNK = 250  # draws at once: what they need stays in the processor's cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,16 +56,7 @@ class Mixture:
         """(n_draw,) of residuals (n_draw, n_obs), data minus curve.  weight : of the draws, where
         it is not that of the fit.
         """
-        residuals = np.atleast_2d(residuals)
-        total = np.empty(residuals.shape[0])
-        for start in range(0, total.size, _CHUNK):
-            chunk = slice(start, start + _CHUNK)
-            logs = self.log_components(
-                residuals[chunk],
-                weight=None if weight is None else replace(weight, ratio=weight.ratio[chunk]),
-            )
-            total[chunk] = log_sum_exp(logs, axis=0)
-        return total
+        return log_sum_exp(self.log_components(residuals, weight=weight), axis=0)
 
     def log_components(self, residuals: FloatArray, *, weight: Weight | None = None) -> FloatArray:
         """(n_component, n_draw) logarithm of each w_k N(r | 0, C_k + H H^T)."""

@@ -54,28 +54,31 @@ class Terms:
         """(n_component, n_draw) for |z|^2 (n_draw,), basis z (n_dir, n_draw) and H z (n_column,
         n_draw).  weight : of the draws, where it is not that of the fit.
         """
-        density = self.gain @ np.vstack([np.square(seen), square, np.ones_like(square)])
+        gain, known = self.gain, [np.square(seen), square, np.ones_like(square)]
+        n_start = 0 if weight is None else min(weight.n_start, len(along))
+        if weight is not None:
+            narrowed = -0.5 * np.square(self.amplitude / weight.scale)
+            gain = np.column_stack([gain, narrowed, (self.amplitude > 0.0) + n_start])
+            known += [weight.excess, np.log(weight.ratio)]
+        density = gain @ np.vstack(known)
         explained = np.tensordot(self.cross, np.vstack([seen, along]), axes=1)
         density += 0.5 * np.einsum("kqn,kqn->kn", explained, explained)
-        if weight is not None:
-            if explained.shape[1] and weight.n_start:
-                density += self._starts(explained, weight)
-            forced = self.amplitude > 0.0
-            narrowed = 0.5 * np.square(self.amplitude[forced] / weight.scale)[:, None]
-            density[forced] += np.log(weight.ratio) - weight.excess * narrowed
+        if weight is not None and n_start:
+            density -= 0.5 * self._narrowed_starts(explained, weight.excess, n_start)
         return density
 
-    def _starts(self, explained: FloatArray, weight: Weight) -> FloatArray:
-        """What N(b | 0, 1/w^2) in place of N(b | 0, 1) does for the energies b at release, whose
-        estimates and variances the data give.
+    def _narrowed_starts(
+        self, explained: FloatArray, excess: FloatArray, n_start: int
+    ) -> FloatArray:
+        """Minus twice the logarithm of what N(b | 0, 1/w^2) in place of N(b | 0, 1) does for the
+        energies b at release, but for w, whose estimates and variances the data give.
         """
-        root = self.root[:, : weight.n_start]
-        narrowed = np.sum(root**2, axis=2)[:, :, None] * weight.excess
+        root = self.root[:, :n_start]
+        narrowed = np.sum(root**2, axis=2)[:, :, None] * excess
         narrowed += 1.0
         estimate = root @ explained
         total = np.sum(np.divide(np.square(estimate, out=estimate), narrowed, out=estimate), axis=1)
-        lost = np.log(np.prod(narrowed, axis=1)) + weight.excess * total
-        return weight.n_start * np.log(weight.ratio) - 0.5 * lost
+        return np.log(np.prod(narrowed, axis=1)) + excess * total
 
 
 def terms_of(family: Family, columns: FloatArray) -> Terms:
