@@ -86,16 +86,22 @@ class Moves:
 
     def __init__(self, ahead: IndependenceMoves, others: Sequence[tuple[Any, float]]) -> None:
         self._proposal, self._steps, self._others = ahead.proposal, ahead.steps(), others
+        # log densities of the proposal where the walkers are, as far as the last step tells
+        self._before: FloatArray | None = None
 
     def propose(self, model: Any, state: Any) -> tuple[Any, BoolArray]:
         """The state after one step, and which walkers moved."""
         proposed = next(self._steps)
         if proposed is None:
+            self._before = None
             which = model.random.choice(len(self._others), p=[weight for _, weight in self._others])
             return self._others[which][0].propose(model, state)
         points, log_density, log_proposal = proposed
-        before = self._proposal.log_density(state.coords)
+        before = self._before
+        if before is None:
+            before = self._before = self._proposal.log_density(state.coords)
         ratio = log_density - log_proposal
         accepted = np.log(model.random.rand(ratio.size)) < ratio - (state.log_prob - before)
         state.coords[accepted], state.log_prob[accepted] = points[accepted], log_density[accepted]
+        before[accepted] = log_proposal[accepted]
         return state, accepted
