@@ -32,28 +32,28 @@ def fitted(tmp_path: Path, formula: str, *options: str) -> tuple[Result, Path]:
 def assert_not_identified(done: Result, out: Path) -> None:
     result = json.loads((out / "result.json").read_text(encoding="utf-8"))
     assert (done.exit_code, result["status"]) == (3, "not-identified"), done.output
-    assert all(p["q025"] is None for p in result["parameters"].values())
     report = (out / "report.md").read_text(encoding="utf-8")
-    assert "of the profile" in report
-    assert "of the posterior | 95" not in report
     assert "n/a" not in report
 
 
 @pytest.mark.slow
 def test_a_parameter_for_which_others_make_up_is_not_sampled(tmp_path: Path) -> None:
     done, out = fitted(tmp_path, "y0 - v*t + b*exp(-t/tau)")
-    assert "y0 is unbounded" in done.output
-    assert "b is unbounded" in done.output
+    assert "v is unbounded" in done.output
     assert_not_identified(done, out)
     result = json.loads((out / "result.json").read_text(encoding="utf-8"))
     assert result["sampling"]["n_step"] <= 60
+    assert all(p["q025"] is None for p in result["parameters"].values())
+    report = (out / "report.md").read_text(encoding="utf-8")
+    assert "of the profile" in report
+    assert "of the posterior | 95" not in report
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("few_draws")
 def test_factors_between_limits_are_named_together(tmp_path: Path) -> None:
     """However small the step of one is that makes up for the other; what has no limits but is
-    determined is not blamed.
+    determined is not blamed.  Between limits there is a posterior, which is sampled.
     """
     limits = ("--low", "a=0", "--high", "a=10", "--low", "b=-10", "--high", "b=10")
     done, out = fitted(tmp_path, "a*b*t + q*t**2 + c", *limits)

@@ -19,6 +19,7 @@ import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, IntArray, sds_of
 from estim.problem import (
+    WIDE,
     Band,
     Coordinates,
     InformationBlock,
@@ -26,12 +27,11 @@ from estim.problem import (
     Posterior,
     Problem,
     ResponseSurface,
+    made_up_for,
 )
 
 _RADIUS = 5.0  # standard deviations, within which the places lie
 _MANY = 20  # parameters, beyond which a polynomial has too many terms
-_TIED = 0.95  # correlation
-_WIDE = 0.2  # sd over value, beyond which its logarithm is taken
 _FARTHEST = 50.0  # of the logarithms of values
 _LEAST = 0.01  # weight of a place that counts
 _ROUGH = 0.05  # of the logarithm, by which the polynomial may miss it
@@ -98,7 +98,7 @@ def _around_the_fit(
         return replace(prior, ceiling=0.0)
     logs = prior.exact(posterior.problem.named(draws))
     by_size = np.zeros(values.size, dtype=bool)
-    by_size[columns] = _tied(values, cov, columns)
+    by_size[columns] = made_up_for(values[columns], cov[np.ix_(columns, columns)])
     prior = replace(prior, coordinates=Coordinates(values, by_size))
     prior = replace(prior, ceiling=max(0.0, float(np.max(logs + prior.log_volume(draws)))))
     if not few or len(draws) < 2 * n_term or not np.all(np.isfinite(logs)):
@@ -113,17 +113,10 @@ def _in_logarithms(values: FloatArray, cov: FloatArray, columns: IntArray) -> li
     """Which parameters may have logarithms taken, in order of preference: all that are hardly
     known, those of them that others go with (whose sign the data know), none.
     """
-    wide = (sds_of(cov) > _WIDE * np.abs(values))[columns] & (values[columns] != 0.0)
-    choices = [wide, _tied(values, cov, columns), np.zeros_like(wide)]
+    wide = (sds_of(cov) > WIDE * np.abs(values))[columns] & (values[columns] != 0.0)
+    tied = made_up_for(values[columns], cov[np.ix_(columns, columns)])
+    choices = [wide, tied, np.zeros_like(wide)]
     return [one for i, one in enumerate(choices) if not any(np.all(one == o) for o in choices[:i])]
-
-
-def _tied(values: FloatArray, cov: FloatArray, columns: IntArray) -> BoolArray:
-    """Which parameters are hardly known, because others make up for them."""
-    centre, sds = values[columns], sds_of(cov)[columns]
-    wide = (sds > _WIDE * np.abs(centre)) & (centre != 0.0)
-    together = np.abs(cov[np.ix_(columns, columns)]) / np.outer(sds, sds) - np.eye(columns.size)
-    return wide & (np.max(together, axis=1, initial=0.0) > _TIED)
 
 
 def _around(

@@ -18,11 +18,10 @@ import numpy as np
 from estim.arrays import BoolArray, FloatArray, IntArray, all_finite, finite_or, sds_of
 from estim.fitting.fisher_information import information, known_from_data, on_limit, prior_sds
 from estim.levenberg_marquardt import Start, minima
-from estim.problem import Coordinates, Likelihood, Posterior
+from estim.problem import Coordinates, Likelihood, Posterior, made_up_for
 
 # of a conditional standard deviation, for differences: their error moves an optimum by 1e-6 sd
 _STEP = 1e-3
-_WIDE, _TIED = 0.2, 0.95  # standard deviation over value, correlation: beyond both, by its size
 _FARTHEST = 300.0  # of the logarithm of a ratio to the fit
 _AT_ONCE = 512  # rows of a call: what they need stays small
 
@@ -232,17 +231,14 @@ def _known_by_size(search: ProfileSearch, values: FloatArray, level: float) -> B
     """(n_par,) which parameters others go with, so that the data tell little of their size, and
     which are not 0: without them, the objective is higher by more than `level`.
     """
-    sds = search.scale
-    together = np.abs(search.cov) / np.outer(sds, sds) - np.eye(sds.size)
-    tied = (sds > _WIDE * np.abs(values)) & (values != 0.0)
-    tied &= np.max(together, axis=1, initial=0.0) > _TIED
+    tied = made_up_for(values, search.cov)
     candidates = np.flatnonzero(tied & ~on_limit(search.posterior, values))
     starts = []
     for i in candidates:
         without = values.copy()
         without[i] = 0.0
         starts.append(Start(without, (int(i),)))
-    known = np.zeros(sds.size, dtype=bool)
+    known = np.zeros(values.size, dtype=bool)
     for i, end in zip(candidates, minima(search, starts), strict=True):
         known[i] = end.objective - search.objective(values) > level
     return known

@@ -12,7 +12,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import BoolArray, FloatArray
+from estim.arrays import BoolArray, FloatArray, sds_of
+
+WIDE = 0.2  # standard deviation over value, beyond which a parameter may be known by its size
+_TIED = 0.95  # correlation
+
+
+def made_up_for(values: FloatArray, cov: FloatArray) -> BoolArray:
+    """(n_par,) which parameters are hardly known, because others make up for them, about a fit
+    `values` (n_par,) of covariance `cov`.
+    """
+    sds = sds_of(cov)
+    with np.errstate(all="ignore"):
+        together = np.abs(cov) / np.outer(sds, sds) - np.eye(sds.size)
+    wide = (sds > WIDE * np.abs(values)) & (values != 0.0)
+    return wide & (np.max(together, axis=1, initial=0.0) > _TIED)
 
 
 @dataclass(frozen=True, eq=False)
