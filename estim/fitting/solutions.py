@@ -22,6 +22,10 @@ PLACE = 0.5  # standard deviations: closer ends are one place
 _EXACT, _ROUNDED = 1e-9, 0.01  # of the distance between two points: from its even place
 _ASIDE = 0.382  # of the distance: no simple share, at which other aliases meet again
 _ALIKE = 0.1  # in log share: solutions of the same weight
+_AS_GOOD = 4.5  # in log likelihood: three standard deviations
+# root mean square of the difference between curves through nearly the same points, of the scatter;
+# times that, between the points
+_NEARLY, _APART = 0.7, 5.0
 _UNFELT = 0.01  # of the scatter, by which curves through the same points differ
 # ratio of singular values from which a normal distribution says what an optimum holds
 _SOUND = 1e-6
@@ -104,9 +108,10 @@ def choose(
     """The optimum with the largest share of the posterior, the other solutions (n_other, n_par),
     and what was left aside.
 
-    Each is as it is usually `written`.  Of curves through the same points (a frequency plus the
-    rate of sampling; through points that only rounded times tell apart, too) the one closest to the
-    start is taken, or the smoothest where ratios and differences do not agree on which that is.
+    Each is as it is usually `written`.  Of curves through the same points or nearly so (a frequency
+    plus the rate of sampling; through points that only rounded times tell apart, too) the one
+    closest to the start is taken, or the smoothest where none was stated, or where ratios and
+    differences do not agree on which that is.
     Their weights do not count: they depend on how the curve is written.  Where the user gave no
     range that holds the others and the one taken is the smoothest of all, the others are left aside
     and no solutions; so are other numbers that draw the same curve everywhere.  A worse end from
@@ -119,11 +124,10 @@ def choose(
     least = distinct[heaviest][1] * (1.0 - SAME) - search.rounding
     equal = equal_to(search, distinct[heaviest][1])
     named = [written(search, values, symmetry, start) for values, _ in distinct]
-    rounded = [_is_alias(search, values, distinct[heaviest][0]) for values, _ in distinct]
     through = [
         i
         for i, (values, chi2) in enumerate(distinct)
-        if rounded[i]
+        if _is_alias(search, distinct[i], distinct[heaviest])
         or (
             least <= chi2 <= equal
             and _same_curve(search, values, distinct[heaviest][0], between=False, unfelt=_UNFELT)
@@ -154,8 +158,10 @@ def choose(
         def by_difference(i: int) -> float:
             return float(np.sum(((named[i] - begun)[moved] / apart[moved]) ** 2))
 
-        chosen = min(same, key=by_ratio)
-        if chosen != min(same, key=by_difference):  # far from all of them
+        chosen, parameters = min(same, key=by_ratio), search.posterior.problem.parameters
+        if chosen != min(same, key=by_difference) or not any(
+            parameters[k].prior.start_stated for k in moved
+        ):  # far from all of them, or from nowhere
             chosen = min(same, key=lambda i: _roughness(search, named[i]))
     aside = []
     if moved.size and not np.all(np.isfinite(search.low[moved]) & np.isfinite(search.high[moved])):
@@ -178,9 +184,10 @@ def choose(
         ]
         faster = [
             i
-            for i in through
+            for i in range(len(distinct))
             if i != chosen
             and i not in alike
+            and (i in through or _is_alias(search, distinct[chosen], distinct[i]))
             and not _same_curve(search, named[i], named[chosen], between=True, unfelt=_UNFELT)
         ]
         aside += alike
@@ -247,9 +254,13 @@ def _log_share(search: SeparableSearch, end: End) -> float:
     )
     if not condition > _SOUND:
         return -math.inf
-    dof = max(1, search.posterior.problem.n_obs - free.size)
-    height = -0.5 * dof * math.log(end[1] + search.rounding) if search.unstated else -0.5 * end[1]
-    return height + 0.5 * float(np.linalg.slogdet(cov)[1])
+    return _height(search, end[1]) + 0.5 * float(np.linalg.slogdet(cov)[1])
+
+
+def _height(search: SeparableSearch, chi2: float) -> float:
+    """Log likelihood at a sum of squares, by the residuals where their size is not stated."""
+    dof = max(1, search.posterior.problem.n_obs - search.free.size)
+    return -0.5 * dof * math.log(chi2 + search.rounding) if search.unstated else -0.5 * chi2
 
 
 def _same_curve(
@@ -300,29 +311,30 @@ def repeats(search: SeparableSearch, values: FloatArray, period: FloatArray) -> 
     return steps
 
 
-def _is_alias(search: SeparableSearch, values: FloatArray, other: FloatArray) -> bool:
-    """Whether points that are evenly spaced but for rounding are all that tells two curves apart
-    there: moved to where they would be, they could not, and between them the curves differ.
+def _is_alias(search: SeparableSearch, end: End, other: End) -> bool:
+    """Whether the curve at `end` explains the points about as well as another, at least, that is
+    nearly the same there, and between them far from it.  Points that are evenly spaced but for
+    rounding are moved to where they would be.
     """
-    problem, apart = search.posterior.problem, False
-    named = problem.named(values)
+    problem, apart, moved = search.posterior.problem, False, False
+    named, others = problem.named(end[0]), problem.named(other[0])
     for run in problem.runs:
         number = np.arange(run.n_obs) - 0.5 * (run.n_obs - 1)
         step = float(number @ run.x) / max(float(number @ number), 1.0)
         even = np.mean(run.x) + step * number
-        off = max_abs(run.x - even)
-        if run.noise.counted is not None or not _EXACT * step < off <= _ROUNDED * step:
-            return False
-        # of the scatter of the points about a curve
-        unfelt = 0.2 * float(np.sqrt(np.mean(np.square(run.y - run.drawn(named)))))
+        rounded = _EXACT * step < max_abs(run.x - even) <= _ROUNDED * step
+        x = even if rounded else np.sort(run.x)
         at_points, between = (
-            np.max(np.abs(run.drawn(named, x) - run.drawn(problem.named(other), x)))
-            for x in (even, even[:-1] + _ASIDE * step)
+            float(np.sqrt(np.mean(np.square(run.drawn(named, at) - run.drawn(others, at)))))
+            for at in (x, x + _ASIDE * np.diff(x, append=x[-1]))
         )
-        if not at_points <= unfelt:
+        # of the points about a curve
+        scatter = float(np.sqrt(np.mean(np.square(run.y - run.drawn(named)))))
+        if not at_points <= _NEARLY * scatter:
             return False
-        apart |= bool(between > 5.0 * unfelt)
-    return apart
+        moved |= rounded
+        apart |= between > _APART * max(at_points, _UNFELT * scatter)
+    return apart and (moved or _height(search, end[1]) >= _height(search, other[1]) - _AS_GOOD)
 
 
 def _roughness(search: SeparableSearch, values: FloatArray) -> float:
