@@ -31,6 +31,8 @@ _ROUGH, _FINE = 12, 100  # steps of a descent
 # at most; parameters that are drawn, from which on three searches are made at least
 _SEARCHES, _MANY = 6, 4
 _AGREE = 1e-3  # of the squares
+_SAME = 1e-6  # of the squares: minima in noise differ by more
+_FINELY = 20  # places for each point, at which curves through the points are told apart
 
 
 def guess_starts(
@@ -61,7 +63,7 @@ def guess_starts(
             len(ends) > (1 if len(search.nonlinear) < _MANY else 2)
             and ends[1][1] <= ends[0][1] * (1.0 + _AGREE) + search.rounding
         ):
-            return {**search.whole(_positive(search, *ends[0])), **known}
+            return {**search.whole(_positive(search, *_smoothest(search, ends))), **known}
     names = search.nonlinear or sought
     why = (
         "from the points"
@@ -92,14 +94,30 @@ def _searched(
     for points in (drawn[:_FEW], drawn) if alone else (drawn,):
         ends += _down(search, _best_apart(search, points, _GO_DOWN), _ROUGH)
         ends.sort(key=lambda end: end[1])
-        # minima in noise differ by more
-        same = ends[0][1] * (1.0 + 1e-6) + search.rounding if ends else math.nan
+        same = ends[0][1] * (1.0 + _SAME) + search.rounding if ends else math.nan
         if alone and sum(end[1] <= same for end in ends) >= _ENOUGH:
-            return ends[0], True
+            return _smoothest(search, ends), True
     ends += _down(search, _term_by_term(search, rng), _ROUGH)
     if not ends:
         return (drawn[0], math.inf), False
-    return _swept(search, min(ends, key=lambda end: end[1]), rng), False
+    return _swept(search, _smoothest(search, ends), rng), False
+
+
+def _smoothest(
+    search: ProjectedCurve, ends: Sequence[tuple[FloatArray, float]]
+) -> tuple[FloatArray, float]:
+    """The first of the best ends whose curve goes up and down between the points as little as
+    any: of a product of oscillations no angle says that slower ones draw the same there.
+    """
+    same = min(end[1] for end in ends) * (1.0 + _SAME) + search.rounding
+    equal = [end for end in ends if end[1] <= same]
+    x = np.linspace(search.x.min(), search.x.max(), _FINELY * search.x.size)
+    with np.errstate(all="ignore"):
+        rough = [
+            float(np.sum(np.abs(np.diff(search.formula.value(x, values)[0]))))
+            for values in ({**search.whole(end[0]), **search.known} for end in equal)
+        ]
+    return next(end for end, r in zip(equal, rough, strict=True) if not r > 1.05 * min(rough))
 
 
 def _term_by_term(search: ProjectedCurve, rng: np.random.Generator) -> list[FloatArray]:

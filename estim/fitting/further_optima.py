@@ -199,12 +199,14 @@ def _places(
     length = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(coarse))])
     if not (math.isfinite(length[-1]) and length[-1] > _SPACING):
         return np.zeros(0)
-    # without a limit no further than the data can tell: as many changes of shape as there are
-    # points
+    # without a limit no further than the data can tell, as many changes of shape as there are
+    # points; but as far as the slow end of a frequency or a period, where a factor changes less
     at = float(np.interp(search.held[i], coarse, length))
     reach = float(search.posterior.problem.n_obs)
-    first = 0.0 if low == search.low[i] else max(0.0, at - reach)
-    last = length[-1] if high == search.high[i] else min(length[-1], at + reach)
+    felt = rate[[0, -1]] * np.abs(coarse[[0, -1]])
+    whole = low == search.low[i] or felt[0] <= felt[1], high == search.high[i] or felt[1] < felt[0]
+    first = 0.0 if whole[0] else max(0.0, at - reach)
+    last = length[-1] if whole[1] else min(length[-1], at + reach)
     n = int(min(max(12, (last - first) / _SPACING), max(3, most)))
     return np.interp(np.linspace(first, last, n), length, coarse)
 

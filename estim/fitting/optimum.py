@@ -433,7 +433,8 @@ def _found_near(
     if not tried:
         raise _nowhere_finite(search.posterior.problem, start)
     best = min(tried, key=lambda end: end[1])
-    return _chosen(search, start, best, tried, tried, afar.symmetry, n_start=len(starts))
+    found = _chosen(search, start, best, tried, tried, afar.symmetry, n_start=len(starts))
+    return replace(found, aliases=found.aliases or afar.aliases)
 
 
 def _scanned(

@@ -22,6 +22,10 @@ MOST_OTHERS = 16  # other optima that are kept
 PLACE = 0.5  # standard deviations: closer ends are one place
 _EXACT, _ROUNDED = 1e-9, 0.01  # of the distance between two points: from its even place
 _ASIDE = 0.382  # of the distance: no simple share, at which other aliases meet again
+_AS_GOOD = 4.5  # in log likelihood: three standard deviations
+# root mean square of the difference between curves through nearly the same points, of the scatter;
+# times that, between the points
+_NEARLY, _APART = 0.7, 5.0
 _UNFELT = 0.01  # of the scatter, by which curves through the same points differ
 # ratio of singular values from which a normal distribution says what an optimum holds
 _SOUND = 1e-6
@@ -97,12 +101,13 @@ def choose(
 
     Other numbers that draw the same curve everywhere are one solution with it, given as it is
     usually `written`, but not by numbers that hold next to nothing of the posterior.  Of curves
-    through the same points (a frequency plus the rate of sampling; through points that only rounded
-    times tell apart, too) the one closest to the start is taken, or the smoothest where ratios and
-    differences do not agree on which that is.  Their weights do not count: they depend on how the
-    curve is written.  Where the user gave no range that holds the others and the one taken is the
-    smoothest of all, the others are left aside and no solutions.  A worse end from which the next
-    step would still lead away is no optimum: a parameter on its way to infinity has any share.
+    through the same points or nearly so (a frequency plus the rate of sampling; through points that
+    only rounded times tell apart, too) the one closest to the start is taken, or the smoothest
+    where none was stated, or where ratios and differences do not agree on which that is.  Their
+    weights do not count: they depend on how the curve is written.  Where the user gave no range
+    that holds the others and the one taken is the smoothest of all, the others are left aside and
+    no solutions.  A worse end from which the next step would still lead away is no optimum: a
+    parameter on its way to infinity has any share.
     """
     solutions: list[list[End]] = []
     for end in distinct[:1] + [end for end in distinct[1:] if _is_optimum(search, end)]:
@@ -123,7 +128,7 @@ def choose(
     through = [
         i
         for i, end in enumerate(ends)
-        if _is_alias(search, end[0], best[0]) or _as_good(search, end, best, between=False)
+        if _is_alias(search, end, best) or _as_good(search, end, best, between=False)
     ]
     apart = np.ptp([named[i] for i in through], axis=0)
     steady = np.array(
@@ -142,8 +147,10 @@ def choose(
         def by_difference(i: int) -> float:
             return float(np.sum(((named[i] - begun)[moved] / apart[moved]) ** 2))
 
-        chosen = min(through, key=by_ratio)
-        if chosen != min(through, key=by_difference):  # far from all of them
+        chosen, parameters = min(through, key=by_ratio), search.posterior.problem.parameters
+        if chosen != min(through, key=by_difference) or not any(
+            parameters[k].prior.start_stated for k in moved
+        ):  # far from all of them, or from nowhere
             chosen = min(through, key=lambda i: _roughness(search, named[i]))
 
     def told(kind: Kind, others: list[FloatArray], which: Indices) -> None:
@@ -159,7 +166,11 @@ def choose(
     differ = np.max(np.abs(np.array(alike) - named[chosen]), axis=0) > spread
     alike = [values for values in alike if not is_close(values, named[chosen], spread, PLACE)]
     told(Kind.OTHER_NUMBERS, alike, steady[differ[steady]])
-    aside = [i for i in through if i != chosen]
+    aside = [
+        i
+        for i, end in enumerate(ends)
+        if i != chosen and (i in through or _is_alias(search, ends[chosen], end))
+    ]
     if np.all(_has_range(search, moved)) or any(
         _roughness(search, named[i]) < _roughness(search, named[chosen]) for i in aside
     ):
@@ -223,9 +234,13 @@ def _log_share(search: SeparableSearch, end: End) -> float:
     )
     if not condition > _SOUND:
         return -math.inf
-    dof = max(1, search.posterior.problem.n_obs - free.size)
-    height = -0.5 * dof * math.log(end[1] + search.rounding) if search.unstated else -0.5 * end[1]
-    return height + 0.5 * float(np.linalg.slogdet(cov)[1])
+    return _height(search, end[1]) + 0.5 * float(np.linalg.slogdet(cov)[1])
+
+
+def _height(search: SeparableSearch, chi2: float) -> float:
+    """Log likelihood at a sum of squares, by the residuals where their size is not stated."""
+    dof = max(1, search.posterior.problem.n_obs - search.free.size)
+    return -0.5 * dof * math.log(chi2 + search.rounding) if search.unstated else -0.5 * chi2
 
 
 def is_one(search: SeparableSearch, end: End, other: End) -> bool:
@@ -298,29 +313,30 @@ def repeats(search: SeparableSearch, values: FloatArray, period: FloatArray) -> 
     return steps
 
 
-def _is_alias(search: SeparableSearch, values: FloatArray, other: FloatArray) -> bool:
-    """Whether points that are evenly spaced but for rounding are all that tells two curves apart
-    there: moved to where they would be, they could not, and between them the curves differ.
+def _is_alias(search: SeparableSearch, end: End, other: End) -> bool:
+    """Whether the curve at `end` explains the points about as well as another, at least, that is
+    nearly the same there, and between them far from it.  Points that are evenly spaced but for
+    rounding are moved to where they would be.
     """
-    problem, apart = search.posterior.problem, False
-    named = problem.named(values)
+    problem, apart, moved = search.posterior.problem, False, False
+    named, others = problem.named(end[0]), problem.named(other[0])
     for run in problem.runs:
         number = np.arange(run.n_obs) - 0.5 * (run.n_obs - 1)
         step = float(number @ run.x) / max(float(number @ number), 1.0)
         even = np.mean(run.x) + step * number
-        off = max_abs(run.x - even)
-        if run.noise.counted is not None or not _EXACT * step < off <= _ROUNDED * step:
-            return False
-        # of the scatter of the points about a curve
-        unfelt = 0.2 * float(np.sqrt(np.mean(np.square(run.y - run.drawn(named)))))
+        rounded = _EXACT * step < max_abs(run.x - even) <= _ROUNDED * step
+        x = even if rounded else np.sort(run.x)
         at_points, between = (
-            np.max(np.abs(run.drawn(named, x) - run.drawn(problem.named(other), x)))
-            for x in (even, even[:-1] + _ASIDE * step)
+            float(np.sqrt(np.mean(np.square(run.drawn(named, at) - run.drawn(others, at)))))
+            for at in (x, x + _ASIDE * np.diff(x, append=x[-1]))
         )
-        if not at_points <= unfelt:
+        # of the points about a curve
+        scatter = float(np.sqrt(np.mean(np.square(run.y - run.drawn(named)))))
+        if not at_points <= _NEARLY * scatter:
             return False
-        apart |= bool(between > 5.0 * unfelt)
-    return apart
+        moved |= rounded
+        apart |= between > _APART * max(at_points, _UNFELT * scatter)
+    return apart and (moved or _height(search, end[1]) >= _height(search, other[1]) - _AS_GOOD)
 
 
 def _roughness(search: SeparableSearch, values: FloatArray) -> float:
