@@ -208,6 +208,39 @@ def test_a_constant_of_counts_known_to_powers_of_ten_has_a_flat_prior_of_its_log
         assert abs(direct[1] - fit.values["tau"]) < 0.4 * fit.sds["tau"]
 
 
+def test_runs_of_counts_whose_constants_are_known_to_powers_of_ten_are_refused() -> None:
+    """Half of such fits were 0.5 to 4 standard deviations off; a logarithm is the cure."""
+    x, rng = np.arange(0.0, 20.0, 0.5), np.random.default_rng(2)
+    sets = {
+        name: DataSet(x + 100.0, rng.poisson(25.0 * np.exp(-x / 4.0) + b), noise="poisson")
+        for name, b in (("p", 1.0), ("q", 2.0))
+    }
+    fit = fit_curves("a*exp(-x/tau) + b", sets, shared=["tau"])
+    refused = sample_curve(fit, seed=1, target=COARSE).diagnosis
+    assert refused.status == "not-identified"
+    assert "write exp(b) in its place" in tell(refused.findings[0])
+    cured = fit_curves("exp(c - x/tau) + b", sets, shared=["tau"])
+    analysis = sample_curve(cured, seed=1, target=COARSE)
+    assert analysis.diagnosis.status == "ok"
+    assert (
+        abs(np.median(analysis.chain.column("tau")) - cured.values["tau"]) < 0.4 * cured.sds["tau"]
+    )
+
+
+def test_the_prior_of_many_lines_far_from_the_origin_is_flat() -> None:
+    x = np.linspace(100.0, 102.0, 5)
+    rng = np.random.default_rng(3)
+    sets = {
+        f"s{i}": DataSet(x, 0.3 * (x - 101.0) + rng.standard_normal(5), u_y=1.0) for i in range(22)
+    }
+    fit = fit_curves("a + b*x", sets, shared=["b"], start={"a": 0.0, "b": 0.3}).fit
+    prior = fit.sampled.jeffreys
+    assert prior is not None
+    factor = np.linalg.cholesky(fit.cov)
+    draws = fit.values + rng.standard_normal((200, fit.values.size)) @ factor.T
+    assert np.max(np.abs(prior.log(draws, fit.problem.named))) < 1e-6
+
+
 @pytest.mark.statistics
 def test_intervals_of_a_constant_known_to_a_factor_hold_what_they_say() -> None:
     """Under a flat prior 52 and 86 % of 1000 sets (benchmarks/prior_coverage.py)."""

@@ -18,7 +18,7 @@ from estim.calibration.uniformity import N_RANK
 from estim.common import PROBABILITIES, InputError, Label, NumericalError, Stream, stream
 from estim.fitting import Fit, fit_least_squares
 from estim.problem import Parameter, Prior, Problem
-from estim.sampling import Target, adapt_proposal, certify, sample_posterior
+from estim.sampling import InCoordinates, Optima, Target, adapt_proposal, certify, sample_posterior
 
 What = Literal["sbc", "coverage"]
 
@@ -175,20 +175,20 @@ def posterior_draws(
     """Draws (n_draw, n_par) of the posterior, which engine gave them, and what it did not reach (or
     "").  Raises NumericalError.
     """
+    density = InCoordinates(fit.sampled, fit.coordinates)
+    at = Optima(fit.values, fit.cov).of(fit.coordinates)
     for n_round in (engine.n_round, 4 * engine.n_round):
-        proposal = adapt_proposal(fit.sampled, fit.values, fit.cov, rng=rng, n_round=n_round)
+        proposal = adapt_proposal(density, at.value, at.cov, rng=rng, n_round=n_round)
         n_draw, most = int(2.0 * engine.ess), int(16.0 * engine.ess)
         certificate = certify(
-            fit.sampled, proposal, rng=rng, n_draw=n_draw, least_ess=engine.ess, max_draw=most
+            density, proposal, rng=rng, n_draw=n_draw, least_ess=engine.ess, max_draw=most
         )
         if certificate.k_hat < 0.5 and certificate.ess >= engine.ess:
-            return certificate.draws, "importance sampling", ""
+            return fit.coordinates.values(certificate.draws), "importance sampling", ""
     target = Target(rhat=1.02, ess=engine.ess, n_tau=20.0, max_step=engine.max_step, n_ensemble=2)
-    chain = sample_posterior(
-        fit.sampled, fit.values, fit.cov, target=target, rng=rng, proposal=proposal
-    )
+    chain = sample_posterior(density, at.value, at.cov, target=target, rng=rng, proposal=proposal)
     return (
-        chain.thinned(20_000),
+        fit.coordinates.values(chain.thinned(20_000)),
         "chain",
         "" if chain.convergence.met else chain.convergence.message,
     )

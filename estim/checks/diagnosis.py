@@ -201,7 +201,9 @@ def _uniform_priors(fit: Fit, chain: Chain) -> list[Finding]:
         return []
     old, new = (
         fit.sampled.jeffreys,
-        jeffreys_prior(fit.posterior, fit.values, fit.cov, limited=True),
+        jeffreys_prior(
+            fit.posterior, fit.values, fit.cov, limited=True, coordinates=fit.coordinates
+        ),
     )
     if new is None:
         return []

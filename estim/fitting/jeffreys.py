@@ -43,13 +43,14 @@ def jeffreys_prior(
     cov: FloatArray,
     *,
     limited: bool = False,
-    smooth: bool = True,
+    coordinates: Coordinates | None = None,
 ) -> JeffreysPrior | None:
     """That of the unstated parameters of `posterior` about the fit `values` (n_par,) of covariance
     `cov`; None where there are none, or counts are fit.
 
-    limited : of those with limits on both sides too.  smooth : whether its ceiling and a polynomial
-        are found.
+    limited : of those with limits on both sides too.
+    coordinates : in which the posterior is nearly normal, where its ceiling and a polynomial are
+        wanted.
     """
     problem = posterior.problem
     free = np.flatnonzero(problem.unstated | (problem.limited & limited))
@@ -69,8 +70,8 @@ def jeffreys_prior(
     centre = float(prior.exact(problem.named(values[None]))[0])
     if not math.isfinite(centre):
         return None
-    prior = replace(prior, centre=centre)
-    return _around_the_fit(posterior, prior, values, cov) if smooth else prior
+    prior = replace(prior, centre=centre, coordinates=coordinates)
+    return prior if coordinates is None else _around_the_fit(posterior, prior, values, cov)
 
 
 def _around_the_fit(
@@ -97,9 +98,6 @@ def _around_the_fit(
     if not len(draws):
         return replace(prior, ceiling=0.0)
     logs = prior.exact(posterior.problem.named(draws))
-    by_size = np.zeros(values.size, dtype=bool)
-    by_size[columns] = made_up_for(values[columns], cov[np.ix_(columns, columns)])
-    prior = replace(prior, coordinates=Coordinates(values, by_size))
     prior = replace(prior, ceiling=max(0.0, float(np.max(logs + prior.log_volume(draws)))))
     if not few or len(draws) < 2 * n_term or not np.all(np.isfinite(logs)):
         return prior

@@ -16,7 +16,7 @@ from itertools import compress
 
 import numpy as np
 
-from estim.arrays import FloatArray, all_finite, diagonal_scale, finite_or, sds_of
+from estim.arrays import FloatArray, all_finite, diagonal_scale, finite_or, max_abs, sds_of
 from estim.common import Finding, InputError, NumericalError, phrase
 from estim.deviation import FoundDeviation, FoundForce, NormalParts
 from estim.distributions import chi2_tail
@@ -127,17 +127,39 @@ class Fit:
         """
         if self.singular:
             return self.posterior
-        jeffreys, measure = jeffreys_prior(self.posterior, self.values, self.cov), self.measure
-        flat = None
-        if jeffreys is None and measure is None:
-            by_size = self.coordinates.by_size & self.problem.unstated
-            flat = Coordinates(self.values, by_size) if np.any(by_size) else None
-        return replace(self.posterior, measure=measure, jeffreys=jeffreys, flat=flat)
+        jeffreys = jeffreys_prior(
+            self.posterior, self.values, self.cov, coordinates=self.coordinates
+        )
+        flat = self.flat if jeffreys is None else None
+        return replace(self.posterior, measure=self.measure, jeffreys=jeffreys, flat=flat)
+
+    @cached_property
+    def flat(self) -> Coordinates | None:
+        """In which the prior of counts is flat: logarithms of unstated factors of the curve that
+        are known by their size; None where there are none, and where runs have their own.
+        """
+        if self.measure is not None or not self.problem.counted:
+            return None
+        by_size = self.coordinates.by_size & self.problem.unstated
+        by_size[by_size] = [self._is_factor(int(i)) for i in np.flatnonzero(by_size)]
+        return Coordinates(self.values, by_size) if np.any(by_size) else None
+
+    def _is_factor(self, i: int) -> bool:
+        """Whether the curves are linear in parameter i."""
+        points = np.tile(self.values, (3, 1))
+        points[:, i] *= 0.0, 1.0, 2.0
+        for run in self.problem.runs:
+            with np.errstate(all="ignore"):
+                none, once, twice = (run.drawn(self.problem.named(point)) for point in points)
+            if not np.allclose(none + twice, 2.0 * once, rtol=1e-9, atol=1e-9 * max_abs(once)):
+                return False
+        return True
 
     @cached_property
     def coordinates(self) -> Coordinates:
         """In which the posterior is nearly normal."""
-        return search_of(self.posterior, self.values, self.cov, _ONE_SIGN).coordinates
+        level = math.inf if self.singular else _ONE_SIGN
+        return search_of(self.posterior, self.values, self.cov, level).coordinates
 
     @cached_property
     def measure(self) -> Measure | None:
@@ -156,7 +178,7 @@ class Fit:
         """That of unstated parameters, computed at every draw."""
         if self.singular:
             return None
-        return jeffreys_prior(self.posterior, self.values, self.cov, smooth=False)
+        return jeffreys_prior(self.posterior, self.values, self.cov)
 
     @property
     def scale(self) -> FloatArray:

@@ -45,8 +45,10 @@ def open_sides(fit: Fit, sds: FloatArray) -> list[Finding]:
         parameter, far = fit.problem.parameters[i], _FAR * float(sds[i])
         found = side_left_open(interval, parameter, float(sds[i]))
         ends = interval.low[_PROBABILITY], interval.high[_PROBABILITY]
-        flat = fit.jeffreys is None and not interval.by_size
-        over = flat and max(abs(end - interval.value) for end in ends) > far
+        flat = fit.jeffreys is None and not (fit.flat is not None and fit.flat.by_size[i])
+        # the measure of runs is known about the fit alone
+        strained = fit.measure is not None and interval.by_size
+        over = flat and (strained or max(abs(end - interval.value) for end in ends) > far)
         findings += found or ([_open("decades", parameter)] if over else [])
     return findings
 

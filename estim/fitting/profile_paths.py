@@ -95,7 +95,8 @@ def crossing(
         # of the square root of the objective: the line through the two last points does the rest
         if abs(height) < 1e-4:
             break
-    if search.coordinates.by_size[i] and not beyond.converged:
+    unsettled = math.isfinite(beyond.objective) and not beyond.converged
+    if search.coordinates.by_size[i] and unsettled:
         # the others may make up for any size
         return None, cuts
     below, above = _height(inner, mode, rise), _height(beyond, mode, rise)

@@ -22,6 +22,7 @@ from estim.problem import Coordinates, Likelihood, Posterior, made_up_for
 
 # of a conditional standard deviation, for differences: their error moves an optimum by 1e-6 sd
 _STEP = 1e-3
+_MANY = 20  # parameters, beyond which all stay values: the search for each takes too long
 _FARTHEST = 300.0  # of the logarithm of a ratio to the fit
 _AT_ONCE = 512  # rows of a call: what they need stays small
 
@@ -231,6 +232,9 @@ def _known_by_size(search: ProfileSearch, values: FloatArray, level: float) -> B
     """(n_par,) which parameters others go with, so that the data tell little of their size, and
     which are not 0: without them, the objective is higher by more than `level`.
     """
+    known = np.zeros(values.size, dtype=bool)
+    if not level < np.inf or values.size > _MANY:
+        return known
     tied = made_up_for(values, search.cov)
     candidates = np.flatnonzero(tied & ~on_limit(search.posterior, values))
     starts = []
@@ -238,7 +242,6 @@ def _known_by_size(search: ProfileSearch, values: FloatArray, level: float) -> B
         without = values.copy()
         without[i] = 0.0
         starts.append(Start(without, (int(i),)))
-    known = np.zeros(values.size, dtype=bool)
     for i, end in zip(candidates, minima(search, starts), strict=True):
         known[i] = end.objective - search.objective(values) > level
     return known

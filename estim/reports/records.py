@@ -287,17 +287,20 @@ def parameter_summary(truth: Mapping[str, float], analysis: Analysis, i: int) ->
 def _prior_words(analysis: Analysis, parameter: Parameter) -> str:
     """How the prior of a parameter is written that was sampled."""
     prior = parameter.prior
-    jeffreys = analysis.fit.jeffreys if analysis.diagnosis.sampled else None
-    flat = analysis.fit.sampled.flat
-    if flat is not None and flat.by_size[analysis.problem.names.index(parameter.name)]:
-        return phrase("nothing (a flat prior of its logarithm)")
-    if jeffreys is None or parameter.name not in jeffreys.names:
+    fit, i = analysis.fit, analysis.problem.names.index(parameter.name)
+    if not analysis.diagnosis.sampled:
+        return prior.describe()
+    if fit.jeffreys is not None and parameter.name in fit.jeffreys.names:
+        kind = phrase("Jeffreys' prior")
+    elif fit.sampled.flat is not None and fit.sampled.flat.by_size[i]:
+        kind = phrase("a flat prior of its logarithm")
+    else:
         return prior.describe()
     if math.isfinite(prior.low):
-        return phrase("only > {low:.4g} (Jeffreys' prior)", low=prior.low)
+        return phrase("only > {low:.4g} ({kind})", low=prior.low, kind=kind)
     if math.isfinite(prior.high):
-        return phrase("only < {high:.4g} (Jeffreys' prior)", high=prior.high)
-    return phrase("nothing (Jeffreys' prior)")
+        return phrase("only < {high:.4g} ({kind})", high=prior.high, kind=kind)
+    return phrase("nothing ({kind})", kind=kind)
 
 
 def correlation_of(analysis: Analysis) -> Correlation:

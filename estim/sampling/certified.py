@@ -76,13 +76,13 @@ class Certified:
         heights = self.chain.log_density - density.coordinates.log_volume(draws)
         if certificate is not None:
             seen = values(certificate.draws)
-            sd = np.std(seen, axis=0)
+            sd, ess = np.std(seen, axis=0), min(certificate.ess, len(seen))
             certificate = replace(
                 certificate,
                 mean=np.mean(seen, axis=0),
                 sd=sd,
-                mcse_mean=sd / math.sqrt(certificate.ess),
-                mcse_sd=sd / math.sqrt(2.0 * certificate.ess),
+                mcse_mean=sd / math.sqrt(ess),
+                mcse_sd=sd / math.sqrt(2.0 * ess),
                 quantiles={p: values(ends) for p, ends in certificate.quantiles.items()},
                 draws=seen,
             )
