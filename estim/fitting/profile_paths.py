@@ -93,7 +93,7 @@ def crossing(
             beyond, above, below = point, height, below * (0.5 if before > 0.0 else 1.0)
         before = height
         # of the square root of the objective: the line through the two last points does the rest
-        if abs(height) < 1e-4:
+        if abs(height) < 1e-6:
             break
     unsettled = math.isfinite(beyond.objective) and not beyond.converged
     if search.coordinates.by_size[i] and unsettled:
