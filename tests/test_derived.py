@@ -113,6 +113,13 @@ def test_a_pole_within_reach_leaves_no_interval() -> None:
     assert "q     = 1 (no uncertainty)" in str(fit)
 
 
+def test_what_has_no_value_beside_the_fit_has_no_interval() -> None:
+    fit = line(1.0, 2.0, derived={"q": "sqrt(slope - 0.99999)"})
+    assert fit.derived["q"].value > 0.0
+    assert math.isnan(fit.derived["q"].interval[0.95][0])
+    assert "q     = " in str(fit)
+
+
 def test_what_depends_on_a_parameter_at_its_limit_has_no_plus_minus() -> None:
     x = np.linspace(0.0, 1.0, 20)
     y = 2.0 * x - 0.01 + 0.05 * np.random.default_rng(1).standard_normal(20)

@@ -4,7 +4,7 @@ without any draw.
     u^2(q) = g^T S g,    g = dq/dp        JCGM 100:2008, 5.2.2
 
 An interval is q at p + k S g / sqrt(g^T S g) for k = ± a quantile: along the direction in which q
-changes for its probability.  For a q that is monotonic in one combination of the parameters it
+changes most for its probability.  For a q that is monotonic in one combination of the parameters it
 is exact, however bent q is; where q is linear it is q ± k u(q).  A q of one parameter alone has the
 interval of that parameter, which may be that of its profile.
 """
@@ -17,7 +17,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from estim.arrays import FloatArray, sds_of
+from estim.arrays import FloatArray, all_finite, sds_of
 from estim.common import PROBABILITIES, Label
 from estim.distributions import student_quantile
 from estim.fitting.degrees_of_freedom import STATED, ErrorSizes
@@ -95,7 +95,7 @@ def linear_derived(
         reach = np.array([-k95, -k68, -1.0, 1.0, k68, k95])
         interval, plain = dict.fromkeys(PROBABILITIES, (np.nan, np.nan)), np.nan
         moving = np.flatnonzero(gradients[q])
-        alone = names[moving[0]] if moving.size == 1 else ""
+        alone = names[moving[0]] if moving.size == 1 and all_finite(gradients[q]) else ""
         known = sd > 0.0 and not np.any(gradients[q][np.isin(names, list(unknown))])
         if alone in intervals or (np.isfinite(sd) and known):
             places = np.tile(values, (reach.size, 1))
