@@ -268,7 +268,7 @@ def conditional_maxima(coordinates: Coordinates, points: FloatArray) -> Expansio
     far = np.flatnonzero(~(np.einsum("ni,nij,nj->n", moved, begun.curvatures, moved) < 0.4**2))
     if far.size:
         subset = coordinates.rows(far)
-        further = expanded(subset, _newton_step(subset, maxima.rows(far)))
+        further = expanded(subset, _newton_step(subset, expanded(subset, points[far])))
         for name, whole in vars(maxima).items():
             whole[far] = getattr(further, name)
     return maxima
@@ -288,8 +288,9 @@ def expanded(
     eye, (first, second) = np.eye(low.size), np.triu_indices(low.size, 1)
     moves = np.concatenate([eye, -eye])
     if curvatures is None:
-        # mixed differences to one side alone: good enough for a proposal, with half of the points
-        moves = np.concatenate([moves, np.zeros((1, len(eye))), eye[first] + eye[second]])
+        moves = np.concatenate(
+            [moves, np.zeros((1, len(eye))), eye[first] + eye[second], -eye[first] - eye[second]]
+        )
     stencil = middle[:, None] + np.einsum("mj,nij->nmi", moves, steps)
     values = coordinates.log_densities(np.concatenate([points[:, None], stencil], axis=1))
     log_densities, values = values[:, 0], values[:, 1:]
@@ -299,10 +300,12 @@ def expanded(
     inverse = np.linalg.inv(coordinates.factor)
     if curvatures is None:
         centre, pairs = values[:, 2 * len(eye), None], values[:, 2 * len(eye) + 1 :]
-        curved = (held - (plus + minus - 2.0 * centre) / _DIFFERENCE**2)[:, :, None] * eye
-        curved[:, first, second] = curved[:, second, first] = (
-            plus[:, first] + plus[:, second] - pairs - centre
-        ) / _DIFFERENCE**2
+        single = plus + minus - 2.0 * centre
+        both = pairs[:, : first.size] + pairs[:, first.size :] - 2.0 * centre
+        curved = (held - single / _DIFFERENCE**2)[:, :, None] * eye
+        curved[:, first, second] = curved[:, second, first] = -(
+            both - single[:, first] - single[:, second]
+        ) / (2.0 * _DIFFERENCE**2)
         curved[~finite] = eye
         sizes, vectors = np.linalg.eigh(curved)
         # for the curvatures to be positive
