@@ -57,6 +57,33 @@ def test_linear_parameters_are_linear_together() -> None:
     assert linear_in(formula, ["d", "c", "b"]) == ("d",)
 
 
+@pytest.mark.parametrize(
+    ("text", "x", "true", "u"),
+    [
+        ("1/(1/V + K/(V*x))", (0.2, 10.0), {"V": 5.0, "K": 2.0}, 0.1),
+        ("U*exp(-x/(R*1e-6))", (0.0, 0.1), {"U": 5.0, "R": 2e4}, 0.05),
+        ("1/sqrt(1 + (2*pi*x*R*1e-9)**2)", (50.0, 5000.0), {"R": 1e5}, 0.01),
+        ("A*1e-50*x**3/(exp(6.626e-34*x/(1.381e-23*T)) - 1)", (1e12, 2e14), {"A": 1e10, "T": 1000.0}, 0.1),
+        ("T0 + dT*exp(-x/(1000*t))", (0.0, 20000.0), {"T0": 20.0, "dT": 50.0, "t": 4.0}, 0.5),
+    ],
+)  # fmt: skip
+def test_numbers_in_a_formula_do_not_hide_its_start(
+    text: str, x: tuple[float, float], true: dict[str, float], u: float, rng: np.random.Generator
+) -> None:
+    formula, at = read_formula(text), np.linspace(*x, 25)
+    y = formula.value(at, true)[0] + u * rng.standard_normal(25)
+    start = guess_starts(formula, at, y, np.full(25, u), known={}, limits={})
+    left = (y - formula.value(at, start)[0]) / u
+    assert np.sum(left**2) < np.sum((y - formula.value(at, true)[0]) ** 2) / u**2
+
+
+def test_a_small_number_makes_no_parameter_linear() -> None:
+    assert linear_in(read_formula("1/sqrt(1 + (x*R*1e-6)**2)"), ["R"]) == ()
+    assert linear_in(read_formula("1e-15*exp(b*x)"), ["b"]) == ()
+    assert linear_in(read_formula("1/(1/V + K/(V*x))"), ["V", "K"]) == ()
+    assert linear_in(read_formula("1e-15*a*exp(b*x) + c"), ["a", "b", "c"]) == ("a", "c")
+
+
 def test_an_origin_far_off_in_the_formula_is_no_warning(rng: np.random.Generator) -> None:
     x = np.arange(0.0, 20.0, 0.5)
     y = 40.0 * np.exp(-x / 4.0) + 5.0 + rng.normal(0.0, 1.0, x.size)

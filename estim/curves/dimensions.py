@@ -15,6 +15,7 @@ even so, y may be a number of unknown unit.
 from __future__ import annotations
 
 import ast
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -30,13 +31,23 @@ Dimension = tuple[float, float]
 _Row = dict[str, Fraction]
 _SAME = ("abs", "hypot", "minimum", "maximum", "min", "max", "floor", "ceil")
 ROOTS = {"sqrt": Fraction(1, 2), "cbrt": Fraction(1, 3)}
-_X, _Y = "(x)", "(y)"
+_X, _Y, _TEN = "(x)", "(y)", "(10)"
 LARGEST_PURE = 10.0  # a number as large may turn mm into cm
+LARGEST_MODERATE = 100.0  # scales of a search are as wide
 
 
 def dimensions_of(formula: Formula) -> dict[str, Dimension]:
     """Name -> unit of each parameter that the formula determines."""
     return _found(_solved(formula, _System(), density=False), formula)
+
+
+def factors_of(formula: Formula) -> dict[str, float]:
+    """Name -> how many times as large as its unit a parameter is because of very large and very
+    small numbers beside it: 1e6 for R in `exp(-x/(R*1e-6))`.
+    """
+    system = _solved(formula, _System(), density=False)
+    rows = {name: system.reduced({name: Fraction(1)}) for name in formula.names}
+    return {name: 10.0 ** float(row.get(_TEN, 0)) for name, row in rows.items()}
 
 
 @lru_cache(maxsize=64)
@@ -154,7 +165,7 @@ def _found(system: _System, formula: Formula) -> dict[str, Dimension]:
 
 def _of_axes(row: _Row) -> Dimension | None:
     """The powers of the units of x and y, where there are no others."""
-    return None if {*row} - {_X, _Y} else (float(row.get(_X, 0)), float(row.get(_Y, 0)))
+    return None if {*row} - {_X, _Y, _TEN} else (float(row.get(_X, 0)), float(row.get(_Y, 0)))
 
 
 def angles_of(formula: Formula) -> list[tuple[str, ast.expr, Dimension]]:
@@ -205,7 +216,7 @@ class _System:
     def equal(self, left: Mapping[str, Fraction], right: Mapping[str, Fraction]) -> None:
         """Adds an equation, unless it contradicts the others."""
         row = self.reduced(summed(left, right, Fraction(-1)))
-        unknown = next((name for name in row if name not in (_X, _Y)), None)
+        unknown = next((name for name in row if name not in (_X, _Y, _TEN)), None)
         if unknown is None:
             self.contradicted |= bool(row)
             return
@@ -217,7 +228,9 @@ class _System:
 def _dimension(node: ast.expr, system: _System) -> _Row:
     match node:
         case ast.Constant(value=float(value)):
-            return {} if system.is_pure is None or system.is_pure(value) else system.fresh()
+            if system.is_pure is None:
+                return _power_of_ten(value)
+            return {} if system.is_pure(value) else system.fresh()
         case ast.Name(id="x"):
             return {_X: Fraction(1)}
         case ast.Name(id=name):
@@ -229,7 +242,7 @@ def _dimension(node: ast.expr, system: _System) -> _Row:
             if isinstance(op, ast.Mult | ast.Div):
                 return summed(first, second, Fraction(1 if isinstance(op, ast.Mult) else -1))
             system.equal(first, second)
-            return first if first or not second else second
+            return first if {*first} - {_TEN} or not second else second
         case ast.Call(func=ast.Name(id="power"), args=[base, exponent]):
             return _power(base, exponent, system)
         case ast.Call(func=ast.Name(id="radians"), args=[angle]) if system.any_angle:
@@ -259,6 +272,14 @@ def _dimension(node: ast.expr, system: _System) -> _Row:
                 system,
             )
     return system.fresh()
+
+
+def _power_of_ten(number: float) -> _Row:
+    """How large a number is, if it is very large or small."""
+    size = abs(number)
+    if size == 0.0 or 1.0 / LARGEST_MODERATE <= size <= LARGEST_MODERATE:
+        return {}
+    return {_TEN: Fraction(math.log10(size)).limit_denominator(100)}
 
 
 def _power(base: ast.expr, exponent: ast.expr, system: _System) -> _Row:

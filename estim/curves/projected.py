@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from estim.arrays import FloatArray, all_finite
-from estim.curves.dimensions import dimensions_of
+from estim.arrays import FloatArray, all_finite, max_abs
+from estim.curves.dimensions import dimensions_of, factors_of
 from estim.curves.dual_numbers import Dual, plain
 from estim.curves.formula import CONSTANTS, FUNCTIONS, Formula, evaluate
 from estim.curves.models import Limits
@@ -23,27 +23,38 @@ from estim.levenberg_marquardt import LeastSquares
 
 def linear_in(formula: Formula, names: Collection[str]) -> tuple[str, ...]:
     """Those of `names` in which the curve is linear together: half way between two sets of values
-    it is the mean of both curves.
+    it is the mean of both curves, with the same finite slopes as at these and where all of them
+    are 0 (not so V in 1/(1/V + K/(V*x))).
     """
     rng = np.random.default_rng(1)
     x, others = rng.uniform(0.5, 2.0, 16), {name: rng.uniform(0.5, 2.0) for name in formula.names}
 
-    def value(at: Mapping[str, float]) -> FloatArray:
-        return formula.value(x, {**others, **at})[0]
-
     linear: list[str] = []
     for name in names:
         tried = [*linear, name]
-        points = [
+        first, second = (
             dict(zip(tried, (sign * rng.uniform(0.5, 2.0, len(tried))).tolist(), strict=True))
             for sign in (1.0, -1.0)
-        ]
-        middle = {key: 0.5 * (points[0][key] + points[1][key]) for key in tried}
+        )
+        middle = {key: 0.5 * (first[key] + second[key]) for key in tried}
         with np.errstate(all="ignore"):  # an origin far off may make a curve overflow here
-            ends, between = (value(points[0]) + value(points[1])) / 2.0, value(middle)
-        if all_finite(between) and np.allclose(ends, between, rtol=1e-10, atol=1e-12):
+            one, other, between, zero = (
+                formula.local(x, {**others, **at})
+                for at in (first, second, middle, dict.fromkeys(tried, 0.0))
+            )
+            pairs = [(0.5 * (one.value + other.value), between.value)]
+            pairs += [
+                (at.gradient[key], between.gradient[key])
+                for at in (one, other, zero)
+                for key in tried
+            ]
+        if all(_alike(*pair) for pair in pairs) and np.any(between.gradient[name]):
             linear.append(name)
     return tuple(linear)
+
+
+def _alike(a: FloatArray, b: FloatArray) -> bool:
+    return all_finite(b) and np.allclose(a, b, rtol=1e-10, atol=1e-12 * max_abs(b))
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,9 +216,10 @@ def projected(
         formula, [name for name in sought if not any(map(math.isfinite, ends[name]))]
     )
     nonlinear = tuple(name for name in sought if name not in linear)
-    units, places = dimensions_of(formula), places_of(formula)
+    units, factors, places = dimensions_of(formula), factors_of(formula), places_of(formula)
     scales = tuple(
-        scale_of(units.get(name), x, y, *ends[name], place=name in places) for name in nonlinear
+        scale_of(units.get(name), factors[name], x, y, *ends[name], place=name in places)
+        for name in nonlinear
     )
     turning = _turning(formula, {*nonlinear, *known, "x"})
     return ProjectedCurve(

@@ -12,6 +12,8 @@ from estim.arrays import FloatArray, max_abs
 from estim.curves.dimensions import Dimension
 from estim.curves.formula import Formula
 
+_Range = tuple[float, float, float]  # from, to, share of the draws
+
 
 @dataclass(frozen=True)
 class Scale:
@@ -21,8 +23,8 @@ class Scale:
     low, high : limits.
     """
 
-    places: tuple[float, float, float] | None
-    sizes: tuple[tuple[float, float, float], ...]
+    places: _Range | None
+    sizes: tuple[_Range, ...]
     low: float
     high: float
 
@@ -63,38 +65,51 @@ class Scale:
 
 
 def scale_of(
-    unit: Dimension | None, x: FloatArray, y: FloatArray, low: float, high: float, *, place: bool
+    unit: Dimension | None,
+    factor: float,
+    x: FloatArray,
+    y: FloatArray,
+    low: float,
+    high: float,
+    *,
+    place: bool,
 ) -> Scale:
-    """What a parameter of a unit may be; None: of any.  place : whether the formula adds it to x,
-    or takes it from x.
+    """What a parameter of a unit may be, times a factor; None: of any unit.
+
+    place : whether the formula adds it to x, or takes it from x.
     """
+    places, sizes = _ranges(unit, x, y, place=place)
+    return Scale(
+        None if places is None else (factor * places[0], factor * places[1], places[2]),
+        tuple((factor * small, factor * large, share) for small, large, share in sizes),
+        low,
+        high,
+    )
+
+
+def _ranges(
+    unit: Dimension | None, x: FloatArray, y: FloatArray, *, place: bool
+) -> tuple[_Range | None, tuple[_Range, ...]]:
+    """Places and sizes of a parameter of a unit."""
     length = float(np.ptp(x)) or abs(float(x[0])) or 1.0
     step, far = length / max(1, x.size - 1), max(length, max_abs(x))
     within = float(x.min()) - 0.2 * length, float(x.max()) + 0.2 * length
     if unit is None:
-        return Scale(
-            (*within, 1.0),
-            ((0.1, 10.0, 1.0), (step, 10.0 * far, 1.0), (0.1 / far, math.pi / step, 1.0)),
-            low,
-            high,
-        )
+        sizes = (0.1, 10.0, 1.0), (step, 10.0 * far, 1.0), (0.1 / far, math.pi / step, 1.0)
+        return (*within, 1.0), sizes
     power, power_y = unit
     height = math.sqrt((float(np.ptp(y)) or abs(float(y[0])) or 1.0) * (max_abs(y) or 1.0))
     if power == 0.0 and power_y == 0.0:
-        return Scale((-math.pi, math.pi, 1.0), ((0.05, 20.0, 1.0),), low, high)
+        return (-math.pi, math.pi, 1.0), ((0.05, 20.0, 1.0),)
     if power == 1.0 and power_y == 0.0:
-        sizes = (0.5 * step, 5.0 * length, 1.0), (length, 300.0 * far, 0.3)
-        return Scale((*within, 4.0) if place else None, sizes, low, high)
+        lengths = (0.5 * step, 5.0 * length, 1.0), (length, 300.0 * far, 0.3)
+        return (*within, 4.0) if place else None, lengths
     if power == 0.0 and power_y == 1.0:
-        return Scale(
-            (float(y.min()) - height, float(y.max()) + height, 1.0),
-            ((1e-3 * height, 100.0 * height, 1.0),),
-            low,
-            high,
-        )
+        around = float(y.min()) - height, float(y.max()) + height, 1.0
+        return around, ((1e-3 * height, 100.0 * height, 1.0),)
     along = sorted(((0.3 * step) ** power, (10.0 * far) ** power))
     up = sorted(((0.01 * height) ** power_y, (100.0 * height) ** power_y))
-    return Scale(None, ((along[0] * up[0], along[1] * up[1], 1.0),), low, high)
+    return None, ((along[0] * up[0], along[1] * up[1], 1.0),)
 
 
 def places_of(formula: Formula) -> set[str]:
