@@ -63,10 +63,10 @@ def test_linear_parameters_are_linear_together() -> None:
         ("1/(1/V + K/(V*x))", (0.2, 10.0), {"V": 5.0, "K": 2.0}, 0.1),
         ("U*exp(-x/(R*1e-6))", (0.0, 0.1), {"U": 5.0, "R": 2e4}, 0.05),
         ("1/sqrt(1 + (2*pi*x*R*1e-9)**2)", (50.0, 5000.0), {"R": 1e5}, 0.01),
-        ("A*1e-50*x**3/(exp(6.626e-34*x/(1.381e-23*T)) - 1)", (1e12, 2e14), {"A": 1e10, "T": 1000.0}, 0.1),
+        ("a*x**3/(exp(6.626e-34*x/(1.381e-23*T)) - 1)", (1e12, 2e14), {"a": 1e-40, "T": 1e3}, 0.1),
         ("T0 + dT*exp(-x/(1000*t))", (0.0, 20000.0), {"T0": 20.0, "dT": 50.0, "t": 4.0}, 0.5),
     ],
-)  # fmt: skip
+)
 def test_numbers_in_a_formula_do_not_hide_its_start(
     text: str, x: tuple[float, float], true: dict[str, float], u: float, rng: np.random.Generator
 ) -> None:

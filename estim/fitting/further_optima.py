@@ -27,6 +27,7 @@ _DECADES = 2.0  # to either side of the start, where there are no limits
 _PRIOR_SDS = 5.0
 _WIDE = 1e-4  # of a parameter's size, for mixed second differences
 _SETTLED, _N_STEP = 1e-9, 14
+_BEYOND = np.array([0.7, 1.0, 1.4])  # of the way to where the curve is the same to second order
 _FAR = np.geomspace(1.0, 3.0, 5)  # places in a reach
 _BATCH = 100_000  # residuals in one call
 
@@ -40,12 +41,16 @@ def further_optima(
     period : (n_par,) full turns of those that are phases, else inf: each dip is then tried with
         four phases.
     """
-    starts = [
-        dips for i in search.nonlinear for dips in (_dips(search, values, int(i)),) if dips.size
+    starts = [_beyond_folds(search, values)]
+    starts += [
+        dips
+        for i in search.nonlinear
+        for ends in _ranges(search, int(i))
+        for dips in (_dips(search, values, int(i), *ends),)
     ]
-    if not starts:
-        return np.zeros((0, values.size))
     points = np.vstack(starts)
+    if not points.size:
+        return points
     period = np.full(values.size, np.inf) if period is None else period
     for i in np.flatnonzero(np.isfinite(period)):
         turned = np.repeat(points, 4, axis=0)
@@ -56,6 +61,35 @@ def further_optima(
         heights = search.squares.objectives(turned)
         points = turned[np.argsort(heights, kind="stable")[: max(points.shape[0], 4 * _MOST_DIPS)]]
     return descended(search, points)
+
+
+def _beyond_folds(search: SeparableSearch, values: FloatArray) -> FloatArray:
+    """(n_point, n_par) where, to second order, the curve is as at `values` again while a nonlinear
+    parameter goes and the others follow it: it turns back where its derivatives are no longer
+    independent, as those of R/(x - b) - a/x^2 at b = 0, and its optima on both sides may be nearer
+    to each other than the places of a scan.
+    """
+    residuals, columns = (
+        part[0]
+        for part in search.squares.tangents(values[None, :], search.free, search.squares.step)
+    )
+    points = []
+    for k in np.flatnonzero(np.isin(search.free, search.nonlinear)):
+        others = np.delete(columns, k, axis=1)
+        following = -np.linalg.pinv(others)
+        step = np.zeros(values.size)
+        step[search.free] = np.insert(following @ columns[:, k], k, 1.0)
+        slope = columns @ step[search.free]
+        step /= np.linalg.norm(slope)
+        ends = search.squares.residuals(values + np.array([step, -step]), np.arange(2))
+        slope, bend = 0.5 * (ends[0] - ends[1]), ends[0] + ends[1] - 2.0 * residuals
+        moved = np.zeros(values.size)
+        moved[np.delete(search.free, k)] = following @ bend
+        bend += others @ moved[np.delete(search.free, k)]
+        far = -2.0 * float(slope @ bend) / float(bend @ bend) * _BEYOND
+        points.append(values + far[:, None] * step + 0.5 * np.square(far)[:, None] * moved)
+    found = np.array(points).reshape(-1, values.size)
+    return np.clip(found[np.all(np.isfinite(found), axis=1)], search.low, search.high)
 
 
 def far_places(
@@ -98,30 +132,35 @@ def _informed(search: SeparableSearch, i: int) -> bool:
     return math.isfinite(search.posterior.problem.parameters[i].prior.sd)
 
 
-def _ends(search: SeparableSearch, i: int) -> tuple[float, float]:
-    """The range of parameter i that is looked at."""
+def _ranges(search: SeparableSearch, i: int) -> list[tuple[float, float]]:
+    """What is looked at of parameter i: between its limits, what its prior expects, or values of
+    either sign.
+    """
     prior, at = search.posterior.problem.parameters[i].prior, float(search.held[i])
     low, high = float(search.low[i]), float(search.high[i])
     if _informed(search, i) and not (
         math.isfinite(low) and math.isfinite(high) and high - low < 2.0 * _PRIOR_SDS * prior.sd
     ):
-        return max(low, prior.centre - _PRIOR_SDS * prior.sd), min(
-            high, prior.centre + _PRIOR_SDS * prior.sd
-        )
-    reach = 10.0**_DECADES * (abs(at) if at else 0.1)
-    least = at / 10.0**_DECADES if at else -reach
-    if at < 0.0:
-        return max(low, -reach), min(high, least)
-    return (low if math.isfinite(low) else least), min(high, reach) if not math.isfinite(
-        high
-    ) else high
+        low = max(low, prior.centre - _PRIOR_SDS * prior.sd)
+        high = min(high, prior.centre + _PRIOR_SDS * prior.sd)
+    far = 10.0**_DECADES * (abs(at) if at else 0.1)
+    near = abs(at) / 10.0**_DECADES
+    if math.isfinite(low) or math.isfinite(high):
+        return [
+            (
+                max(low, -far) if math.isinf(low) else low,
+                min(high, far) if math.isinf(high) else high,
+            )
+        ]
+    return [(near, far), (-far, -near)] if at else [(-far, far)]
 
 
-def _dips(search: SeparableSearch, values: FloatArray, i: int) -> FloatArray:
-    """(n_dip, n_par) where a scan of parameter i has its lowest local minima; beside each the same
-    with the others moved to first order.
+def _dips(
+    search: SeparableSearch, values: FloatArray, i: int, low: float, high: float
+) -> FloatArray:
+    """(n_dip, n_par) where a scan of parameter i from low to high has its lowest local minima;
+    beside each the same with the others moved to first order.
     """
-    low, high = _ends(search, i)
     if not high > low:
         return np.zeros((0, values.size))
     n_par, n_obs = search.free.size, search.posterior.problem.n_obs
