@@ -108,9 +108,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
         return Spread(cov, sds, symmetric, (), ())
     everything = skewed or bool(np.any(beside))
     asked = np.ones_like(curved) if everything or np.any(bent) else curved
-    profiles, left_open = profiled(
-        fixed, held(float(np.min(dofs))), None if everything else sds, np.flatnonzero(asked)
-    )
+    profiles, left_open = profiled(fixed, held(float(np.min(dofs))), np.flatnonzero(asked))
     intervals = {**symmetric, **profiles}
     notes: list[Finding] = []
     unheld = {finding.parameters[0].name for finding in left_open}
@@ -192,13 +190,12 @@ def _symmetric(
 
 
 def profiled(
-    fit: Fit, sizes: ErrorSizes, sds: FloatArray | None = None, which: IntArray | None = None
+    fit: Fit, sizes: ErrorSizes, which: IntArray | None = None
 ) -> tuple[dict[str, Ends], list[Finding]]:
     """Name -> probability -> profile interval, which ends at the edge on an open side; nan for a
     parameter that has a side without any end.
 
-    sizes : of its errors.  sds : (n_par,) where an interval that reaches too many of these has no
-        end worth the name.  which : indices of the parameters, all if None.
+    sizes : of its errors.  which : indices of the parameters, all if None.
     """
     intervals: dict[str, Ends] = {}
     left_open: list[Finding] = []
@@ -207,8 +204,8 @@ def profiled(
         fit, names=[fit.names[i] for i in chosen], probabilities=PROBABILITIES, sizes=sizes
     )
     for i, interval in zip(chosen, profiles, strict=True):
-        parameter, sd = fit.problem.parameters[i], math.inf if sds is None else float(sds[i])
-        unheld = side_left_open(interval, parameter, sd)
+        parameter = fit.problem.parameters[i]
+        unheld = side_left_open(interval, parameter)
         left_open += unheld
         intervals[parameter.name] = {
             p: (math.nan, math.nan) if unheld else (interval.low[p], interval.high[p])
