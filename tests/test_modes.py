@@ -681,3 +681,32 @@ def test_a_frequency_is_positive_whatever_sign_its_sine_has() -> None:
     fit = fit_curve("a*cos(w*x) + b*sin(w*x)", x, y, u_y=0.1)
     assert fit.values["w"] == pytest.approx(3.7, abs=0.05)
     assert fit.values["b"] == pytest.approx(-0.6, abs=0.1)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_an_optimum_beyond_a_fold_is_found(seed: int) -> None:
+    """At b = 0 the curve of b and that of a are the same: optima lie on both sides, and a grid of
+    b, the others solved for, shows them.
+    """
+    x = np.linspace(1.0, 5.0, 25)
+    y = 25.0 / (x - 0.2) - 3.0 / x**2 + np.random.default_rng(seed).normal(0.0, 0.1, x.size)
+
+    def left(b: float) -> float:
+        columns = np.column_stack([1.0 / (x - b), -1.0 / x**2])
+        return float(np.sum((y - columns @ np.linalg.lstsq(columns, y)[0]) ** 2)) / 0.1**2
+
+    grid = np.linspace(-0.9, 0.6, 3001)
+    chi2 = np.array([left(b) for b in grid])
+    minima = 1 + np.flatnonzero((chi2[1:-1] < chi2[:-2]) & (chi2[1:-1] < chi2[2:]))
+    barrier = chi2[minima[0] : minima[-1]].max() - chi2.min()
+    fit = fit_curve("R/(x-b)-a/x**2", x, y, u_y=0.1)
+    assert minima.size == 2
+    if barrier > 3.84:
+        assert fit.status == "multimodal"
+        assert sorted([fit.values["b"], *fit.fit.others[:, 1]]) == pytest.approx(
+            grid[minima].tolist(), abs=1e-3
+        )
+    else:
+        assert fit.status == "ok"
+        within = grid[chi2 < left(fit.values["b"]) + 3.84]
+        assert fit.intervals["b"][0.95] == pytest.approx((within[0], within[-1]), abs=2e-3)
