@@ -148,8 +148,7 @@ ADVICE: Mapping[Kind, str] = {
     ),
     Kind.UNDETERMINED: "state {value} for one of the parameters, or fix it",
     Kind.HARDLY_HELD: (
-        "give it limits or {value}, or leave out the term that the data do not show; a swing is "
-        "better written as sin(w*x + p)"
+        "give it limits or {value}, or leave out the term that the data do not show"
     ),
     Kind.OPEN_SIDE: (
         "state {value} for it or one that compensates, leave out the term that the data do not "
