@@ -665,3 +665,24 @@ def test_a_parameter_that_no_point_sees_is_not_determined_on_any_side_of_0() -> 
     fit = fit_curve("a + b*b*max(x - 20, 0)", x, y, u_y=0.1, start={"b": 1.0})
     assert fit.status == "not-identified"
     assert "do not determine b" in fit.reasons[0]
+
+
+def test_a_minimum_at_a_kink_is_a_minimum() -> None:
+    """Of an onset x0 the lowest point often lies at a reading: steps lead to and fro across it."""
+    x = np.linspace(0.0, 10.0, 30)
+    grid = np.linspace(2.0, 6.0, 4001)
+    at_reading = 0
+    for seed in range(10):
+        y = 0.5 + np.maximum(x - 4.0, 0.0) + np.random.default_rng(seed).normal(0.0, 0.5, x.size)
+        fit = fit_curve("b + a*max(x - x0, 0)", x, y, u_y=0.5)
+        columns = [np.column_stack([np.ones(30), np.maximum(x - x0, 0.0)]) for x0 in grid]
+        chi2 = np.array([np.sum((y - c @ np.linalg.lstsq(c, y)[0]) ** 2) / 0.5**2 for c in columns])
+        best = grid[np.argmin(chi2)]
+        assert fit.status == "ok"
+        assert fit.values["x0"] == pytest.approx(best, abs=2e-3)
+        at_reading += bool(np.min(np.abs(best - x)) < 1e-3)
+    assert at_reading >= 3
+    alone = fit_curve(
+        "max(x - x0, 0)", x, np.maximum(x - 4.0, 0.0) + 0.3 * np.cos(7.0 * x), u_y=0.3
+    )
+    assert alone.status == "ok"

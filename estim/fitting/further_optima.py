@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from estim.arrays import FloatArray, finite_or
+from estim.arrays import FloatArray, all_finite, finite_or
 from estim.fitting.separable import SeparableSearch
 from estim.levenberg_marquardt import solve
 
@@ -74,20 +74,20 @@ def _beyond_folds(search: SeparableSearch, values: FloatArray) -> FloatArray:
         for part in search.squares.tangents(values[None, :], search.free, search.squares.step)
     )
     points = []
-    for k in np.flatnonzero(np.isin(search.free, search.nonlinear)):
-        others = np.delete(columns, k, axis=1)
+    for k in np.flatnonzero(np.isin(search.free, search.nonlinear)) if all_finite(columns) else ():
+        own, others = np.delete(search.free, k), np.delete(columns, k, axis=1)
         following = -np.linalg.pinv(others)
         step = np.zeros(values.size)
         step[search.free] = np.insert(following @ columns[:, k], k, 1.0)
-        slope = columns @ step[search.free]
-        step /= np.linalg.norm(slope)
-        ends = search.squares.residuals(values + np.array([step, -step]), np.arange(2))
-        slope, bend = 0.5 * (ends[0] - ends[1]), ends[0] + ends[1] - 2.0 * residuals
-        moved = np.zeros(values.size)
-        moved[np.delete(search.free, k)] = following @ bend
-        bend += others @ moved[np.delete(search.free, k)]
-        far = -2.0 * float(slope @ bend) / float(bend @ bend) * _BEYOND
-        points.append(values + far[:, None] * step + 0.5 * np.square(far)[:, None] * moved)
+        with np.errstate(all="ignore"):
+            step /= np.linalg.norm(columns @ step[search.free])
+            ends = search.squares.residuals(values + np.array([step, -step]), np.arange(2))
+            slope, bend = 0.5 * (ends[0] - ends[1]), ends[0] + ends[1] - 2.0 * residuals
+            moved = np.zeros(values.size)
+            moved[own] = following @ bend
+            bend += others @ moved[own]
+            far = -2.0 * (slope @ bend) / (bend @ bend) * _BEYOND
+            points.append(values + far[:, None] * step + 0.5 * np.square(far)[:, None] * moved)
     found = np.array(points).reshape(-1, values.size)
     return np.clip(found[np.all(np.isfinite(found), axis=1)], search.low, search.high)
 

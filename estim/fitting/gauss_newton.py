@@ -46,7 +46,7 @@ def stepped(
     deviations, and the parameter that it moved most.
     """
     step_size, chi2 = math.inf, search.chi2(values)
-    mover = int(search.free[0])
+    mover = int(search.free[0]) if search.free.size else 0
     for _ in range(most):
         jacobian, residual = search.scoring(values)
         if not all_finite(jacobian, residual):

@@ -76,6 +76,7 @@ _HELD = 9.0
 # where a prior does not give the posterior an end, that of counts or of a frequency: the density
 # is below 1e-4 of that at the mode
 _HELD_WITHOUT_END = 18.0
+_BESIDE = 1e-3  # standard deviations to the side of a minimum
 _NOTHING = 1e-6  # standard deviations by which a curve depends on a parameter: rounding errors
 MAX_PARAMETERS = 14  # of problems that are scanned, and have a second opinion
 
@@ -612,6 +613,23 @@ def _scattered(search: SeparableSearch, start: FloatArray, rng: np.random.Genera
     return values
 
 
+def _at_kink(search: SeparableSearch, values: FloatArray, tolerance: float) -> FloatArray | None:
+    """The minimum at `values` if, with one nonlinear parameter held to either side of it, the
+    others make up for less than with it there: the lowest point may be a kink, as that of
+    a*max(x - x0, 0) with x0 at a reading, where no step ends.
+    """
+    spread = spread_at(search, (values, search.chi2(values)))
+    for i in search.nonlinear:
+        held = replace(search, nonlinear=search.nonlinear[search.nonlinear != i])
+        places = [values.copy() for _ in range(3)]
+        for place, side in zip(places, (0.0, _BESIDE, -_BESIDE), strict=True):
+            place[i] += side * spread[i]
+        here, *beside = (stepped(held, place) for place in places)
+        if here[2] < tolerance and here[1] < min(end[1] for end in beside):
+            return here[0]
+    return None
+
+
 def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_same: int) -> Optimum:
     """The optimum that Gauss-Newton steps from `values` lead to.  Raises InputError where the curve
     has no finite derivatives there.
@@ -631,6 +649,10 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
         )
     rounded = search.rounding_at(values, jacobian)
     floor = 0.1 * math.sqrt(rounded / max(chi2, 1e-300) * max(1, residual.size - free.size))
+    # where a likelihood ends at the optimum, steps go to and fro across the end
+    tolerance = max(1e-3 if search.creeps else 1e-6, floor)
+    if not step_size < tolerance and (kink := _at_kink(search, values, tolerance)) is not None:
+        values, chi2, step_size = kink, search.chi2(kink), 0.0
     near = near_bound(search, values, jacobian, residual, chi2)
     if np.any(near) and not np.all(np.any(jacobian, axis=0)[free]):
         # what another parameter hides on its limit lies anywhere
@@ -649,8 +671,7 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
         chi2,
         rounded,
         step_size,
-        # where a likelihood ends at the optimum, steps go to and fro across the end
-        max(1e-3 if search.creeps else 1e-6, floor),
+        tolerance,
         problem.names[mover],
         condition,
         resolved,
