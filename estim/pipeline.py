@@ -383,7 +383,8 @@ def _drawn(
             if marginal:
                 raise
             rng = stream(seed, Stream.CHAIN)
-    density, start = folded(fit.sampled, fit.symmetry, fit.values), _optima_of(fit)
+    density = folded(fit.sampled, fit.symmetry, fit.values, fit.cov)
+    start = _optima_of(fit)
     if problem.n_par <= most:
         drawn = certified_chain(
             density,

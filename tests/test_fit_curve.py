@@ -6,8 +6,9 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -665,6 +666,52 @@ def test_a_parameter_that_no_point_sees_is_not_determined_on_any_side_of_0() -> 
     fit = fit_curve("a + b*b*max(x - 20, 0)", x, y, u_y=0.1, start={"b": 1.0})
     assert fit.status == "not-identified"
     assert "do not determine b" in fit.reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("curve", "true", "start"),
+    [
+        (
+            lambda x, v, k, n: v * x**n / (k**n + x**n),
+            (5.0, 2.0, 2.0),
+            {"v": 4.0, "k": 3.0, "n": 1.5},
+        ),
+        (
+            lambda x, v, k, i: v * x / (k + x + x**2 / i),
+            (5.0, 2.0, 10.0),
+            {"v": 4.0, "k": 3.0, "i": 8.0},
+        ),
+        (lambda x, a, k: a + math.sqrt(k) * np.sqrt(x), (1.0, 4.0), {"a": 0.0, "k": 3.0}),
+        (
+            lambda x, a, t: a * np.array([math.exp(-at / t) for at in x]),
+            (3.0, 2.0),
+            {"a": 1.0, "t": 1.0},
+        ),
+    ],
+)
+def test_where_a_function_has_no_value_a_search_goes_elsewhere(
+    curve: Callable[..., Any], true: tuple[float, ...], start: dict[str, float]
+) -> None:
+    """Far from the optimum k**n overflows, i is 0, math.sqrt has no root: Python raises there."""
+    x = np.linspace(0.2, 10.0, 25)
+    y = curve(x, *true) + 0.05 * np.random.default_rng(1).standard_normal(25)
+    fit = fit_curve(curve, x, y, u_y=0.05, start=start)
+    assert fit.status == "ok"
+    for value, (name, best) in zip(true, fit.values.items(), strict=True):
+        assert best == pytest.approx(value, abs=4.0 * fit.sds[name])
+
+
+def test_a_complex_value_is_none() -> None:
+    """`np.emath.sqrt` returns real numbers where it can."""
+    x = np.linspace(0.5, 5.0, 20)
+    y = 2.0 * np.sqrt(x + 0.3) + 0.02 * np.random.default_rng(1).standard_normal(20)
+
+    def root(x: np.ndarray, a: float, b: float) -> np.ndarray:
+        return a * np.emath.sqrt(x - b)
+
+    fit = fit_curve(root, x, y, u_y=0.02, start={"a": 1.0, "b": 0.0})
+    assert fit.status == "ok"
+    assert fit.values["b"] == pytest.approx(-0.3, abs=4.0 * fit.sds["b"])
 
 
 def test_a_minimum_at_a_kink_is_a_minimum() -> None:

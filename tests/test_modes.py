@@ -356,7 +356,7 @@ def test_folded_posterior_keeps_the_whole_integral() -> None:
     ).fit
     box = np.random.default_rng(0).uniform([0.0, 0.0], [3.0, 2.5], (40_000, 2))
     whole = np.exp(twins.posterior.log_density(box))
-    half = np.exp(folded(twins.posterior, twins.symmetry, twins.values).log_density(box))
+    half = np.exp(folded(twins.posterior, twins.symmetry, twins.values, twins.cov).log_density(box))
     assert np.mean(half) == pytest.approx(np.mean(whole), rel=0.05)
     assert 0.3 < np.mean(half > 0.0) < 0.7
 
@@ -710,3 +710,21 @@ def test_an_optimum_beyond_a_fold_is_found(seed: int) -> None:
         assert fit.status == "ok"
         within = grid[chi2 < left(fit.values["b"]) + 3.84]
         assert fit.intervals["b"][0.95] == pytest.approx((within[0], within[-1]), abs=2e-3)
+
+
+@pytest.mark.parametrize("origin", [0.0, 300.0, 1000.0])
+@pytest.mark.slow
+def test_a_period_is_sampled_whole_wherever_x_begins(origin: float) -> None:
+    """Far from the origin a phase makes turns within a standard deviation of the period: one turn
+    about the mode cut a stripe out of the ridge, and u(T) was 5 times too small, `ok`.
+    """
+    x = np.arange(0.0, 6.0, 0.2)
+    y = 5.0 * np.cos(2 * np.pi * x / 1.5 + 0.4) + np.random.default_rng(3).standard_normal(x.size)
+    start = {"A": 5.0, "T": 1.5, "p": 0.0}
+    near = fit_curve("A*cos(2*pi*x/T + p)", x, y, u_y=1.0, start=start)
+    fit = fit_curve("A*cos(2*pi*x/T + p)", x + origin, y, u_y=1.0, start=start)
+    sampled = sample_curve(fit, seed=1, target=Target(ess=1000.0))
+    draws = sampled.chain.flat[:, list(sampled.fit.names).index("T")]
+    assert sampled.diagnosis.status == "ok"
+    assert np.mean(draws) == pytest.approx(near.values["T"], abs=0.15 * near.sds["T"])
+    assert np.std(draws) == pytest.approx(near.sds["T"], rel=0.12)

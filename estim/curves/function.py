@@ -29,6 +29,8 @@ from estim.problem import EXACT, LocalCurve, n_draws
 
 Function = Callable[..., Any]
 
+# raised where a curve has no value: by math.log(0.0), by an index beyond a table
+_NO_VALUE = (ArithmeticError, LookupError, ValueError)
 _COMPLEX_STEP = 1e-30
 _DIFFERENCES = 5e-13  # relative error of the best differences
 # of the reach; not the multiples of a period all together
@@ -85,7 +87,7 @@ class PythonCurve:
     def _each(self, arguments: Named, n_draw: int) -> list[dict[str, float]]:
         """The parameters of each draw."""
         columns = {name: np.broadcast_to(arguments[name], (n_draw, 1))[:, 0] for name in self.names}
-        return [{name: float(column[i]) for name, column in columns.items()} for i in range(n_draw)]
+        return [{name: column[i] for name, column in columns.items()} for i in range(n_draw)]
 
     def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
         if (n_draw := n_draws(arguments)) > 1:
@@ -98,9 +100,12 @@ class PythonCurve:
                 np.concatenate([row.slope for row in rows]),
                 gradient,
             )
-        return _WAYS[self.derivatives](
-            self.function, x, {name: float(_scalar(arguments[name])) for name in self.names}
-        )
+        values = {name: _scalar(arguments[name]) for name in self.names}
+        try:
+            return _WAYS[self.derivatives](self.function, x, values)
+        except _NO_VALUE:
+            nothing = np.full((1, x.size), np.nan)
+            return LocalCurve(nothing, nothing, dict.fromkeys(self.names, nothing))
 
     def time_derivative(self, x: FloatArray, arguments: Named, order: int) -> FloatArray:
         if self.derivatives != "dual":
@@ -147,12 +152,15 @@ def wrap_function(
 
 
 def _called(function: Function, x: Any, parameters: Mapping[str, Any]) -> FloatArray:
-    """The curve; nan where a parameter that is a plain number divides by 0, which is no number."""
+    """The curve; nan where it has no value, or none that is real."""
     with np.errstate(all="ignore"):
         try:
-            return np.asarray(function(x, **parameters), dtype=float)
-        except ZeroDivisionError:
+            returned = np.asarray(function(x, **parameters))
+        except _NO_VALUE:
             return np.full(np.shape(x), np.nan)
+        if np.iscomplexobj(returned):
+            returned = np.where(returned.imag == 0.0, returned.real, np.nan)
+        return np.asarray(returned, dtype=float)
 
 
 def _own_precision(function: Function) -> float:
@@ -163,9 +171,9 @@ def _own_precision(function: Function) -> float:
 
 
 def _scalar(value: ArrayLike) -> Any:
-    """A number for one draw, else the column of draws."""
+    """A number for one draw, else the column of draws; one of NumPy, of which 0.0 ** -1 is inf."""
     array = np.asarray(value, dtype=float)
-    return array.item() if array.size == 1 else array
+    return array.ravel()[0] if array.size == 1 else array
 
 
 def _broadcasts(function: Function, x: FloatArray, start: Mapping[str, float]) -> bool:
@@ -177,7 +185,7 @@ def _broadcasts(function: Function, x: FloatArray, start: Mapping[str, float]) -
     try:
         together = _called(function, x, {name: column[:, None] for name, column in draws.items()})
         single = [
-            _called(function, x, {name: float(column[i]) for name, column in draws.items()})
+            _called(function, x, {name: column[i] for name, column in draws.items()})
             for i in range(3)
         ]
         together = np.broadcast_to(together, (3, x.size))
@@ -276,15 +284,11 @@ def _difference(
     @cache
     def shifted(step: float) -> FloatArray:
         moved = centre + step
-        try:
-            called = (
-                _called(function, moved, values)
-                if name is None
-                else _called(function, x, {**values, name: moved})
-            )
-        # like math.log(0), or an index beyond a table: no value
-        except (ArithmeticError, LookupError, ValueError):
-            called = np.array(np.nan)
+        called = (
+            _called(function, moved, values)
+            if name is None
+            else _called(function, x, {**values, name: moved})
+        )
         return np.broadcast_to(called, (x.size,))
 
     with np.errstate(all="ignore"):

@@ -614,19 +614,24 @@ def _scattered(search: SeparableSearch, start: FloatArray, rng: np.random.Genera
 
 
 def _at_kink(search: SeparableSearch, values: FloatArray, tolerance: float) -> FloatArray | None:
-    """The minimum at `values` if, with one nonlinear parameter held to either side of it, the
-    others make up for less than with it there: the lowest point may be a kink, as that of
-    a*max(x - x0, 0) with x0 at a reading, where no step ends.
+    """The minimum at `values` if it is a kink, as that of a*max(x - x0, 0) with x0 at a reading,
+    where no step ends: with one nonlinear parameter held to either side of it, and the others as
+    good as can be, the sum of squares rises in proportion to the distance, not to its square.
     """
     spread = spread_at(search, (values, search.chi2(values)))
     for i in search.nonlinear:
         held = replace(search, nonlinear=search.nonlinear[search.nonlinear != i])
-        places = [values.copy() for _ in range(3)]
-        for place, side in zip(places, (0.0, _BESIDE, -_BESIDE), strict=True):
+        ends = []
+        for side in (0.0, -_BESIDE, -0.5 * _BESIDE, 0.5 * _BESIDE, _BESIDE):
+            place = values.copy()
             place[i] += side * spread[i]
-        here, *beside = (stepped(held, place) for place in places)
-        if here[2] < tolerance and here[1] < min(end[1] for end in beside):
-            return here[0]
+            ends.append(stepped(held, place))
+        whole, half, other_half, other = (end[1] - ends[0][1] for end in ends[1:])
+        sides = (half, whole), (other_half, other)
+        if ends[0][2] < tolerance and all(
+            0.375 * far < near and 0.0 < far < 0.1 for near, far in sides
+        ):
+            return ends[0][0]
     return None
 
 

@@ -29,6 +29,10 @@ from estim.words import tell
 
 Indices = NDArray[np.int64]
 
+_PART = 1.0 / 16.0  # of a turn, within a standard deviation of the others
+# places along the others' common direction, in standard deviations; trials of a turn
+_APART, _N_APART, _N_TURN = 0.125, 64, 16
+
 
 @dataclass(frozen=True, eq=False)
 class Symmetry:
@@ -63,15 +67,24 @@ class Symmetry:
 
     def images(self, draws: FloatArray, near: FloatArray) -> tuple[FloatArray, FloatArray]:
         """All images (n_map, n_draw, n_par) of draws (n_draw, n_par), turned as close to `near`
-        (n_par,) as the limits allow.
+        (n_par,) as the limits allow, and how many full turns of each lie within the limits.
+        """
+        return self.turned(self.mapped(draws), near)
+
+    def mapped(self, draws: FloatArray) -> FloatArray:
+        """(n_map, n_draw, n_par) images of draws (n_draw, n_par), phases as they come."""
+        return draws @ self.matrix.transpose(0, 2, 1) + self.shift[:, None, :]
+
+    def turned(self, mapped: FloatArray, near: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Images (n_map, n_draw, n_par) with phases as close to `near` (..., n_par) as the limits
+        allow.
 
         And how many full turns of each lie within the limits (n_map, n_draw): 0 where none does, 1
         where they are without limits.
         """
-        images = draws @ self.matrix.transpose(0, 2, 1) + self.shift[:, None, :]
-        number = np.ones(images.shape[:2])
+        images, number = mapped.copy(), np.ones(mapped.shape[:2])
         for i in np.flatnonzero(np.isfinite(self.period)):
-            turns = np.round((near[i] - images[..., i]) / self.period[i])
+            turns = np.round((near[..., i] - images[..., i]) / self.period[i])
             least = np.ceil((self.low[i] - images[..., i]) / self.period[i])
             most = np.floor((self.high[i] - images[..., i]) / self.period[i])
             images[..., i] += self.period[i] * np.clip(turns, least, np.maximum(most, least))
@@ -139,31 +152,127 @@ class Symmetry:
 
 
 @dataclass(frozen=True, eq=False)
+class _Phase:
+    """Where a phase is best as the other parameters move it by so many of its turns that one turn
+    about the mode would hold parts of a ridge only: that of A*cos(w*x + p) with all x far from 0.
+
+    index : of the phase.
+    weight : (n_par,) of the others in the distance along their common direction.
+    along, best : (n,) distances, and the phase there beyond that at the mode.
+    """
+
+    index: int
+    weight: FloatArray
+    along: FloatArray
+    best: FloatArray
+
+    def at(self, moved: FloatArray) -> FloatArray:
+        """(...,) for parameters (..., n_par) that are `moved` from the mode."""
+        return np.interp(moved @ self.weight, self.along, self.best)
+
+
+def _followed(
+    posterior: Posterior, symmetry: Symmetry, mode: FloatArray, cov: FloatArray
+) -> tuple[_Phase, ...]:
+    """The phases without limits that the other parameters move by a part of a turn within a
+    standard deviation.
+    """
+    phases = []
+    others = np.isinf(symmetry.period) & (np.diag(cov) > 0.0)
+    unit = np.sqrt(np.diag(cov))[others]
+    for i in np.flatnonzero(np.isfinite(symmetry.period) & np.isinf(symmetry.high - symmetry.low)):
+        correlations = cov[np.ix_(others, others)] / np.outer(unit, unit)
+        factors = np.linalg.pinv(correlations, hermitian=True) @ (cov[others, i] / unit)
+        spread = math.sqrt(max(0.0, float(factors @ correlations @ factors)))
+        if not spread > _PART * symmetry.period[i]:
+            continue
+        weight, step = np.zeros(mode.size), np.zeros(mode.size)
+        weight[others] = factors / unit / spread
+        step[others] = correlations @ factors * unit / spread
+        sides = [
+            _path(posterior, symmetry, mode, sign * step, int(i), sign * spread)
+            for sign in (-1.0, 1.0)
+        ]
+        along = np.arange(-_N_APART, _N_APART + 1, dtype=np.float64) * _APART
+        best = np.concatenate([sides[0][:0:-1], sides[1]])
+        phases.append(_Phase(int(i), weight, along, best))
+    return tuple(phases)
+
+
+def _path(
+    posterior: Posterior,
+    symmetry: Symmetry,
+    mode: FloatArray,
+    step: FloatArray,
+    i: int,
+    slope: float,
+) -> FloatArray:
+    """(1 + _N_APART,) the best phase beyond that at the mode, in places a part of `step` apart: of
+    one turn about where those before it lead, by the density.
+    """
+    turn = symmetry.period[i] * (np.arange(_N_TURN) / _N_TURN - 0.5)
+    best = [0.0]
+    for k in range(1, _N_APART + 1):
+        ahead = (
+            k * _APART * slope
+            if k < 3
+            else best[-1] + (best[-1] - best[-2]) + (best[-1] - 2.0 * best[-2] + best[-3])
+        )
+        rows = np.tile(mode + k * _APART * step, (_N_TURN, 1))
+        rows[:, i] = mode[i] + ahead + turn
+        with np.errstate(all="ignore"):
+            heights = posterior.log_density(np.clip(rows, symmetry.low, symmetry.high))
+        if not np.all(np.isfinite(heights)):
+            best.append(ahead)
+            continue
+        # the highest harmonic of one turn has its top here
+        wave = np.sum(heights * np.exp(-2j * np.pi * np.arange(_N_TURN) / _N_TURN))
+        best.append(ahead + turn[0] - symmetry.period[i] * float(np.angle(wave)) / (2.0 * math.pi))
+        best[-1] -= symmetry.period[i] * round((best[-1] - ahead) / symmetry.period[i])
+    return np.array(best)
+
+
+@dataclass(frozen=True, eq=False)
 class Labelled:
     """A posterior folded onto the labels of its mode: the density of all labels together, where
-    `mode` (n_par,) is the closest one, and within a quarter of a step after which it repeats.
+    the centre is the closest one, and within a quarter of a step after which it repeats.
+
+    mode : (n_par,) the centre of all parameters but phases that follow others.
+    phases : these.
     """
 
     posterior: Posterior
     symmetry: Symmetry
     mode: FloatArray
+    phases: tuple[_Phase, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
         return self.posterior.names
 
+    def _centre(self, values: FloatArray) -> FloatArray:
+        """(..., n_par) that belongs to values (..., n_par)."""
+        centre = np.broadcast_to(self.mode, values.shape)
+        if self.phases:
+            centre, moved = centre.copy(), values - self.mode
+            for phase in self.phases:
+                centre[..., phase.index] += phase.at(moved)
+        return centre
+
     def log_density(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) log of the posterior density summed over all images; -inf where another image
-        is closer to the mode.
+        is closer to the centre.
         """
         log_p = np.array(self.posterior.log_density(draws))
         log_p[np.any(np.abs(draws - self.mode) > 0.25 * self.symmetry.repeat, axis=1)] = -np.inf
         inside = np.flatnonzero(np.isfinite(log_p))
-        images, number = self.symmetry.images(draws[inside], self.mode)
-        away = np.where(
-            number > 0.0, np.sum(self.symmetry.weight * (images - self.mode) ** 2, axis=2), np.inf
-        )
-        distance = np.sum(self.symmetry.weight * (draws[inside] - self.mode) ** 2, axis=1)
+        mapped = self.symmetry.mapped(draws[inside])
+        centre = self._centre(mapped)
+        images, number = self.symmetry.turned(mapped, centre)
+        weight = self.symmetry.weight
+        away = np.where(number > 0.0, np.sum(weight * (images - centre) ** 2, axis=2), np.inf)
+        # the first map is the identity
+        distance = np.sum(weight * (draws[inside] - centre[0]) ** 2, axis=1)
         best = np.min(away, axis=0)
         log_p[inside] = np.where(
             distance <= best * (1.0 + 1e-9) + 1e-12,
@@ -174,14 +283,14 @@ class Labelled:
 
 
 def folded(
-    posterior: Posterior, symmetry: Symmetry | None, mode: FloatArray
+    posterior: Posterior, symmetry: Symmetry | None, mode: FloatArray, cov: FloatArray
 ) -> Posterior | Labelled:
     """What is to be sampled: the posterior itself, or folded where it has the same solution under
-    several labels.
+    several labels.  cov : (n_par, n_par) at the mode.
     """
-    return (
-        posterior if symmetry is None or symmetry.trivial else Labelled(posterior, symmetry, mode)
-    )
+    if symmetry is None or symmetry.trivial:
+        return posterior
+    return Labelled(posterior, symmetry, mode, _followed(posterior, symmetry, mode, cov))
 
 
 def no_symmetry(problem: Problem) -> Symmetry:
