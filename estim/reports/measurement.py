@@ -249,16 +249,14 @@ def _output(propagation: Propagation, i: int) -> OutputRecord:
         [shortest.low_error[i], shortest.high_error[i]],
         drawn.undefined[i],
     )
-    status = propagation.statuses[i]
-    quoted = "GUM" if propagation.gum_holds[i] and status.ok else "Monte Carlo" if status.ok else ""
     budget = propagation.budgets[i]
     return OutputRecord(
         output.formula.text,
         output.unit,
         output.meaning,
-        status,
-        quoted,
-        statement(propagation, i, quoted),
+        propagation.statuses[i],
+        _quoted(propagation, i),
+        statement(propagation, i),
         gum,
         sampled,
         bool(propagation.gum_holds[i]),
@@ -275,12 +273,19 @@ def _output(propagation: Propagation, i: int) -> OutputRecord:
     )
 
 
-def statement(propagation: Propagation, i: int, quoted: str) -> str:
+def _quoted(propagation: Propagation, i: int) -> str:
+    """The method whose interval is quoted, "" where none is."""
+    if not propagation.statuses[i].ok:
+        return ""
+    return "GUM" if propagation.gum_holds[i] else "Monte Carlo"
+
+
+def statement(propagation: Propagation, i: int) -> str:
     """A sentence for a certificate or a paper (GUM 7.2.2-7.2.4; JCGM 101, 5.5), "" where nothing
     can be quoted.
     """
     linear, drawn, output = propagation.linear, propagation.sampled, propagation.model.outputs[i]
-    unit = behind(output.unit)
+    quoted, unit = _quoted(propagation, i), behind(output.unit)
     what = f"{output.name}, {output.meaning}" if output.meaning else output.name
     percent = f"{100.0 * linear.probability:g} %"
     if quoted == "GUM":
@@ -374,18 +379,6 @@ def measurement_report(
         ends=_ends,
         dof=_dof,
     )
-
-
-def measurement_lines(propagation: Propagation) -> list[str]:
-    """The statements for a terminal, or why there is none."""
-    lines = []
-    for i, (output, status) in enumerate(
-        zip(propagation.model.outputs, propagation.statuses, strict=True)
-    ):
-        quoted = "GUM" if propagation.gum_holds[i] else "Monte Carlo"
-        none = phrase("{name}: {status}: there is no valid result", name=output.name, status=status)
-        lines.append(statement(propagation, i, quoted) if status.ok else none)
-    return lines
 
 
 def _cell(value: float, u: float, beside: float = 0.0) -> str:
