@@ -39,6 +39,7 @@ from estim.studies.model_comparison import (
     log_odds,
     rival_of,
 )
+from estim.studies.refits import in_common
 
 _WORTH = (
     (
@@ -121,7 +122,8 @@ def models_report(
 ) -> dict[str, bytes]:
     """The files of a comparison of models."""
     rows, problem = comparison.rows, comparison.rows[0].analysis.problem
-    common = _common(rows)
+    # the quantities of interest
+    common = [p for p in in_common(rows) if split_level(p.name)[0] in ("gamma", "kappa", "theta0")]
     summaries = [_summary(row) for row in rows]
     runs = problem.run_names
     drawn = _shown(rows)
@@ -277,16 +279,6 @@ def _shown(rows: Sequence[ComparedModel]) -> ComparedModel | None:
         if match := next((row for row in rows if row.model.name == name), None):
             return match
     return rows[0] if rows else None
-
-
-def _common(rows: Sequence[ComparedModel]) -> list[Parameter]:
-    """The quantities of interest that all models have."""
-    names = set.intersection(*(set(row.analysis.problem.names) for row in rows))
-    return [
-        p
-        for p in rows[0].analysis.problem.parameters
-        if p.name in names and split_level(p.name)[0] in ("gamma", "kappa", "theta0")
-    ]
 
 
 def _summary(row: ComparedModel) -> ModelSummary:
