@@ -234,7 +234,10 @@ def reanalysis_report(r: Reanalysis, *, figures: FigureChoice = "main") -> dict[
         )
         for name, screen in screens.items()
         for estimate in screen.estimates
-    ] + _of_line(result)
+    ]
+    if result.line is not None and result.line.status == "ok":
+        # its points are other data than the runs
+        estimates.append(line_estimate(result.line, r.campaign.truth))
     head, rows = result_table(estimates, found=phrase("runs + stated values"))
     return page(
         drawn,
@@ -534,23 +537,6 @@ def _gathered(words: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
     for name, sentence in words:
         names.setdefault(sentence, []).append(name)
     return names
-
-
-def _of_line(result: ReanalysisResult) -> list[Estimate]:
-    """gamma of the line, whose points are other data than the runs."""
-    line = result.line
-    if line is None or line.status != "ok":
-        return []
-    name = f"gamma[{line.body}]"
-    true = next(
-        (
-            body.joint.parameters[name].true
-            for body in result.bodies.values()
-            if name in body.joint.parameters
-        ),
-        None,
-    )
-    return [line_estimate(line, true)]
 
 
 def _troubles(result: ReanalysisResult) -> list[tuple[str, str]]:
