@@ -140,7 +140,7 @@ def models_report(
     drawers: Drawers = {
         "figures/values.png": partial(values_figure, compared, common, comparison.recommended)
     }
-    if drawn is not None and drawn.predicted:
+    if drawn.predicted:
         drawers["figures/predictive.png"] = partial(
             predictive_figure, drawn.predicted, drawn.model.name
         )
@@ -160,10 +160,8 @@ def models_report(
         common=common,
         widths=_width_table(rows),
         predicted=_predicted_table(rows),
-        shown="" if drawn is None else drawn.model.name,
-        strange=()
-        if drawn is None
-        else [statistic for statistic in drawn.predicted if not statistic.brought_back],
+        shown=drawn.model.name,
+        strange=[statistic for statistic in drawn.predicted if not statistic.brought_back],
         limit=P_NOT_BROUGHT_BACK,
         influential=INFLUENTIAL,
         odds=odds_words,
@@ -271,14 +269,12 @@ def _why_not(row: ComparedModel, chosen: ComparedModel | None) -> str:
     )
 
 
-def _shown(rows: Sequence[ComparedModel]) -> ComparedModel | None:
+def _shown(rows: Sequence[ComparedModel]) -> ComparedModel:
     """The model whose data sets are drawn: the default, else what the campaign states, else the
     simplest.
     """
-    for name in ("unmodelled-force", "as-stated"):
-        if match := next((row for row in rows if row.model.name == name), None):
-            return match
-    return rows[0] if rows else None
+    by_name = {row.model.name: row for row in rows}
+    return by_name.get("unmodelled-force") or by_name.get("as-stated") or rows[0]
 
 
 def _summary(row: ComparedModel) -> ModelSummary:
