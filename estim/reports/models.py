@@ -280,7 +280,6 @@ def _shown(rows: Sequence[ComparedModel]) -> ComparedModel:
 def _summary(row: ComparedModel) -> ModelSummary:
     analysis, status = row.analysis, row.analysis.diagnosis.status
     posterior = dict(zip(analysis.fit.names, analysis.summaries, strict=True))
-    none = row.lack is not None
     return ModelSummary(
         name=row.model.name,
         words=row.model.words,
@@ -289,10 +288,10 @@ def _summary(row: ComparedModel) -> ModelSummary:
         status=status,
         reasons=list(analysis.diagnosis.reasons),
         posterior=posterior,
-        log_evidence=None if none else number(row.log_evidence),
-        u_log_evidence=None if none else number(row.u_log_evidence),
+        log_evidence=number(row.log_evidence),
+        u_log_evidence=number(row.u_log_evidence),
         no_evidence="" if row.lack is None else _LACKS[row.lack],
-        behind_evidence=None if none else number(row.odds),
+        behind_evidence=number(row.odds),
         price_of_start=row.price_of_start,
         elpd=number(row.loo.elpd),
         behind_elpd=number(row.behind),
