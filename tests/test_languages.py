@@ -25,7 +25,7 @@ from estim.curve_fitting.result import CurveFit
 from estim.curve_fitting.single import fit_curve
 from estim.pipeline import sample_curve
 from estim.reports.curve import curve_report
-from estim.reports.rendering import _environment, sentences
+from estim.reports.rendering import _environment, translated
 from estim.sampling import Target
 
 ROOT = Path(__file__).parent.parent
@@ -90,6 +90,18 @@ def literals(node: ast.expr) -> Iterator[str]:
         yield node.value
     elif isinstance(node, ast.IfExp):
         yield from (*literals(node.body), *literals(node.orelse))
+
+
+def sentences(source: str) -> list[str]:
+    """Those of a template that are translated."""
+    found: list[str] = []
+
+    def kept(words: str) -> str:
+        found.append(words)
+        return words
+
+    translated(source, kept)
+    return found
 
 
 @cache

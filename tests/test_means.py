@@ -19,7 +19,7 @@ from scipy import integrate, stats
 import estim
 from estim.cli.commands import cli
 from estim.common.errors import InputError
-from estim.common.quantity import Quantity, difference, e_n
+from estim.common.quantity import Quantity, difference
 from estim.means.table_mean import mean_of_table
 from estim.reports.mean import mean_figure
 
@@ -243,12 +243,12 @@ def test_two_values_are_compared_with_their_correlation():
     a, b = Quantity(9.81, 0.02), Quantity(9.79, 0.02)
     assert difference(a, b).u == pytest.approx(0.02 * math.sqrt(2.0))
     assert difference(a, b, correlation=1.0).u == 0.0
-    assert e_n(a, b, correlation=0.9) == pytest.approx(0.02 / (2.0 * math.sqrt(0.2) * 0.02))
     done = runner().invoke(cli, ["diff", "9.81(2) m/s²", "9.79(2) m/s²", "--r", "0.9"])
     assert "difference: 0.0200 m/s², u = 0.0089 m/s²" in done.output
     assert "E_n = 1.12: the two values do not agree" in done.output
     found = estim.compare_values("9.81(2) m/s²", "9.79(2) m/s²", r=0.9)
     assert done.output == f"{found}\n"
+    assert found.e_n == pytest.approx(0.02 / (2.0 * math.sqrt(0.2) * 0.02))
     assert not found.agree
     for wrong, rule in (("9.79(2) m/s", "must be in m/s², as the first"), ("x", "second")):
         with pytest.raises(InputError, match=rule):

@@ -28,7 +28,7 @@ def propagate(
     from estim.campaign import pairs
     from estim.measurement import model_of_formula, read_model
     from estim.measurement import propagate as propagate_model
-    from estim.reports.measurement import measurement_lines, measurement_report
+    from estim.reports.measurement import measurement_report, statement
 
     given = pairs(values, "NAME")
     model = model_of_formula(file, given) if given else read_model(Path(file))
@@ -39,11 +39,9 @@ def propagate(
             model, rng=stream(seed, Stream.MEASUREMENT), progress=progress
         )
     write_report(folder, measurement_report(propagation, seed=seed, figures=figures))
-    for output, status, line in zip(
-        model.outputs, propagation.statuses, measurement_lines(propagation), strict=True
-    ):
+    for i, (output, status) in enumerate(zip(model.outputs, propagation.statuses, strict=True)):
         if status.ok:
-            say(line)
+            say(statement(propagation, i))
         else:
             conclude(output.name, status, propagation.notes)
     finish(folder, all(status.ok for status in propagation.statuses))

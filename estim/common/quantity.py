@@ -321,9 +321,9 @@ def difference(a: Quantity, b: Quantity, *, correlation: float = 0.0) -> Quantit
     return Quantity(a.value - b.value, math.sqrt(square))
 
 
-def e_n(a: Quantity, b: Quantity, *, correlation: float = 0.0, k: float = 2.0) -> float:
-    """E_n = (a - b)/U with the expanded uncertainty U = k u(a - b) (ISO 13528); |E_n| <= 1 means
+def e_n(a: Quantity, b: Quantity) -> float:
+    """E_n = (a - b)/U with the expanded uncertainty U = 2 u(a - b) (ISO 13528); |E_n| <= 1 means
     agreement.
     """
-    apart = difference(a, b, correlation=correlation)
-    return apart.value / (k * apart.u) if apart.u > 0.0 else math.nan
+    apart = difference(a, b)
+    return apart.value / (2.0 * apart.u) if apart.u > 0.0 else math.nan

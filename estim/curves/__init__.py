@@ -37,6 +37,7 @@ from estim.curves.curve_problem import (
 )
 from estim.curves.quantities import refuse_quantities, without_units
 from estim.curves.regimes import (
+    Borders,
     borders_of,
     farthest_stop,
     placed,

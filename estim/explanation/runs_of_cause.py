@@ -27,7 +27,6 @@ class CauseOfRuns:
         compared.
     """
 
-    name: str
     words: str
     found_in: tuple[str, ...]
     n_run: int
@@ -45,7 +44,7 @@ def across_runs(explanations: Sequence[Explanation]) -> tuple[CauseOfRuns, ...]:
         for cause in (candidate for candidate in explanation.candidates if not candidate.slip):
             by_name.setdefault(split_level(cause.name)[0], []).append((explanation.runs[0], cause))
     causes = []
-    for name, entries in by_name.items():
+    for entries in by_name.values():
         gain = sum(cause.gain for _, cause in entries)
         if (
             len(entries) > 1
@@ -56,7 +55,7 @@ def across_runs(explanations: Sequence[Explanation]) -> tuple[CauseOfRuns, ...]:
             means, p = _together([cause for _, cause in entries])
             showing = tuple(run for run, cause in entries if cause.found)
             causes.append(
-                CauseOfRuns(name, entries[0][1].words, showing, len(explanations), gain, means, p)
+                CauseOfRuns(entries[0][1].words, showing, len(explanations), gain, means, p)
             )
     return tuple(sorted(causes, key=lambda cause: -cause.gain))
 

@@ -93,8 +93,9 @@ class Mean(Tabled):
 
     data, u_data : (n,) values and their standard uncertainties, None for readings.
     averages : method -> its mean.  recommended : the one to quote.  reason : why, a sentence.
-    chi2, dof, p_value : of the weighted mean; nan for readings.  birge : sqrt(chi2/dof).
-    tau_interval : of the dark uncertainty, for `probability`; nan for readings.
+    probability : of the intervals.
+    chi2, p_value : of the weighted mean; nan for readings.  birge : sqrt(chi2/dof).
+    tau_interval : of the dark uncertainty; nan for readings.
     groups : None without groups.
     status : "ok", or "poor-fit" where one of the readings is not as the others.
 
@@ -109,13 +110,17 @@ class Mean(Tabled):
     averages: Mapping[str, Average]
     recommended: str
     reason: str
-    chi2: float
-    dof: int
-    p_value: float
-    tau_interval: tuple[float, float]
-    groups: Groups | None
     probability: float
+    chi2: float = math.nan
+    p_value: float = math.nan
+    tau_interval: tuple[float, float] = (math.nan, math.nan)
+    groups: Groups | None = None
     status: Status = Status.OK
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom of the values about their mean."""
+        return self.data.size - 1
 
     @property
     def best(self) -> Average:
@@ -260,21 +265,14 @@ def _of_values(x: FloatArray, u: FloatArray, probability: float) -> Mean:
     )
     low, high = map(posterior.tau_quantile, tails)
     best = "hierarchical" if needed else "weighted"
-    return Mean(x, u, averages, best, reason, chi2, dof, p_value, (low, high), None, probability)
+    return Mean(x, u, averages, best, reason, probability, chi2, p_value, (low, high))
 
 
 def _of_readings(x: FloatArray, probability: float) -> Mean:
-    s, middle = float(x.std(ddof=1)), float(x.mean())
-    u = s / math.sqrt(x.size)
-    averages = {"readings": _average(middle, u, 0.0, x.size - 1, probability)}
-    found = _unweighted(
-        x,
-        averages,
-        "readings",
-        phrase("the scatter of the readings alone tells the uncertainty (GUM 4.2)"),
-        None,
-        probability,
-    )
+    readings = _as_readings(x, probability)
+    reason = phrase("the scatter of the readings alone tells the uncertainty (GUM 4.2)")
+    found = Mean(x, None, {"readings": readings}, "readings", reason, probability)
+    s, middle = float(x.std(ddof=1)), readings.value
     z, places = (x - middle) / s, np.arange(x.size, dtype=float)
     goodness = check_linear(
         z,
@@ -299,18 +297,10 @@ def _of_readings(x: FloatArray, probability: float) -> Mean:
     return replace(found, reason=reason, status=Status.POOR_FIT)
 
 
-def _unweighted(
-    x: FloatArray,
-    averages: Mapping[str, Average],
-    best: str,
-    reason: str,
-    groups: Groups | None,
-    probability: float,
-) -> Mean:
-    none = (math.nan, math.nan)
-    return Mean(
-        x, None, averages, best, reason, math.nan, x.size - 1, math.nan, none, groups, probability
-    )
+def _as_readings(x: FloatArray, probability: float) -> Average:
+    """The mean of readings by their scatter alone."""
+    u = float(x.std(ddof=1)) / math.sqrt(x.size)
+    return _average(float(x.mean()), u, 0.0, x.size - 1, probability)
 
 
 def _label(group: object) -> str:
@@ -363,7 +353,7 @@ def _of_groups(x: FloatArray, groups: Sequence[object], probability: float) -> M
     u = float(means.std(ddof=1)) / math.sqrt(len(names))
     averages = {
         "groups": _average(float(means.mean()), u, 0.0, between, probability),
-        "readings": _of_readings(x, probability).best,
+        "readings": _as_readings(x, probability),
     }
     reason = phrase(
         "readings of one group may share an error (F = {ratio:.3g} with {between} and {within} "
@@ -374,4 +364,4 @@ def _of_groups(x: FloatArray, groups: Sequence[object], probability: float) -> M
         p=format_p(found.p_value),
         n=len(names),
     )
-    return _unweighted(x, averages, "groups", reason, found, probability)
+    return Mean(x, None, averages, "groups", reason, probability, groups=found)

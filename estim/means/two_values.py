@@ -10,7 +10,6 @@ from estim.common import (
     Quantity,
     behind,
     difference,
-    e_n,
     read_with_unit,
     rounded,
     same_numbers,
@@ -87,14 +86,13 @@ def compare_values(
     dof = min(dof, dof_b) if r else _effective_dof(a.u, dof, b.u, dof_b)
     # 95 %, as in other results; 2 is as large as for 60 degrees of freedom
     k = max(2.0, float(student_quantile(0.975, dof)))
-    score = e_n(a, b, correlation=r, k=k)
-    if math.isnan(score):
+    if not apart.u > 0.0:
         raise InputError(
             "has no uncertainty, so that nothing tells whether the values agree",
             field="difference",
             value=apart.value,
         )
-    return TwoValues(apart, unit, score, dof, k)
+    return TwoValues(apart, unit, apart.value / (k * apart.u), dof, k)
 
 
 def _effective_dof(u: float, dof: float, u_b: float, dof_b: float) -> float:

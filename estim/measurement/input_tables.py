@@ -9,7 +9,8 @@ value is exact.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Annotated, get_args
 
 import msgspec
@@ -74,14 +75,12 @@ def inputs_of(name: str, table: InputTable) -> tuple[Input, ...]:
                 field="readings",
                 value=readings[0],
             )
-        base = _named(
-            "readings",
-            lambda: (
+        with _named("readings"):
+            base = (
                 Input(name, readings[0], 0.0, "t", len(readings) - 1.0, table.unit)
                 if same
                 else Input.from_readings(name, readings, unit=table.unit)
-            ),
-        )
+            )
         value = base.value
     else:
         value, u, half = _value(table)
@@ -168,13 +167,10 @@ def _stated(
                 field="distribution",
                 value=distribution,
             )
-        half, bounded = half_width, distribution
-        return _named(
-            "half_width",
-            lambda: Input.from_half_width(
-                name, value, half, distribution=bounded, dof=dof, unit=unit, shape=shape
-            ),
-        )
+        with _named("half_width"):
+            return Input.from_half_width(
+                name, value, half_width, distribution=distribution, dof=dof, unit=unit, shape=shape
+            )
     if u is None and distribution == "exponential" and value > 0.0:
         u = value
     if u is None:
@@ -186,7 +182,8 @@ def _stated(
                 field="distribution" if table.distribution is not None else "dof",
             )
         return Input(name, value, 0.0, unit=unit)
-    return _named("", lambda: Input(name, value, u, distribution, dof, unit, shape))
+    with _named(""):
+        return Input(name, value, u, distribution, dof, unit, shape)
 
 
 def _dof(table: ComponentTable) -> float:
@@ -243,10 +240,11 @@ def _refuse(table: ComponentTable, key: str, *others: str, why: str = "") -> Non
             raise InputError(f"does not go with '{key}'" + (f": {why}" if why else ""), field=other)
 
 
-def _named(field: str, make: Callable[[], Input]) -> Input:
-    """What `make` makes; an InputError of the engine is told by the key of the file."""
+@contextmanager
+def _named(field: str) -> Iterator[None]:
+    """An InputError of the engine within it is told by the key of the file."""
     try:
-        return make()
+        yield
     except InputError as error:
         key = (error.field or "").rpartition(".")[2]
         raise InputError(

@@ -77,13 +77,8 @@ class Quantity:
 
     name: str
     unit: str
-    meaning: str
     parts: tuple[Input, ...]
     meanings: tuple[str, ...]  # of the parts
-
-    @property
-    def value(self) -> float:
-        return self.parts[0].value
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +193,7 @@ def _quantity(name: str, table: InputTable, places: Places) -> Quantity:
             error.rule, ("inputs", name, *(error.field or "").split(".")), value=error.value
         ) from None
     meanings = (component.meaning for component in table.components.values())
-    return Quantity(name, table.unit, table.meaning, parts, (table.meaning, *meanings))
+    return Quantity(name, table.unit, parts, (table.meaning, *meanings))
 
 
 def _outputs(top: _TopTable, places: Places) -> tuple[Output, ...]:

@@ -62,7 +62,7 @@ from estim.reports.result import (
 from estim.reports.rolling import friction_cell, rolling_figure
 from estim.sampling import Summary
 from estim.studies.determination import determine
-from estim.words import first_step, name_of_test
+from estim.words import first_step, name_of_test, one_sided
 
 # parameters, beyond which a figure of directions, or a table of all correlations, is not for
 # reading
@@ -311,10 +311,7 @@ def _index_cell(p: Summary, shown: Label) -> str:
     if not isinstance(p, ParameterSummary) or p.measured or p.limit is not None:
         return value_cell(p, shown)
     if p.upper_95 is not None:
-        return (
-            f"< {format_rounded(p.upper_95 * shown.factor, 0.25 * p.upper_95 * shown.factor)} "
-            "(95 %)"
-        )
+        return one_sided("upper", p.upper_95, 0.0, factor=shown.factor)
     return phrase("as stated")
 
 

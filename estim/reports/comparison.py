@@ -16,7 +16,7 @@ from estim.reports.pages import page
 from estim.reports.records import Record
 from estim.reports.result import provenance
 from estim.sampling import Summary
-from estim.studies.refits import Refit
+from estim.studies.refits import Refit, in_common
 
 _DATA = PhraseTable({"positions": "positions", "speeds": "speeds"})
 
@@ -45,7 +45,7 @@ def compare_report(
     """The files of a comparison, next to which each model's own report may stand in a folder of its
     name.
     """
-    common = _common(compared)
+    common = in_common(compared)
     summaries = [_summary(c, common) for c in compared]
     runs = [run.name for run in compared[0].analysis.problem.runs]
     record = {
@@ -100,13 +100,6 @@ def _verdict(rows: Sequence[ComparedSummary], common: Sequence[Parameter]) -> st
 def folder_of(name: str) -> str:
     """The folder of a model's own report."""
     return name.replace(", ", "-").replace(" ", "-")
-
-
-def _common(compared: Sequence[Refit]) -> list[Parameter]:
-    """The unknowns of the curve that all models have, those that matter first as in the problem."""
-    problems = [c.analysis.problem for c in compared]
-    names = set.intersection(*(set(p.names) - p.noise_names for p in problems))
-    return [p for p in problems[0].parameters if p.name in names]
 
 
 def _summary(c: Refit, common: Sequence[Parameter]) -> ComparedSummary:

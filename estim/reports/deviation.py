@@ -10,7 +10,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import deviation_finding, force_finding, noise_finding
-from estim.common import OF_BODY, phrase
+from estim.common import OF_BODY, number, phrase
 from estim.deviation import DeviationSize, FoundDeviation, FoundForce
 from estim.drawing import GREY, INK, ORANGE, RUN_COLOURS, Figure, draw_bands, grid, legend_below
 from estim.pipeline import Analysis
@@ -82,7 +82,7 @@ def _summary(analysis: Analysis, found: FoundForce) -> ForceSummary:
         prior_scale=found.scale,
         probability=force.probability,
         amplitude=list(force.amplitude),
-        length=[None if np.isnan(entry) else entry for entry in force.length],
+        length=list(map(number, force.length)),
         unit=found.unit,
         typical=force.typical,
         most=force.most,
@@ -249,10 +249,7 @@ def _curve_summary(analysis: Analysis, found: FoundDeviation) -> DeviationSummar
 def _size(size: DeviationSize | None, unit: str) -> SizeSummary | None:
     if size is None:
         return None
-    amplitude, length = (
-        [None if np.isnan(value) else value for value in three]
-        for three in (size.amplitude, size.length)
-    )
+    amplitude, length = (list(map(number, three)) for three in (size.amplitude, size.length))
     return SizeSummary(size.share, size.scale, amplitude, length, unit)
 
 

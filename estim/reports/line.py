@@ -222,13 +222,12 @@ def line_report(
     and figures too.
     """
     result = line_result(campaign, analysis)
-    true = campaign.truth.get(f"gamma[{analysis.series.body}]")
     drawers: Drawers = {"figures/line.png": partial(line_figure, analysis)}
     records: dict[str, Report] = {"result.json": result}
     if trials is not None:
         of_trials, records["trials.json"] = trials_section(campaign, trials, line=analysis)
         drawers = {**drawers, **of_trials}
-    estimates = [line_estimate(result, true)] if result.status == "ok" else []
+    estimates = [line_estimate(result, campaign.truth)] if result.status == "ok" else []
     return page(
         drawers,
         "line.md.j2",
@@ -252,15 +251,12 @@ def line_lines(campaign: Campaign, analysis: LineAnalysis) -> list[str]:
         "c_rr = {value}, if all of the intercept is rolling resistance",
         value=shown(result.methods["posterior"].rolling_resistance),
     )
-    return screen_lines(
-        [line_estimate(result, campaign.truth.get(f"gamma[{analysis.series.body}]"))],
-        minds=[resistance],
-    )
+    return screen_lines([line_estimate(result, campaign.truth)], minds=[resistance])
 
 
-def line_estimate(result: LineResult, true: float | None) -> Estimate:
-    """gamma of a line whose status is ok, beside what was stated.  true : of synthetic data, where
-    it is known.
+def line_estimate(result: LineResult, truth: Mapping[str, float]) -> Estimate:
+    """gamma of a line whose status is ok, beside what was stated.  truth : name -> true value of
+    synthetic data, where it is known.
     """
     summary = msgspec.structs.replace(
         result.posterior["gamma"],
@@ -272,7 +268,7 @@ def line_estimate(result: LineResult, true: float | None) -> Estimate:
         shown(result.gamma_masses) if result.gamma_masses else "",
         True,
         None,
-        true,
+        truth.get(f"gamma[{result.body}]"),
     )
 
 

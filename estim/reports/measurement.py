@@ -216,26 +216,24 @@ def measurement_result(propagation: Propagation, *, seed: int) -> MeasurementRes
 
 
 def _output(propagation: Propagation, i: int) -> OutputRecord:
-    linear = propagation.linear
-    drawn = propagation.sampled
-    output = propagation.model.outputs[i]
-    checked = propagation.validation
-    u, dof, second = linear.u[i], linear.dof[i], propagation.second_order
+    output, budget = propagation.model.outputs[i], propagation.budgets[i]
+    checked, drawn = propagation.validation, propagation.sampled
+    second = propagation.second_order
     k_whole = (
-        float(student_quantile(0.5 * (1.0 + linear.probability), max(math.floor(dof), 1)))
-        if math.isfinite(dof)
+        float(student_quantile(0.5 * (1.0 + budget.probability), max(math.floor(budget.dof), 1)))
+        if math.isfinite(budget.dof)
         else math.nan
     )
     gum = GumRecord(
-        linear.value[i],
-        u,
-        dof,
-        linear.k[i],
-        linear.k[i] * u,
-        linear.low[i],
-        linear.high[i],
+        budget.value,
+        budget.u,
+        budget.dof,
+        budget.k,
+        budget.expanded,
+        budget.low,
+        budget.high,
         k_whole,
-        k_whole * u,
+        k_whole * budget.u,
         math.nan if second is None else second[i],
     )
     symmetric, shortest = drawn.symmetric, drawn.shortest
@@ -249,16 +247,13 @@ def _output(propagation: Propagation, i: int) -> OutputRecord:
         [shortest.low_error[i], shortest.high_error[i]],
         drawn.undefined[i],
     )
-    status = propagation.statuses[i]
-    quoted = "GUM" if propagation.gum_holds[i] and status.ok else "Monte Carlo" if status.ok else ""
-    budget = propagation.budgets[i]
     return OutputRecord(
         output.formula.text,
         output.unit,
         output.meaning,
-        status,
-        quoted,
-        statement(propagation, i, quoted),
+        propagation.statuses[i],
+        _quoted(propagation, i),
+        statement(propagation, i),
         gum,
         sampled,
         bool(propagation.gum_holds[i]),
@@ -275,26 +270,40 @@ def _output(propagation: Propagation, i: int) -> OutputRecord:
     )
 
 
-def statement(propagation: Propagation, i: int, quoted: str) -> str:
+def _quoted(propagation: Propagation, i: int) -> str:
+    """The method whose interval is quoted, "" where none is."""
+    if not propagation.statuses[i].ok:
+        return ""
+    return "GUM" if propagation.gum_holds[i] else "Monte Carlo"
+
+
+def statement(propagation: Propagation, i: int) -> str:
     """A sentence for a certificate or a paper (GUM 7.2.2-7.2.4; JCGM 101, 5.5), "" where nothing
     can be quoted.
     """
-    linear, drawn, output = propagation.linear, propagation.sampled, propagation.model.outputs[i]
+    budget, drawn = propagation.budgets[i], propagation.sampled
+    output, quoted = propagation.model.outputs[i], _quoted(propagation, i)
     unit = behind(output.unit)
     what = f"{output.name}, {output.meaning}" if output.meaning else output.name
-    percent = f"{100.0 * linear.probability:g} %"
+    percent = f"{100.0 * budget.probability:g} %"
     if quoted == "GUM":
-        value, u, k, dof = (
-            float(array[i]) for array in (linear.value, linear.u, linear.k, linear.dof)
-        )
-        if u == 0.0:
+        if budget.u == 0.0:
             return phrase(
                 "{what}: {name} = {value}, exact.",
                 what=what,
                 name=output.name,
-                value=rounded(value, 0.0, 2) + unit,
+                value=rounded(budget.value, 0.0, 2) + unit,
             )
-        return expanded_statement(what, output.name, unit, value, u, k, dof, linear.probability)
+        return expanded_statement(
+            what,
+            output.name,
+            unit,
+            budget.value,
+            budget.u,
+            budget.k,
+            budget.dof,
+            budget.probability,
+        )
     if quoted == "Monte Carlo":
         low, high = (float(end[i]) for end in (propagation.interval.low, propagation.interval.high))
         scale = float(drawn.u[i]) if math.isfinite(drawn.u[i]) else 0.25 * (high - low)
@@ -376,18 +385,6 @@ def measurement_report(
     )
 
 
-def measurement_lines(propagation: Propagation) -> list[str]:
-    """The statements for a terminal, or why there is none."""
-    lines = []
-    for i, (output, status) in enumerate(
-        zip(propagation.model.outputs, propagation.statuses, strict=True)
-    ):
-        quoted = "GUM" if propagation.gum_holds[i] else "Monte Carlo"
-        none = phrase("{name}: {status}: there is no valid result", name=output.name, status=status)
-        lines.append(statement(propagation, i, quoted) if status.ok else none)
-    return lines
-
-
 def _cell(value: float, u: float, beside: float = 0.0) -> str:
     return rounded(value, u, _DIGITS, beside=beside)
 
@@ -422,13 +419,9 @@ def distribution_figure(propagation: Propagation) -> Figure:
 
 
 def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
-    linear, sampled = propagation.linear, propagation.sampled
+    gum, sampled = propagation.budgets[i], propagation.sampled
     draws = sampled.draws[:, i]
     draws = draws[np.isfinite(draws)]
-    value, u, start, stop, dof = (
-        float(of_outputs[i])
-        for of_outputs in (linear.value, linear.u, linear.low, linear.high, linear.dof)
-    )
     percent = f"{100.0 * sampled.probability:g} %"
     if draws.size:
         tail = 0.1 * (1.0 - sampled.probability)
@@ -447,20 +440,20 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
         label = phrase(_INTERVALS_DRAWN[propagation.model.interval], percent=percent)
         for end in (interval.low[i], interval.high[i]):
             ax.axvline(float(end), color=BLUE, lw=1.4, label=label)
-    if u > 0.0 and math.isfinite(value):
+    if gum.u > 0.0 and math.isfinite(gum.value):
         left, right = ax.get_xlim()
-        room = 0.25 * (stop - start)
-        x = np.linspace(min(left, start - room), max(right, stop + room), 400)
+        room = 0.25 * (gum.high - gum.low)
+        x = np.linspace(min(left, gum.low - room), max(right, gum.high + room), 400)
         ax.plot(
             x,
             # normal for very many degrees of freedom
-            np.exp(student_log_density((x - value) / u, min(dof, 1e6))) / u,
+            np.exp(student_log_density((x - gum.value) / gum.u, min(gum.dof, 1e6))) / gum.u,
             color=ORANGE,
             lw=1.6,
             label=phrase("the GUM's normal or t distribution"),
         )
         label = phrase("{percent} interval of the GUM", percent=percent)
-        for end in (start, stop):
+        for end in (gum.low, gum.high):
             ax.axvline(end, color=ORANGE, lw=1.4, ls="--", label=label)
     ax.set_ylim(bottom=0.0)
 

@@ -39,6 +39,7 @@ from estim.studies.model_comparison import (
     log_odds,
     rival_of,
 )
+from estim.studies.refits import in_common
 
 _WORTH = (
     (
@@ -121,7 +122,8 @@ def models_report(
 ) -> dict[str, bytes]:
     """The files of a comparison of models."""
     rows, problem = comparison.rows, comparison.rows[0].analysis.problem
-    common = _common(rows)
+    # the quantities of interest
+    common = [p for p in in_common(rows) if split_level(p.name)[0] in ("gamma", "kappa", "theta0")]
     summaries = [_summary(row) for row in rows]
     runs = problem.run_names
     drawn = _shown(rows)
@@ -138,7 +140,7 @@ def models_report(
     drawers: Drawers = {
         "figures/values.png": partial(values_figure, compared, common, comparison.recommended)
     }
-    if drawn is not None and drawn.predicted:
+    if drawn.predicted:
         drawers["figures/predictive.png"] = partial(
             predictive_figure, drawn.predicted, drawn.model.name
         )
@@ -158,10 +160,8 @@ def models_report(
         common=common,
         widths=_width_table(rows),
         predicted=_predicted_table(rows),
-        shown="" if drawn is None else drawn.model.name,
-        strange=()
-        if drawn is None
-        else [statistic for statistic in drawn.predicted if not statistic.brought_back],
+        shown=drawn.model.name,
+        strange=[statistic for statistic in drawn.predicted if not statistic.brought_back],
         limit=P_NOT_BROUGHT_BACK,
         influential=INFLUENTIAL,
         odds=odds_words,
@@ -269,30 +269,17 @@ def _why_not(row: ComparedModel, chosen: ComparedModel | None) -> str:
     )
 
 
-def _shown(rows: Sequence[ComparedModel]) -> ComparedModel | None:
+def _shown(rows: Sequence[ComparedModel]) -> ComparedModel:
     """The model whose data sets are drawn: the default, else what the campaign states, else the
     simplest.
     """
-    for name in ("unmodelled-force", "as-stated"):
-        if match := next((row for row in rows if row.model.name == name), None):
-            return match
-    return rows[0] if rows else None
-
-
-def _common(rows: Sequence[ComparedModel]) -> list[Parameter]:
-    """The quantities of interest that all models have."""
-    names = set.intersection(*(set(row.analysis.problem.names) for row in rows))
-    return [
-        p
-        for p in rows[0].analysis.problem.parameters
-        if p.name in names and split_level(p.name)[0] in ("gamma", "kappa", "theta0")
-    ]
+    by_name = {row.model.name: row for row in rows}
+    return by_name.get("unmodelled-force") or by_name.get("as-stated") or rows[0]
 
 
 def _summary(row: ComparedModel) -> ModelSummary:
     analysis, status = row.analysis, row.analysis.diagnosis.status
     posterior = dict(zip(analysis.fit.names, analysis.summaries, strict=True))
-    none = row.lack is not None
     return ModelSummary(
         name=row.model.name,
         words=row.model.words,
@@ -301,10 +288,10 @@ def _summary(row: ComparedModel) -> ModelSummary:
         status=status,
         reasons=list(analysis.diagnosis.reasons),
         posterior=posterior,
-        log_evidence=None if none else number(row.log_evidence),
-        u_log_evidence=None if none else number(row.u_log_evidence),
+        log_evidence=number(row.log_evidence),
+        u_log_evidence=number(row.u_log_evidence),
         no_evidence="" if row.lack is None else _LACKS[row.lack],
-        behind_evidence=None if none else number(row.odds),
+        behind_evidence=number(row.odds),
         price_of_start=row.price_of_start,
         elpd=number(row.loo.elpd),
         behind_elpd=number(row.behind),

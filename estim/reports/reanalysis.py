@@ -216,25 +216,19 @@ def reanalysis_report(r: Reanalysis, *, figures: FigureChoice = "main") -> dict[
         body.body: corner_words(body.joint.problem, truth=bool(r.campaign.truth))
         for body in r.bodies
     }
-    limit_words = {
-        name: _limit_words(body) if body.joint.status == "ok" else []
-        for name, body in result.bodies.items()
-    }
-    screens = {
-        name: first_screen(body.joint)
-        for name, body in result.bodies.items()
-        if body.joint.status == "ok"
-    }
+    good = {name: body for name, body in result.bodies.items() if body.joint.status == "ok"}
+    screens = {name: first_screen(body.joint) for name, body in good.items()}
     estimates = [
         replace(
             estimate,
-            summary=msgspec.structs.replace(
-                estimate.summary, meaning=_how_many(result.bodies[name])
-            ),
+            summary=msgspec.structs.replace(estimate.summary, meaning=_how_many(good[name])),
         )
         for name, screen in screens.items()
         for estimate in screen.estimates
-    ] + _of_line(result)
+    ]
+    if result.line is not None and result.line.status == "ok":
+        # its points are other data than the runs
+        estimates.append(line_estimate(result.line, r.campaign.truth))
     head, rows = result_table(estimates, found=phrase("runs + stated values"))
     return page(
         drawn,
@@ -247,7 +241,7 @@ def reanalysis_report(r: Reanalysis, *, figures: FigureChoice = "main") -> dict[
         result=result,
         **LINE_WORDS,
         prior=prior_cell,
-        limit_words=limit_words,
+        limit_words=_limit_words,
         corner_words=corner_legends,
         percent=percent,
         drift_words=drift_words,
@@ -262,7 +256,7 @@ def reanalysis_report(r: Reanalysis, *, figures: FigureChoice = "main") -> dict[
         ),
         troubles=_troubles(result),
         narrowing=_narrowing(result),
-        story=_story(result),
+        story=_story(result, good),
         screens=screens,
         found=table(head, rows),
         found_rows=rows,
@@ -286,7 +280,7 @@ def reanalysis_report(r: Reanalysis, *, figures: FigureChoice = "main") -> dict[
         told_truth=any(estimate.truth for estimate in estimates),
         symbols_of=_symbols,
         correlated=_correlated,
-        energies=_gathered(_energies(result).items()),
+        energies=_gathered((name, _energies(body)) for name, body in good.items()),
     )
 
 
@@ -352,13 +346,10 @@ def _how_many(body: BodySummary) -> str:
     )
 
 
-def _energies(result: ReanalysisResult) -> dict[str, str]:
-    return {
-        name: energy_words(body.drift)
-        + (f". {average_words(body.energies)}".rstrip(".") if body.drift.determined else "")
-        for name, body in result.bodies.items()
-        if body.joint.status == "ok"
-    }
+def _energies(body: BodySummary) -> str:
+    """What the runs of a body say of a loss of energy."""
+    averages = f". {average_words(body.energies)}".rstrip(".") if body.drift.determined else ""
+    return energy_words(body.drift) + averages
 
 
 def _narrowing(result: ReanalysisResult) -> str:
@@ -372,9 +363,10 @@ def _narrowing(result: ReanalysisResult) -> str:
     return phrase(", {shares} as wide", shares=f"{least}–{most}")
 
 
-def _story(result: ReanalysisResult) -> list[str]:
-    """What to know about the comparison with the paper and with the truth."""
-    bodies = {name: body for name, body in result.bodies.items() if body.joint.status == "ok"}
+def _story(result: ReanalysisResult, bodies: Mapping[str, BodySummary]) -> list[str]:
+    """What to know about the comparison with the paper and with the truth.  bodies : those whose
+    status is ok.
+    """
     told = []
     known = {n: v for body in bodies.values() for n, v in body.band_published.items()}
     if computed := {v for n, v in known.items() if split_level(n)[0] == "kappa"}:
@@ -534,23 +526,6 @@ def _gathered(words: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
     for name, sentence in words:
         names.setdefault(sentence, []).append(name)
     return names
-
-
-def _of_line(result: ReanalysisResult) -> list[Estimate]:
-    """gamma of the line, whose points are other data than the runs."""
-    line = result.line
-    if line is None or line.status != "ok":
-        return []
-    name = f"gamma[{line.body}]"
-    true = next(
-        (
-            body.joint.parameters[name].true
-            for body in result.bodies.values()
-            if name in body.joint.parameters
-        ),
-        None,
-    )
-    return [line_estimate(line, true)]
 
 
 def _troubles(result: ReanalysisResult) -> list[tuple[str, str]]:

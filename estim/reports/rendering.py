@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -194,26 +194,9 @@ def _environment(_language: str) -> jinja2.Environment:
     return environment
 
 
-def sentences(source: str) -> Iterator[str]:
-    """Those of a template's source that have words, in their order."""
-    texts: list[str] = []
-
-    def kept(words: str) -> str:
-        texts.append(words)
-        return words
-
-    _each(source, kept)
-    yield from texts
-
-
-def translated(source: str) -> str:
-    """A template's source in the language that is spoken."""
-    return _each(source, phrase)
-
-
-def _each(source: str, of: Callable[[str], str]) -> str:
-    """`source` with each sentence that has words replaced by `of` it; where that is the same, the
-    lines stay as they are.
+def translated(source: str, of: Callable[[str], str] = phrase) -> str:
+    """A template's source with each sentence that has words replaced by `of` it, which says it in
+    the language that is spoken; where that is the same, the lines stay as they are.
     """
     out: list[str] = []
     block: list[str] = []

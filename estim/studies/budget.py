@@ -22,16 +22,16 @@ The draws check it without any linearity: for a normal prior the posterior mean 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
 from estim.arrays import FloatArray, all_finite
 from estim.deviation import parts_of_errors
 from estim.fitting import Fit, linear_derived
-from estim.problem import DefaultError, Normal, Observations, Prior, Problem
+from estim.problem import DefaultError, Normal, Observations, Prior
 
 READINGS, STATED, PRIOR, COMMON = "readings", "stated", "prior", "common"
 # quantities of a kind: sources times quantities grow with the square of the number of runs
@@ -83,11 +83,11 @@ class Budget:
 
 @dataclass(frozen=True, eq=False)
 class _Quantity:
-    """A quantity with its gradient (n_par,) and, of draws (n_draw, n_par), its values (n_draw,)."""
+    """A quantity with its gradient (n_par,) and its values at the draws (n_draw,)."""
 
     name: str
     gradient: FloatArray
-    of: Callable[[FloatArray], FloatArray]
+    values: FloatArray
 
 
 def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
@@ -99,7 +99,7 @@ def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
     problem, cov = fit.problem, fit.cov
     if fit.singular or not all_finite(cov) or np.any(np.diag(cov) <= 0.0):
         return None
-    quantities = _quantities(fit)
+    quantities = _quantities(fit, draws)
     along = cov @ np.column_stack([q.gradient for q in quantities])  # S g
     slopes = np.abs(fit.prior_slopes)  # 1/u_i
     informative = np.flatnonzero(slopes > 0.0)
@@ -113,7 +113,7 @@ def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
     )
     priors = [Source(fit.names[i], _kind_of(problem.parameters[i].prior)) for i in informative]
     further = [Source(name, "curve") for name in parts]
-    values = np.column_stack([q.of(draws) for q in quantities])
+    values = np.column_stack([q.values for q in quantities])
     drawn = _drawn(
         [problem.parameters[i].prior for i in informative], draws[:, informative], values
     )
@@ -143,38 +143,25 @@ def _drawn(priors: Sequence[object], draws: FloatArray, values: FloatArray) -> F
     return off.T @ (values - values.mean(axis=0)) / (len(draws) - 1) / sds[:, None]
 
 
-def _quantities(fit: Fit) -> list[_Quantity]:
+def _quantities(fit: Fit, draws: FloatArray) -> list[_Quantity]:
     """The parameters of the curve, of many those that runs share first, and what was sought: once
     where it is the same for all runs.
     """
     problem, quantities = fit.problem, list[_Quantity]()
-    noise = problem.noise_names
+    noise, named = problem.noise_names, problem.named(draws)
     for i in problem.foremost(_MOST):
         if fit.names[i] not in noise:
-            quantities.append(
-                _Quantity(fit.names[i], np.eye(1, fit.values.size, i)[0], partial(_column, i))
-            )
-    by_name: dict[str, list[tuple[str, FloatArray, Callable[[FloatArray], FloatArray]]]] = {}
+            gradient = np.eye(1, fit.values.size, i)[0]
+            quantities.append(_Quantity(fit.names[i], gradient, draws[:, i]))
+    by_name: dict[str, list[tuple[Observations, FloatArray]]] = {}
     for run in problem.runs:
         wanted = {derived.name for derived in run.sought}
         for derived in linear_derived(run, fit.names, fit.values, fit.cov) if wanted else ():
-            of = partial(_derived, problem, run, derived.name)
             if derived.name in wanted and all_finite(derived.gradient) and np.any(derived.gradient):
-                by_name.setdefault(derived.name, []).append((run.name, derived.gradient, of))
+                by_name.setdefault(derived.name, []).append((run, derived.gradient))
     for name, each in by_name.items():
-        same = all(np.allclose(gradient, each[0][1], rtol=1e-6) for _, gradient, _ in each)
-        shown = (
-            [("", *each[0][1:])]
-            if same
-            else [(f"[{run}]", gradient, of) for run, gradient, of in each[:_MOST]]
-        )
-        quantities += [_Quantity(name + level, gradient, of) for level, gradient, of in shown]
+        same = all(np.allclose(gradient, each[0][1], rtol=1e-6) for _, gradient in each)
+        for run, gradient in each[: 1 if same else _MOST]:
+            values = np.ravel(run.derived(run.bind(named))[name].values)
+            quantities.append(_Quantity(name if same else f"{name}[{run.name}]", gradient, values))
     return quantities
-
-
-def _column(i: int, draws: FloatArray) -> FloatArray:
-    return draws[:, i]
-
-
-def _derived(problem: Problem, run: Observations, name: str, draws: FloatArray) -> FloatArray:
-    return np.ravel(run.derived(run.bind(problem.named(draws)))[name].values)

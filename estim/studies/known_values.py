@@ -5,7 +5,7 @@ kept.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,7 +39,7 @@ class KnownValues:
     """
 
     draws: dict[str, FloatArray]
-    fitted: FittedValues | None = field(default=None)
+    fitted: FittedValues | None = None
 
     def arguments(self, run: Observations) -> dict[str, ArrayLike]:
         """Arguments of the curve of a run."""
@@ -52,10 +52,6 @@ class KnownValues:
             for name, kind in EFFECTS.items()
             if any(name in run.arguments for run in runs)
         )
-
-
-def column(values: FloatArray) -> FloatArray:
-    return np.asarray(values, dtype=float)[:, None]
 
 
 def known_values(
@@ -74,7 +70,7 @@ def known_values(
         parameters.update({p.name: p for p in problem.parameters if p.name in used})
     rng = stream(seed, Stream.REGIMES)
     draws = {
-        name: column(parameter.prior.draw(rng, _N_DRAW)) for name, parameter in parameters.items()
+        name: parameter.prior.draw(rng, _N_DRAW)[:, None] for name, parameter in parameters.items()
     }
     if fitted is None:
         return KnownValues(draws)
@@ -87,7 +83,7 @@ def known_values(
         )
     of_fit = _allowed(fitted, chosen, [parameters[fitted.names[i]] for i in chosen], rng)
     return KnownValues(
-        draws | {fitted.names[i]: column(of_fit[:, k]) for k, i in enumerate(chosen)}, fitted
+        draws | {fitted.names[i]: of_fit[:, [k]] for k, i in enumerate(chosen)}, fitted
     )
 
 

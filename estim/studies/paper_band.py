@@ -21,7 +21,7 @@ from estim.common import split_level
 from estim.pipeline import Analysis
 from estim.problem import Parameter
 from estim.propagation import BudgetAlong, Input, budget_along, propagate_linear
-from estim.sampling import Bands, central_intervals, curve_draws
+from estim.sampling import Bands, central_intervals
 from estim.studies.published import PublishedNumber
 
 PROBABILITY = 0.68
@@ -101,7 +101,8 @@ def _band(
     centre = problem.named(analysis.fit.values) | {
         name: np.asarray(value) for name, (value, _) in stated.items()
     }
-    end = float(np.ravel(run.end(run.bind(centre)))[0])
+    arguments = run.bind(centre)
+    end = float(np.ravel(run.end(arguments))[0])
     used = (bands.x > 0.0) & (bands.x < 0.97 * end)
     x = bands.x[used]
     if not inputs or x.size < 5:
@@ -130,11 +131,10 @@ def _band(
     u = on_grid(linear.u)
     mc_low, mc_high = map(on_grid, mc_bands[PROBABILITY])
     moving = (low > 0.0) & (mc_low > 0.0)
-    value, _ = curve_draws(problem, run, bands.x, _row(analysis, stated))
     return PropagatedBand(
         run=run.name,
         x=bands.x,
-        value=value[0],
+        value=np.where(bands.x <= end, np.ravel(run.curve.value(bands.x, arguments)), 0.0),
         u=u,
         mc_low=mc_low,
         mc_high=mc_high,
@@ -161,10 +161,3 @@ def _number_of(
 
 def _inside(band: FloatArray, outer: FloatArray) -> float:
     return float(np.mean((band[0] >= outer[0]) & (band[1] <= outer[1])))
-
-
-def _row(analysis: Analysis, stated: Mapping[str, tuple[float, float]]) -> FloatArray:
-    values = analysis.fit.values.copy()
-    for name, (value, _) in stated.items():
-        values[analysis.problem.names.index(name)] = value
-    return values[None, :]

@@ -33,22 +33,32 @@ from estim.studies.refits import ProgressOf
 
 
 @dataclass(frozen=True, eq=False)
-class BodyAnalysis:
+class _JointResult:
+    """Of the runs of a body, what needs no other fit.
+
+    joint : all of them together.
+    energies, propagated : one for each run, with the joint posterior.
+    drift : whether the data show a loss of energy.
+    first_runs : the first two, three, ... of them, without all.
+    """
+
+    joint: Analysis
+    energies: tuple[EnergyRecord, ...]
+    drift: Drift
+    propagated: tuple[PropagatedBand, ...]
+    first_runs: tuple[Fit, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class BodyAnalysis(_JointResult):
     """The runs of one body.
 
     gamma_masses : gamma as stated, None where it was not measured.
-    joint : all its runs together.
-    energies, propagated : one for each run, with the joint posterior.
-    drift : whether the data show a loss of energy.
     narrowing, limits : what more runs bring, what limits.
     """
 
     body: str
     gamma_masses: Quantity | None
-    joint: Analysis
-    energies: tuple[EnergyRecord, ...]
-    drift: Drift
-    propagated: tuple[PropagatedBand, ...]
     narrowing: Narrowing
     limits: tuple[Limit, ...]
 
@@ -75,19 +85,6 @@ class Reanalysis:
             f"joint fit of {body.body}": body.joint.diagnosis.status for body in self.bodies
         }
         return by_name | ({} if self.line is None else {"line": self.line.status})
-
-
-@dataclass(frozen=True, eq=False)
-class _JointResult:
-    """Of the runs of a body, what needs no other fit.  first_runs : the first two, three, ... of
-    them, without all.
-    """
-
-    joint: Analysis
-    energies: tuple[EnergyRecord, ...]
-    drift: Drift
-    propagated: tuple[PropagatedBand, ...]
-    first_runs: tuple[Fit, ...]
 
 
 _TaskKey = tuple[str, str]
@@ -270,12 +267,9 @@ def _body(
         and all(n in single.problem.names for single in single_runs)
     ]
     return BodyAnalysis(
+        **vars(together),
         body=body,
         gamma_masses=gamma_of_body(campaign.source, body),
-        joint=joint,
-        energies=together.energies,
-        drift=together.drift,
-        propagated=together.propagated,
         narrowing=narrowing(joint.fit, single_runs, shared, first_runs=together.first_runs),
         limits=tuple(limit for name in shared for limit in limits(joint.fit, name)),
     )

@@ -18,7 +18,7 @@ from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL, LeaveOneOut, difference, leave_one_out
 from estim.common import PieceStore
 from estim.pipeline import Analysis, analyse
-from estim.problem import Problem
+from estim.problem import Parameter, Problem
 from estim.sampling import Progress, Target
 
 LOO_DRAWS = 2000
@@ -73,6 +73,13 @@ def beside_the_best(refits: Sequence[AnyRefit]) -> tuple[AnyRefit, ...]:
         behind, se = (0.0, 0.0) if best is refit.loo else difference(best, refit.loo)
         rows.append(replace(refit, behind=behind, behind_se=se))
     return tuple(rows)
+
+
+def in_common(refits: Sequence[Refit]) -> list[Parameter]:
+    """The unknowns of the curve that all have, in the order of the first."""
+    problems = [refit.analysis.problem for refit in refits]
+    names = set.intersection(*(set(p.names) - p.noise_names for p in problems))
+    return [p for p in problems[0].parameters if p.name in names]
 
 
 def same_points(a: Problem, b: Problem) -> bool:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray, Named
 from estim.campaign import Campaign
 from estim.common import QUANTILES, Finding, InputError
-from estim.curves import borders_of, farthest_stop, steepest_tilt, turning_contours
+from estim.curves import Borders, borders_of, farthest_stop, steepest_tilt, turning_contours
 from estim.studies.known_values import FittedValues, KnownValues, known_values
 from estim.studies.ramp_end import RampEnd, ramp_end_of
 from estim.studies.run_places import RunPlace, farthest_recorded, place_of
@@ -34,7 +34,7 @@ _STEEPEST = math.radians(80.0)
 
 
 @dataclass(frozen=True, eq=False)
-class BodyMap:
+class BodyMap(Borders):
     """The map of one body.
 
     phi : (n_phi,) rad.
@@ -55,10 +55,6 @@ class BodyMap:
     body: str
     phi: FloatArray
     theta0_range: tuple[float, float]
-    lowest: FloatArray
-    highest: FloatArray
-    rolls_on: FloatArray
-    passes: FloatArray
     stops: FloatArray
     contours: FloatArray
     steepest: FloatArray
@@ -158,18 +154,12 @@ def _map_body(
     far_phi = phi[::_FAR_EVERY]
     farthest = farthest_stop(_first(first, _FAR_DRAWS), far_phi)
     stops = _steps(float(np.max(farthest[np.isfinite(farthest)], initial=0.0)))
-    lowest, highest, rolls_on, passes = (
-        np.quantile(b, QUANTILES, axis=0)
-        for b in (borders.lowest, borders.highest, borders.rolls_on, borders.passes)
-    )
+    quantiles = {name: np.quantile(b, QUANTILES, axis=0) for name, b in vars(borders).items()}
     return BodyMap(
+        **quantiles,
         body=body,
         phi=phi,
         theta0_range=theta0_range,
-        lowest=lowest,
-        highest=highest,
-        rolls_on=rolls_on,
-        passes=passes,
         stops=stops,
         contours=turning_contours(_central(first), phi, stops)[0],
         steepest=np.quantile(steepest, QUANTILES),
