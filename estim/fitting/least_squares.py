@@ -270,13 +270,8 @@ def refit(problem: Problem, start: FloatArray) -> Fit:
     """The nearest mode of `problem` to `start` (n_par,), where that is known to be near.  Raises
     NumericalError.
     """
-    posterior = problem.linearised(start)
-    if not all_finite(posterior.residuals(start)):
-        raise NumericalError("the fit cannot start: the curve is not defined there")
-    values, posterior, moved = _settle(start, posterior, max_rounds=_FEW_ROUNDS)
-    if math.isnan(moved):
-        raise _no_curvature(values, posterior)
-    return _describe(problem, posterior, values, moved, [values], n_start=1, same=[values])
+    # nothing is drawn
+    return fit_least_squares(problem, rng=np.random.default_rng(0), n_start=1, start=start)
 
 
 def at_mode(problem: Problem, values: FloatArray) -> Fit:
