@@ -358,7 +358,7 @@ def test_an_unstated_size_is_found_whatever_it_is(rng):
 def test_the_fit_is_the_mode_of_what_is_sampled(folder, rng):
     campaign = load_campaign(asked(folder, "deviation = 0.05"))
     problem = campaign.problem(["first"])
-    fit = fit_discrepancy(fit_optimum(problem, rng=rng), rng=rng)
+    fit = fit_discrepancy(fit_optimum(problem, rng=rng))
     near = fit.values + 1e-3 * np.sqrt(np.diag(fit.cov)) * rng.standard_normal((50, 2))
     assert np.all(
         fit.posterior.log_density(near) <= fit.posterior.log_density(fit.values[None])[0] + 1e-9

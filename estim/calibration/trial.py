@@ -16,7 +16,7 @@ from estim.arrays import BoolArray, FloatArray, IntArray, all_finite
 from estim.calibration.experiment import Experiment
 from estim.calibration.uniformity import N_RANK
 from estim.common import PROBABILITIES, InputError, Label, NumericalError, Stream, stream
-from estim.fitting import Fit, fit_least_squares
+from estim.fitting import Fit, fit_least_squares, refit
 from estim.problem import Parameter, Prior, Problem
 from estim.sampling import InCoordinates, Optima, Target, adapt_proposal, certify, sample_posterior
 
@@ -164,7 +164,7 @@ def _around(prior: Prior, truth: float, rng: np.random.Generator) -> Prior:
 def _fit(problem: Problem, start: FloatArray, rng: np.random.Generator) -> Fit:
     """The fit from the truth; from the priors where the simulated data exclude the truth itself."""
     try:
-        return fit_least_squares(problem, rng=rng, n_start=1, start=start)
+        return refit(problem, start)
     except NumericalError:
         return fit_least_squares(problem, rng=rng)
 

@@ -289,7 +289,7 @@ def fit_stated(
         moved = np.abs(best.values - before)
         if np.all(moved <= _SETTLED * sds_of(best.cov)):
             break
-    fit = _whole_fit(problem, best.values, best, rng)
+    fit = _whole_fit(problem, best.values, best)
     return _concluded(posed, best, problem, fit, fit, rng=rng)
 
 
@@ -308,9 +308,7 @@ def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) 
         if abs(sigma / before - 1.0) < 1e-10:
             break
     estimated = _residual_sd(posed, problem, best)
-    fit = _whole_fit(
-        posed.with_unknown_sigma(estimated), np.append(best.values, estimated), best, rng
-    )
+    fit = _whole_fit(posed.with_unknown_sigma(estimated), np.append(best.values, estimated), best)
     held = replace(at_mode(posed.with_sigma(estimated), best.values), symmetry=best.symmetry)
     scale = 1.0 if pulled else estimated
     return _concluded(posed, best, problem, fit, held, sigma=estimated, scale=scale, rng=rng)
@@ -424,7 +422,7 @@ def _fit_discrepancy(posed: CurveProblem, complete: CurveFit, rng: np.random.Gen
     problem = posed.with_sigma(complete.sigma or 1.0)
     problem = replace(problem, runs=(replace(problem.runs[0], lacks=posed.lacks),))
     start = np.array([complete.values[p.name] for p in problem.parameters])
-    fit = fit_discrepancy(refit(problem, start), rng=rng)
+    fit = fit_discrepancy(refit(problem, start))
     fit = replace(
         fit,
         n_start=complete.fit.n_start,
@@ -563,9 +561,7 @@ def _concluded(
     )
 
 
-def _whole_fit(
-    problem: Problem, values: FloatArray, best: Optimum, rng: np.random.Generator
-) -> Fit:
+def _whole_fit(problem: Problem, values: FloatArray, best: Optimum) -> Fit:
     """The optimum of a search as a fit of `problem` at the same `values` (n_par,)."""
     led = led_here(best.n_same, best.n_start)
     words = settled(led) if best.settled else phrase("did not converge; {led}", led=led)
@@ -576,7 +572,7 @@ def _whole_fit(
         success=best.settled,
         message=words,
     )
-    return with_other_modes(fit, best, rng)
+    return with_other_modes(fit, best)
 
 
 def _said(problem: Problem) -> list[str]:

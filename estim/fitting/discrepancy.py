@@ -10,11 +10,11 @@ from estim.arrays import FloatArray, sds_of
 from estim.common import Amount, Finding, Kind
 from estim.deviation import FoundDeviation, pose_deviation
 from estim.fitting.edges import edge_of
-from estim.fitting.least_squares import Fit, fit_least_squares
+from estim.fitting.least_squares import Fit, refit
 from estim.problem import Problem
 
 
-def fit_discrepancy(white: Fit, *, rng: np.random.Generator) -> Fit:
+def fit_discrepancy(white: Fit) -> Fit:
     """The fit `white`, and then with a deviation in every run that may have one."""
     problem = white.problem
     posed = {
@@ -30,7 +30,7 @@ def fit_discrepancy(white: Fit, *, rng: np.random.Generator) -> Fit:
     start = np.clip(
         np.mean([deviation.found.mean for deviation in posed.values()], axis=0), low, high
     )
-    fit = fit_least_squares(Problem(problem.parameters, runs), rng=rng, n_start=1, start=start)
+    fit = refit(Problem(problem.parameters, runs), start)
     return replace(
         fit,
         deviations=tuple(deviation.found for deviation in posed.values()),

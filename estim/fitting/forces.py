@@ -28,7 +28,7 @@ from estim.deviation import (
     sharing_runs,
 )
 from estim.fitting.fisher_information import information
-from estim.fitting.least_squares import Fit, fit_least_squares, refit
+from estim.fitting.least_squares import Fit, refit
 from estim.fitting.optimum import scanned_fit
 from estim.problem import Problem
 
@@ -65,7 +65,7 @@ def fit_with_forces(white: Fit, *, rng: np.random.Generator, scanned: bool = Tru
             white, later("some combination of the parameters is not determined at all")
         )
     try:
-        free, bad = _free_fit(white, rng=rng)
+        free, bad = _free_fit(white)
         without = white.scale
         posed = pose_forces(
             problem,
@@ -79,9 +79,7 @@ def fit_with_forces(white: Fit, *, rng: np.random.Generator, scanned: bool = Tru
     runs = tuple(replace(run, noise=posed.noises.get(run.name, run.noise)) for run in problem.runs)
     low, high = problem.support()
     start = np.clip(free.values + posed.step, low, high)
-    fit = fit_least_squares(
-        Problem(problem.parameters, runs, posed.shared), rng=rng, n_start=1, start=start
-    )
+    fit = refit(Problem(problem.parameters, runs, posed.shared), start)
     fit = scanned_fit(fit, rng=rng) if scanned else fit
     forces = posed.inferred_at(fit.values - free.values)
     return replace(_led_by(white, fit), forces=forces, parts=posed.parts)
@@ -103,9 +101,7 @@ def fit_without_force(white: Fit, *, bad: Mapping[str, BadFrames], rng: np.rando
         runs = tuple(
             replace(run, noise=noises.get(run.name, run.noise), force=0.0) for run in problem.runs
         )
-        fit = fit_least_squares(
-            Problem(problem.parameters, runs, shared), rng=rng, n_start=1, start=fit.values
-        )
+        fit = refit(Problem(problem.parameters, runs, shared), fit.values)
     return _led_by(white, scanned_fit(fit, rng=rng))
 
 
@@ -129,7 +125,7 @@ def _as_complete(white: Fit, rule: str) -> Fit:
     return replace(white, posterior=replace(white.posterior, problem=problem))
 
 
-def _free_fit(white: Fit, *, rng: np.random.Generator) -> tuple[Fit, Mapping[str, BadFrames]]:
+def _free_fit(white: Fit) -> tuple[Fit, Mapping[str, BadFrames]]:
     """The fit with a free start and the shifts of the frames that it shows to be bad, which are
     looked for again until they are the same.
 
@@ -145,9 +141,7 @@ def _free_fit(white: Fit, *, rng: np.random.Generator) -> tuple[Fit, Mapping[str
             if run.force
         }
         runs = tuple(replace(run, noise=noises.get(run.name, run.noise)) for run in problem.runs)
-        free = fit_least_squares(
-            Problem(problem.parameters, runs), rng=rng, n_start=1, start=values
-        )
+        free = refit(Problem(problem.parameters, runs), values)
         if len(problem.runs) > 1:
             return free, bad
         updated = {

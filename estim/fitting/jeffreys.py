@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray, sds_of
+from estim.arrays import BoolArray, FloatArray, IntArray, all_finite, sds_of
 from estim.problem import (
     WIDE,
     Band,
@@ -32,7 +32,6 @@ from estim.problem import (
 
 _RADIUS = 5.0  # standard deviations, within which the places lie
 _MANY = 20  # parameters, beyond which a polynomial has too many terms
-_FARTHEST = 50.0  # of the logarithms of values
 _LEAST = 0.01  # weight of a place that counts
 _ROUGH = 0.05  # of the logarithm, by which the polynomial may miss it
 
@@ -108,11 +107,12 @@ def _around_the_fit(
 
 
 def _in_logarithms(values: FloatArray, cov: FloatArray, columns: IntArray) -> list[BoolArray]:
-    """Which parameters may have logarithms taken, in order of preference: all that are hardly
-    known, those of them that others go with (whose sign the data know), none.
+    """(n_par,) which of the parameters `columns` may have logarithms taken, in order of preference:
+    all that are hardly known, those of them that others go with (whose sign the data know), none.
     """
-    wide = (sds_of(cov) > WIDE * np.abs(values))[columns] & (values[columns] != 0.0)
-    tied = made_up_for(values[columns], cov[np.ix_(columns, columns)])
+    of_curve = np.isin(np.arange(values.size), columns)
+    wide = of_curve & (sds_of(cov) > WIDE * np.abs(values)) & (values != 0.0)
+    tied = of_curve & made_up_for(values, cov)
     choices = [wide, tied, np.zeros_like(wide)]
     return [one for i, one in enumerate(choices) if not any(np.all(one == o) for o in choices[:i])]
 
@@ -121,9 +121,10 @@ def _around(
     values: FloatArray, cov: FloatArray, columns: IntArray, by_size: BoolArray
 ) -> ResponseSurface:
     """A polynomial of the parameters `columns` without coefficients."""
-    unit = np.where(by_size, values[columns], 1.0)
+    coordinates = Coordinates(values, by_size)
+    unit = coordinates.slopes(values)[columns]
     root = np.linalg.cholesky(cov[np.ix_(columns, columns)] / np.outer(unit, unit))
-    return ResponseSurface(columns, values[columns], by_size, np.linalg.inv(root), np.zeros(0))
+    return ResponseSurface(columns, coordinates, np.linalg.inv(root), np.zeros(0))
 
 
 def _places(
@@ -134,12 +135,9 @@ def _places(
     """
     z = rng.standard_normal((8 * n, surface.columns.size))
     z *= _RADIUS * rng.random((8 * n, 1)) / np.linalg.norm(z, axis=1, keepdims=True)
-    off = np.linalg.solve(surface.whitener, z.T).T
-    off[:, surface.by_size] = np.clip(off[:, surface.by_size], -_FARTHEST, _FARTHEST)
-    draws = np.tile(values, (8 * n, 1))
-    draws[:, surface.columns] = np.where(
-        surface.by_size, surface.centre * np.exp(off * surface.by_size), surface.centre + off
-    )
+    places = np.tile(surface.coordinates.of(values), (8 * n, 1))
+    places[:, surface.columns] += np.linalg.solve(surface.whitener, z.T).T
+    draws = surface.coordinates.values(places)
     low, high = problem.support()
     return draws[np.all((draws > low) & (draws < high), axis=1)][:n]
 
@@ -148,7 +146,10 @@ def _fitted(
     surface: ResponseSurface, draws: FloatArray, logs: FloatArray, weights: FloatArray
 ) -> tuple[float, ResponseSurface]:
     """By how much the polynomial through `logs` (n_draw,) misses them, and it."""
-    rows = surface.terms(surface.place(draws))
+    place = surface.place(draws)
+    if not all_finite(place):  # draws of a sign that it does not know
+        return math.inf, surface
+    rows = surface.terms(place)
     root = np.sqrt(weights)
     coefficients = np.linalg.lstsq(rows * root[:, None], logs * root, rcond=None)[0]
     missed = np.average(np.square(rows @ coefficients - logs), weights=weights)

@@ -270,13 +270,8 @@ def refit(problem: Problem, start: FloatArray) -> Fit:
     """The nearest mode of `problem` to `start` (n_par,), where that is known to be near.  Raises
     NumericalError.
     """
-    posterior = problem.linearised(start)
-    if not all_finite(posterior.residuals(start)):
-        raise NumericalError("the fit cannot start: the curve is not defined there")
-    values, posterior, moved = _settle(start, posterior, max_rounds=_FEW_ROUNDS)
-    if math.isnan(moved):
-        raise _no_curvature(values, posterior)
-    return _describe(problem, posterior, values, moved, [values], n_start=1, same=[values])
+    # nothing is drawn
+    return fit_least_squares(problem, rng=np.random.default_rng(0), n_start=1, start=start)
 
 
 def at_mode(problem: Problem, values: FloatArray) -> Fit:
@@ -316,7 +311,7 @@ def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
         values, posterior, moved = _settle(start, begun, max_rounds=1, tolerance=_ROUGH)
         if math.isnan(moved):
             continue
-        scale = _spread(information(posterior, values), posterior.problem)
+        scale = _spread(information(posterior, values))
         # standard deviations, after one round: nearer ends go on as one
         near = (end for place, end in places if float(np.max(np.abs(values - place) / scale)) < 0.2)
         twin = next(near, None)
@@ -330,33 +325,18 @@ def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
     return [end for end in ends if not math.isnan(end[2])]
 
 
-def _inverse(matrix: FloatArray, problem: Problem) -> FloatArray:
-    """(n_par, n_par) inverse of an information matrix of the problem, of what it says something of,
-    whatever the units of its parameters.
+def _inverse(matrix: FloatArray) -> FloatArray:
+    """(n_par, n_par) inverse of an information matrix, of what it says something of, whatever the
+    units of its parameters.
     """
     units = diagonal_scale(matrix)
     scaled = matrix / np.outer(units, units)
-    try:
-        root = np.linalg.inv(np.linalg.cholesky(scaled)) if many(problem) else None
-    except np.linalg.LinAlgError:
-        root = None
-    inverse = np.linalg.pinv(scaled, hermitian=True) if root is None else root.T @ root
-    return inverse / np.outer(units, units)
+    return np.linalg.pinv(scaled, hermitian=True) / np.outer(units, units)
 
 
-def _condition(matrix: FloatArray, inverse: FloatArray, problem: Problem) -> float:
-    """Ratio of the largest to the smallest eigenvalue of an information matrix; of that of many
-    runs a bound, where it is no large one.
-    """
-    bound = (
-        float(np.linalg.norm(matrix, 1) * np.linalg.norm(inverse, 1)) if many(problem) else math.inf
-    )
-    return bound if bound < _ILL else float(np.linalg.cond(matrix))
-
-
-def _spread(matrix: FloatArray, problem: Problem) -> FloatArray:
+def _spread(matrix: FloatArray) -> FloatArray:
     """(n_par,) standard deviations from an information matrix, inf for what it says nothing of."""
-    scale = sds_of(_inverse(matrix, problem))
+    scale = sds_of(_inverse(matrix))
     return np.where(scale > 0.0, scale, np.inf)
 
 
@@ -374,7 +354,7 @@ def _curved(posterior: Posterior, values: FloatArray) -> FloatArray | None:
     derivatives.
     """
     matrix = information(posterior, values)
-    return _spread(matrix, posterior.problem) if all_finite(matrix) else None
+    return _spread(matrix) if all_finite(matrix) else None
 
 
 def _settle(
@@ -530,11 +510,9 @@ def _describe(
     matrix += np.diag(np.square(posterior.prior_slopes(values)))
     if not all_finite(matrix):
         raise _no_curvature(values, posterior)
-    spread = diagonal_scale(matrix)
-    scaled = matrix / np.outer(spread, spread)
-    inverse = _inverse(scaled, problem)
-    singular = _condition(scaled, inverse, problem) > _ILL
-    cov = inverse / np.outer(spread, spread)
+    units = diagonal_scale(matrix)
+    singular = bool(np.linalg.cond(matrix / np.outer(units, units)) > _ILL)
+    cov = _inverse(matrix)
     curvature = sds_of(cov)
     sds = np.full(problem.n_par, np.nan) if singular else curvature.copy()
     low, high = problem.support()

@@ -41,7 +41,7 @@ def fit_problem(
             _require_scatter(fit)
             _require_determined(fit)
     if any(run.lacks is not None for run in problem.runs):
-        return fit_discrepancy(fit, rng=rng)
+        return fit_discrepancy(fit)
     if any(run.force for run in problem.runs):
         return fit_with_forces(fit, rng=rng, scanned=near is None)
     return fit

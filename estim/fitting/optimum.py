@@ -33,8 +33,8 @@ from estim.fitting.least_squares import (
     Fit,
     at_mode,
     far_apart,
-    fit_least_squares,
     led_here,
+    refit,
     settled,
 )
 from estim.fitting.noise_fit import fit_noise
@@ -469,12 +469,8 @@ def fit_optimum(problem: Problem, *, rng: np.random.Generator, n_start: int = N_
     """
     best = find_optimum(problem, problem.start(), rng=rng, n_start=n_start)
     noisy = bool(problem.noise_names)
-    there = (
-        fit_least_squares(problem, rng=rng, n_start=1, start=best.values)
-        if noisy
-        else at_mode(problem, best.values)
-    )
-    fit = with_other_modes(there, best, rng)
+    there = refit(problem, best.values) if noisy else at_mode(problem, best.values)
+    fit = with_other_modes(there, best)
     if not noisy and not np.any(best.at_bound):
         sds = np.where(np.isfinite(fit.sds), sds_of(best.cov), np.nan)
         fit = replace(fit, cov=best.cov, sds=sds, singular=best.frail)
@@ -525,7 +521,7 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
                 break
             if not any(is_close(point, other, spread, 3.0) for other in (*near, *fresh)):
                 fresh.append(point)
-    refitted = [_refitted(fit, point, rng) for point in fresh]
+    refitted = [_refitted(fit, point) for point in fresh]
     known = [candidate for candidate in (fit, *refitted) if candidate and candidate.success]
     places = [*(candidate.values for candidate in known), *fit.others]
     heights = fit.posterior.log_density(np.array(places).reshape(-1, fit.values.size))
@@ -542,17 +538,17 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
     return replace(fit, others=far_apart(fit.values, ranked, scale))
 
 
-def _refitted(fit: Fit, start: FloatArray, rng: np.random.Generator) -> Fit | None:
+def _refitted(fit: Fit, start: FloatArray) -> Fit | None:
     """The fit from another start; None where it ends without a curvature, as that of a sigmoid does
     where it has become a step between two readings.
     """
     try:
-        return fit_least_squares(fit.problem, rng=rng, n_start=1, start=start)
+        return refit(fit.problem, start)
     except NumericalError:
         return None
 
 
-def with_other_modes(fit: Fit, best: Optimum, rng: np.random.Generator) -> Fit:
+def with_other_modes(fit: Fit, best: Optimum) -> Fit:
     """A fit with the other optima of the search: those that hold more than next to nothing of the
     posterior, noise parameters refitted.
     """
@@ -566,7 +562,7 @@ def with_other_modes(fit: Fit, best: Optimum, rng: np.random.Generator) -> Fit:
     for point in best.others[:MOST_OTHERS]:
         start = symmetry.nearest(np.append(point, fit.values[point.size :]), fit.values)
         if fit.problem.noise_names:
-            if (other := _refitted(fit, start, rng)) is None:
+            if (other := _refitted(fit, start)) is None:
                 continue
             start = other.values
         worse = float(np.diff(fit.posterior.log_density(np.vstack([start, fit.values])))[0])

@@ -51,26 +51,24 @@ class Measure:
 
 @dataclass(frozen=True, eq=False)
 class ResponseSurface:
-    """A function of the parameters as a polynomial of second degree, fitted around `centre`.
+    """A function of the parameters as a polynomial of second degree, fitted around a centre.
 
     columns : (n,) places of the parameters that it depends on.
-    by_size : (n,) whether the logarithm of a parameter is taken, which keeps its sign.
+    coordinates : of which it is one, about their centre.
     whitener : (n, n) turns differences from the centre into standard deviations.
     coefficients : of 1, of each parameter, and of each product of two.
     """
 
     columns: IntArray
-    centre: FloatArray
-    by_size: BoolArray
+    coordinates: Coordinates
     whitener: FloatArray
     coefficients: FloatArray
 
     def place(self, draws: FloatArray) -> FloatArray:
         """(n_draw, n) draws (n_draw, n_par) in standard deviations from the centre."""
-        off = draws[:, self.columns] - self.centre
-        ratio = 1.0 + off[:, self.by_size] / self.centre[self.by_size]
-        off[:, self.by_size] = np.log(np.maximum(ratio, 1e-300))
-        return off @ self.whitener.T
+        off = self.coordinates.of(draws) - self.coordinates.of(self.coordinates.centre)
+        with np.errstate(invalid="ignore"):
+            return off[:, self.columns] @ self.whitener.T
 
     def value(self, place: FloatArray) -> FloatArray:
         """(n_draw,) at places (n_draw, n)."""
@@ -133,8 +131,9 @@ class JeffreysPrior:
         if self.smooth is None:
             return self._capped(draws, named)
         place = self.smooth.place(draws)
-        logs = self.smooth.value(place)
-        far = np.linalg.norm(place, axis=1) > _FITTED
+        with np.errstate(invalid="ignore"):
+            logs = self.smooth.value(place)
+        far = ~(np.linalg.norm(place, axis=1) <= _FITTED)
         if np.any(far):
             logs[far] = self._capped(draws[far], named)
         return logs
