@@ -31,7 +31,6 @@ def settled(t, body, place, n_draw):
         body,
         {"rolling_resistance": 0.0, "g": 9.81} | place,
         n_draw,
-        n_leg=16,
         speeds=True,
     )[2]
 

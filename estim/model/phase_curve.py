@@ -32,7 +32,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from estim.model.body import Body
 from estim.model.bracketed_newton import zero_between
-from estim.model.driven import driven_energy
+from estim.model.driven import driven_passage
 from estim.model.forces import Forces, energy_series, inertia, work
 
 FloatArray = NDArray[np.float64]
@@ -152,9 +152,9 @@ def energy_ratio(
         energy = 0.0 if release_energy is None else np.asarray(release_energy)
         place = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
         if forces.with_speed:
-            total = driven_energy(angle, body, **place, g=g, release_energy=energy, forces=forces)[
-                0
-            ]
+            total = driven_passage(
+                angle, body, **place, g=g, release_energy=energy, forces=forces
+            ).energy
         else:
             total = energy + work(angle, body, **place, forces=forces)
         return np.asarray(total / inertia(angle, body, phi=phi, theta0=theta0, forces=forces))
@@ -417,9 +417,9 @@ def turning_angle(
     if release_energy is not None or forces is not None:
         place = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
         energy = 0.0 if release_energy is None else release_energy
-        return driven_energy(
+        return driven_passage(
             far, body, **place, g=g, release_energy=energy, forces=forces or Forces()
-        )[1]
+        ).stop
     gamma, theta0, slope = np.broadcast_arrays(
         np.asarray(body.gamma, dtype=float),
         np.asarray(theta0, dtype=float),
