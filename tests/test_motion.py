@@ -18,7 +18,6 @@ from estim.model import (
     Forces,
     back_and_forth,
     motion,
-    positions_at,
     speed,
     trajectory,
     travel_time,
@@ -416,9 +415,8 @@ def test_draws_that_are_hard_leave_their_neighbours_what_they_are_alone():
     crest = math.asin(math.sin(math.radians(4.0)) / 0.187)
     theta0, gamma = np.array([[1.05], [0.9], [1e-4 + crest], [1.2]]), np.full((4, 1), 0.187)
     t, place = np.linspace(0.0, 2.5, 30), {"phi": math.radians(4.0), "g": 9.81}
-    for forth in (back_and_forth, lambda *args, **keywords: (positions_at(*args, **keywords),)):
-        together = forth(t, Body(0.15, gamma, 0.45), theta0=theta0, **place)
-        for i in range(4):
-            alone = forth(t, Body(0.15, 0.187, 0.45), theta0=float(theta0[i, 0]), **place)
-            for one, every in zip(alone, together, strict=True):
-                assert every[i] == pytest.approx(one[0], rel=0, abs=1e-10)
+    together = back_and_forth(t, Body(0.15, gamma, 0.45), theta0=theta0, **place)
+    for i in range(4):
+        alone = back_and_forth(t, Body(0.15, 0.187, 0.45), theta0=float(theta0[i, 0]), **place)
+        for one, every in zip(alone, together, strict=True):
+            assert every[i] == pytest.approx(one[0], rel=0, abs=1e-10)

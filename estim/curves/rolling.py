@@ -30,7 +30,6 @@ from estim.model import (
     moment_ratio,
     needed_friction,
     phase_curve,
-    positions_at,
     release_energy,
     release_speed,
     sagging,
@@ -284,7 +283,7 @@ class PhaseCurve:
         """(n_draw, n_obs) position that is read at times `since` release (s on the clock of the
         data), back and forth.
         """
-        return _position(since, _known(arguments, self.setting), self.angular)
+        return _state(since, _known(arguments, self.setting), self.angular)[0]
 
     def time_derivative(self, x: FloatArray, arguments: Named, order: int) -> FloatArray:
         known = _known(arguments, self.setting)
@@ -329,18 +328,10 @@ def _as_read(
     ) ** (order + 1)
 
 
-def _position(since: FloatArray, known: _Known, angular: bool) -> FloatArray:
-    """Position that is read at times since release (s on the clock of the data), from the reading
-    at release.
-    """
-    if known.speed is not None or known.forces is not None:
-        return _state(since, known, angular)[0]
-    x = np.atleast_2d(positions_at(known.readings.true_time(since), known.body, **known.motion))
-    return known.readings.position(x / (np.asarray(known.body.radius) if angular else 1.0))
-
-
 def _state(since: FloatArray, known: _Known, angular: bool) -> tuple[FloatArray, FloatArray]:
-    """`_position` with the velocity that is read."""
+    """Position and velocity that are read at times since release (s on the clock of the data), from
+    the reading at release.
+    """
     x, v = back_and_forth(
         known.readings.true_time(since),
         known.body,
@@ -368,9 +359,7 @@ class MotionCurve:
     setting: Setting = Setting()
 
     def value(self, x: FloatArray, arguments: Named) -> FloatArray:
-        since = x - np.asarray(arguments["release_time"])
-        position = _position(since, _known(arguments, self.setting), self.angular)
-        return position + np.asarray(arguments["offset"])
+        return self.state(x, arguments)[0]
 
     def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
         """The gradient is by central differences."""

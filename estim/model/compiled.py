@@ -52,14 +52,13 @@ _SINE, _COSINE = (
 
 
 def states(
-    t: FloatArray, body: Body, place: Mapping[str, Any], n_draw: int, *, speeds: bool
+    t: FloatArray, body: Body, place: Mapping[str, Any], n_draw: int
 ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
     """Positions (m) and velocities (m/s), both (n_draw, n_obs), at times `t`, and which draws are
     settled, (n_draw,).
 
     t : (n_obs,) or (n_draw, n_obs) s.
-    place : phi, theta0, rolling_resistance, g.  speeds : whether velocities are computed; they mean
-        nothing otherwise, nor does anything of a draw that is not settled.
+    place : phi, theta0, rolling_resistance, g.  A draw that is not settled means nothing.
     """
     t, draws = np.ascontiguousarray(np.atleast_2d(t)), np.empty((n_draw, 7))
     for i, column in enumerate(
@@ -68,10 +67,10 @@ def states(
         draws[:, i : i + 1] = column
     shape = n_draw, t.shape[1]
     x = np.zeros(shape)
-    v = np.zeros(shape if speeds else (0, 0))
+    v = np.zeros(shape)
     settled = np.zeros(n_draw, dtype=np.bool_)
     _states(t, draws, *_scheme(), x, v, settled)
-    return x, v if speeds else x, settled
+    return x, v, settled
 
 
 @cache
@@ -311,20 +310,15 @@ def _states(t, draws, knots, points, matrix, x, v, settled):  # type: ignore[no-
                     z = k * width + _read(now, k, width, times, first, second)  # beyond -1
                     angle = reach * (_sine(0.25 * math.pi * z) if turns else 0.5 * z) ** 2
                     x[i, q] = start + sign * radius * angle
-                    if v.size:
-                        if not turns:
-                            ratio = _ratio_on(angle, theta0, phi, gamma, slope, inertia)
-                        elif angle <= 0.5 * reach:
-                            ratio = _ratio(angle, there, gamma, slope, inertia)
-                        else:
-                            ratio = _ratio(
-                                reach * _cosine(0.25 * math.pi * z) ** 2,
-                                back,
-                                gamma,
-                                slope,
-                                inertia,
-                            )
-                        v[i, q] = sign * radius * math.sqrt(max(scale * ratio, 0.0))
+                    if not turns:
+                        ratio = _ratio_on(angle, theta0, phi, gamma, slope, inertia)
+                    elif angle <= 0.5 * reach:
+                        ratio = _ratio(angle, there, gamma, slope, inertia)
+                    else:
+                        ratio = _ratio(
+                            reach * _cosine(0.25 * math.pi * z) ** 2, back, gamma, slope, inertia
+                        )
+                    v[i, q] = sign * radius * math.sqrt(max(scale * ratio, 0.0))
             if not latest > 0.0:
                 settled[i] = True
                 break

@@ -121,63 +121,6 @@ def back_and_forth(
     >>> x.shape, bool(v[0, 0] > 0.0)
     ((1, 2), True)
     """
-    return _states(
-        t,
-        body,
-        phi=phi,
-        theta0=theta0,
-        rolling_resistance=rolling_resistance,
-        g=g,
-        release_speed=release_speed,
-        forces=forces,
-        speeds=True,
-    )
-
-
-def positions_at(
-    t: ArrayLike,
-    body: Body,
-    *,
-    phi: ArrayLike,
-    theta0: ArrayLike,
-    rolling_resistance: ArrayLike = 0.0,
-    g: ArrayLike = STANDARD_GRAVITY,
-) -> FloatArray:
-    """The positions (m) of `back_and_forth` at times `t` alone, (n_draw, n_obs), in less time.
-
-    Arguments as in `back_and_forth`.
-
-    >>> from estim.model import Body, positions_at
-    >>> body = Body(radius=0.15, gamma=0.19, kappa=0.45)
-    >>> positions_at([0.5, 1.0], body, phi=0.07, theta0=1.0).round(3).tolist()
-    [[0.07, 0.324]]
-    """
-    return _states(
-        t,
-        body,
-        phi=phi,
-        theta0=theta0,
-        rolling_resistance=rolling_resistance,
-        g=g,
-        release_speed=None,
-        forces=None,
-        speeds=False,
-    )[0]
-
-
-def _states(
-    t: ArrayLike,
-    body: Body,
-    *,
-    phi: ArrayLike,
-    theta0: ArrayLike,
-    rolling_resistance: ArrayLike,
-    g: ArrayLike,
-    release_speed: ArrayLike | None,
-    forces: Forces | None,
-    speeds: bool,
-) -> tuple[FloatArray, FloatArray]:
-    """`back_and_forth`; velocities mean nothing unless `speeds`."""
     place: dict[str, Any] = {
         "phi": phi,
         "theta0": theta0,
@@ -193,14 +136,12 @@ def _states(
         return np.zeros(t.shape), np.zeros(t.shape)
     columns = [*place.values(), *vars(body).values(), *([t] if t.ndim == 2 else [])]
     n_draw = max((np.shape(column)[0] for column in columns if np.ndim(column) == 2), default=1)
-    x, v, settled = compiled(t, body, place, n_draw, speeds=speeds)
+    x, v, settled = compiled(t, body, place, n_draw)
     rest = np.flatnonzero(~settled)
     if rest.size:
         own = replace(body, **{name: _of(value, rest) for name, value in vars(body).items()})
         where = {name: _of(value, rest) for name, value in place.items()}
-        x[rest], velocities = driven_motion(_of(t, rest), own, **where, forces=Forces())
-        if speeds:
-            v[rest] = velocities
+        x[rest], v[rest] = driven_motion(_of(t, rest), own, **where, forces=Forces())
     return x, v
 
 
