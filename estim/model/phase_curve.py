@@ -24,7 +24,6 @@ speeds alone never tell the three apart.
 
 from __future__ import annotations
 
-from math import comb
 from typing import Any
 
 import numpy as np
@@ -226,36 +225,15 @@ def energy_ratio_derivatives(
     g: ArrayLike = STANDARD_GRAVITY,
 ) -> list[FloatArray]:
     """H = W/D and its derivatives with respect to theta up to `order`, a list of order + 1 arrays,
-    rad^-n.
+    rad^-n, by Taylor series (`forces.energy_series`).
 
-    From W = H D by Leibniz: H^(n) = (W^(n) - sum_{k<n} C(n, k) H^(k) D^(n-k))/D.  release_energy,
-    forces, g : as in `energy_ratio`.
+    release_energy, forces, g : as in `energy_ratio`.
     """
-    if forces is not None:
-        place = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
-        ratio = energy_ratio(
-            angle, body, **place, release_energy=release_energy, forces=forces, g=g
-        )
-        energy = ratio * inertia(angle, body, phi=phi, theta0=theta0, forces=forces)
-        return energy_series(angle, energy, body, **place, g=g, forces=forces, order=order)
-    angle, theta0 = np.asarray(angle, dtype=float), np.asarray(theta0)
-    gamma, slope = body.gamma, effective_slope(phi, rolling_resistance)
-    theta = theta0 + angle
-    # cos theta0 - cos theta as a product: no cancellation close to the release
-    fall = 2.0 * np.sin(theta0 + 0.5 * angle) * np.sin(0.5 * angle)
-    w = [gamma * fall - angle * slope]
-    if release_energy is not None:
-        w[0] = w[0] + release_energy
-    d = [1.0 + body.inertia_ratio + 2.0 * gamma * np.cos(theta + phi)]
-    if order > 0:
-        sin, cos = np.sin(theta), np.cos(theta)
-        w += [gamma * sin - slope, gamma * cos, -gamma * sin, -gamma * cos]
-        sin_tilted, cos_tilted = np.sin(theta + phi), np.cos(theta + phi)
-        d += [2.0 * gamma * term for term in (-sin_tilted, -cos_tilted, sin_tilted, cos_tilted)]
-    h: list[FloatArray] = []
-    for n in range(order + 1):
-        h.append((w[n] - sum(comb(n, k) * h[k] * d[n - k] for k in range(n))) / d[0])
-    return h
+    forces = forces or Forces()
+    place = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
+    ratio = energy_ratio(angle, body, **place, release_energy=release_energy, forces=forces, g=g)
+    energy = ratio * inertia(angle, body, phi=phi, theta0=theta0, forces=forces)
+    return energy_series(angle, energy, body, **place, g=g, forces=forces, order=order)
 
 
 def energy_ratio_gradient(
