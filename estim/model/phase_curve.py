@@ -1,5 +1,4 @@
-"""The phase curve: speed as a function of position, its gradients, and where the motion can start
-and end.
+"""The phase curve: speed as a function of position, and where the motion can start and end.
 
 Energy conservation for rolling without slipping (paper, eq. phase_curve, here with rolling
 resistance and any body):
@@ -23,8 +22,6 @@ speeds alone never tell the three apart.
 """
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -234,68 +231,6 @@ def energy_ratio_derivatives(
     ratio = energy_ratio(angle, body, **place, release_energy=release_energy, forces=forces, g=g)
     energy = ratio * inertia(angle, body, phi=phi, theta0=theta0, forces=forces)
     return energy_series(angle, energy, body, **place, g=g, forces=forces, order=order)
-
-
-def energy_ratio_gradient(
-    angle: ArrayLike,
-    body: Body,
-    *,
-    phi: ArrayLike,
-    theta0: ArrayLike,
-    rolling_resistance: ArrayLike = 0.0,
-) -> dict[str, FloatArray]:
-    """Derivatives of H = W/D at fixed `angle` with respect to every parameter it depends on: name
-    -> array.
-
-    dH/dp = (dW/dp - H dD/dp)/D
-    """
-    angle, theta0, phi = np.asarray(angle, dtype=float), np.asarray(theta0), np.asarray(phi)
-    theta = theta0 + angle
-    ratio = energy_ratio(angle, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance)
-    d = 1.0 + body.inertia_ratio + 2.0 * body.gamma * np.cos(theta + phi)
-    tilting = -2.0 * body.gamma * np.sin(theta + phi)
-    dj = body.inertia_ratio_gradient()
-    slope_in_phi = np.cos(phi) - np.asarray(rolling_resistance) * np.sin(phi)
-    gradient = {
-        "gamma": (
-            np.cos(theta0) - np.cos(theta) - ratio * (dj["gamma"] + 2.0 * np.cos(theta + phi))
-        )
-        / d,
-        "theta0": (body.gamma * (np.sin(theta) - np.sin(theta0)) - ratio * tilting) / d,
-        "phi": (-angle * slope_in_phi - ratio * tilting) / d,
-        "rolling_resistance": -angle * np.cos(phi) / d,
-    }
-    for name in ("kappa", "rho", "trailing_fraction", "particle_gyration"):
-        gradient[name] = -ratio * dj[name] / d
-    return gradient
-
-
-def squared_speed_derivatives(
-    x: ArrayLike,
-    body: Body,
-    *,
-    phi: ArrayLike,
-    theta0: ArrayLike,
-    rolling_resistance: ArrayLike = 0.0,
-    g: ArrayLike = STANDARD_GRAVITY,
-    angular: bool = False,
-) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
-    """v^2 = 2 g R W/D (m^2/s^2), negative where the energy does not suffice, its slope in x and its
-    derivatives in every parameter at fixed x.
-
-    angular : of theta'^2 = 2 g W/(D R) (rad^2/s^2) instead, x the angle turned since release.
-    """
-    radius, g = np.asarray(body.radius), np.asarray(g)
-    angle = np.asarray(x) if angular else np.asarray(x) / radius
-    place: dict[str, Any] = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
-    ratio, ratio_slope = energy_ratio_derivatives(angle, body, **place, order=1)
-    scale = 2.0 * g / radius if angular else 2.0 * g * radius
-    gradient = {name: scale * d for name, d in energy_ratio_gradient(angle, body, **place).items()}
-    gradient["g"] = (2.0 / radius if angular else 2.0 * radius) * ratio
-    gradient["radius"] = (
-        -scale / radius * ratio if angular else 2.0 * g * (ratio - angle * ratio_slope)
-    )
-    return scale * ratio, (scale if angular else 2.0 * g) * ratio_slope, gradient
 
 
 def root_derivatives(
