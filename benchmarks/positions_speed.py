@@ -25,7 +25,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from estim.model import Body, motion, positions_at
+from estim.model import Body, back_and_forth, motion
 
 PROJECT = Path(__file__).resolve().parents[1]
 COMMANDS = {  # words -> noise of the campaign, arguments
@@ -59,7 +59,7 @@ def microseconds(n_draw: int) -> tuple[float, float, float]:
             motion._compiled = compiled if fast else lambda: None
             began = time.process_time()
             for _ in range(repeats := max(1, 3000 // n_draw)):
-                x[fast] = positions_at(t, body, **place)
+                x[fast] = back_and_forth(t, body, **place)[0]
             best[fast] = min(best[fast], (time.process_time() - began) / repeats / n_draw * 1e6)
     motion._compiled = compiled
     return best[False], best[True], float(np.max(np.abs(x[True] - x[False])))

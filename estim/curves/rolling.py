@@ -30,7 +30,6 @@ from estim.model import (
     moment_ratio,
     needed_friction,
     phase_curve,
-    positions_at,
     release_energy,
     release_speed,
     sagging,
@@ -70,7 +69,6 @@ _FORCES = {  # argument -> field of Forces
 }
 # argument -> field of Readings
 _READINGS = {"scale_x": "scale_x", "scale_t": "scale_t", "distortion": "bow"}
-_BEYOND_SCALES = _FORCES.keys() | {"sag", "distortion", "moment", "release_energy", "release_speed"}
 _DEGREES = float(np.degrees(1.0))
 _SIZES = PhraseTable(
     {
@@ -238,53 +236,23 @@ class PhaseCurve:
         )
 
     def local_square(self, x: FloatArray, arguments: Named) -> LocalCurve:
-        """The gradient is closed where at most scales are added, else by central differences."""
-        if not _BEYOND_SCALES & arguments.keys():
-            return self._scaled(x, arguments)
-        (square, slope), gradient = with_gradient(
-            lambda columns: self._square_and_slope(x, columns), arguments
-        )
-        return LocalCurve(square, slope, gradient)
+        """The gradient is by central differences."""
+        (square,), gradient = with_gradient(lambda columns: (self.square(x, columns),), arguments)
+        return LocalCurve(square, self._slope_of_square(x, arguments), gradient)
 
-    def _square_and_slope(self, x: FloatArray, arguments: Named) -> tuple[FloatArray, FloatArray]:
-        """`square` and its slope along x."""
+    def _slope_of_square(self, x: FloatArray, arguments: Named) -> FloatArray:
+        """Along the position that is read: of F (dx_read/dx)^2."""
         known = _known(arguments, self.setting)
         read, true = known.readings, known.readings.true_position(from_release(x, arguments))
         square, slope = self._squares(true, known, 1)
-        # of F (dx_read/dx)^2 along x_read
         slope = slope * read.stretch(true) - 4.0 * read.parabola()[1] * square
-        return (
-            np.atleast_2d(square * read.speed(1.0, true) ** 2),
-            np.atleast_2d(slope / np.square(1.0 + np.asarray(read.scale_t))),
-        )
-
-    def _scaled(self, x: FloatArray, arguments: Named) -> LocalCurve:
-        """F^2 with errors of scale a and clock b: k f^2(x/(1 + a)), k = ((1 + a)/(1 + b))^2, x
-        counted from the release.
-        """
-        body, motion = body_of(arguments)
-        scale, clock = (
-            1.0 + np.asarray(arguments.get(name, 0.0), dtype=float)
-            for name in ("scale_x", "scale_t")
-        )
-        since, k = from_release(x, arguments), np.square(scale / clock)
-        square, along, gradient = phase_curve.squared_speed_derivatives(
-            since / scale, body, **motion, angular=self.angular
-        )
-        value, slope = k * np.atleast_2d(square), k / scale * np.atleast_2d(along)
-        gradient |= {f"{angle}_zero": gradient[angle] for angle in _ZEROED}
-        partials = {
-            "scale_x": (2.0 * value - since * slope) / scale,
-            "scale_t": -2.0 * value / clock,
-            "offset": -slope,
-        }
-        return LocalCurve(value, slope, {name: k * d for name, d in gradient.items()} | partials)
+        return np.atleast_2d(slope / np.square(1.0 + np.asarray(read.scale_t)))
 
     def position(self, since: FloatArray, arguments: Named) -> FloatArray:
         """(n_draw, n_obs) position that is read at times `since` release (s on the clock of the
         data), back and forth.
         """
-        return _position(since, _known(arguments, self.setting), self.angular)
+        return _state(since, _known(arguments, self.setting), self.angular)[0]
 
     def time_derivative(self, x: FloatArray, arguments: Named, order: int) -> FloatArray:
         known = _known(arguments, self.setting)
@@ -329,18 +297,10 @@ def _as_read(
     ) ** (order + 1)
 
 
-def _position(since: FloatArray, known: _Known, angular: bool) -> FloatArray:
-    """Position that is read at times since release (s on the clock of the data), from the reading
-    at release.
-    """
-    if known.speed is not None or known.forces is not None:
-        return _state(since, known, angular)[0]
-    x = np.atleast_2d(positions_at(known.readings.true_time(since), known.body, **known.motion))
-    return known.readings.position(x / (np.asarray(known.body.radius) if angular else 1.0))
-
-
 def _state(since: FloatArray, known: _Known, angular: bool) -> tuple[FloatArray, FloatArray]:
-    """`_position` with the velocity that is read."""
+    """Position and velocity that are read at times since release (s on the clock of the data), from
+    the reading at release.
+    """
     x, v = back_and_forth(
         known.readings.true_time(since),
         known.body,
@@ -368,9 +328,7 @@ class MotionCurve:
     setting: Setting = Setting()
 
     def value(self, x: FloatArray, arguments: Named) -> FloatArray:
-        since = x - np.asarray(arguments["release_time"])
-        position = _position(since, _known(arguments, self.setting), self.angular)
-        return position + np.asarray(arguments["offset"])
+        return self.state(x, arguments)[0]
 
     def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
         """The gradient is by central differences."""

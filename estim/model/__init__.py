@@ -13,7 +13,7 @@ from estim.model.forces import (
     turn_amplitude,
     turn_components,
 )
-from estim.model.motion import back_and_forth, positions_at, trajectory, travel_time
+from estim.model.motion import back_and_forth, trajectory, travel_time
 from estim.model.parts import Assembly, Part, assemble, bolt, disk, ring, rod
 from estim.model.phase_curve import (
     STANDARD_GRAVITY,
@@ -48,7 +48,6 @@ __all__ = [
     "end_of_rolling",
     "moment_ratio",
     "needed_friction",
-    "positions_at",
     "range_of_release",
     "release_energy",
     "release_for_turn",

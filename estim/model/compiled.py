@@ -1,11 +1,21 @@
-"""What `estim.model.motion` finds of a body that rolls back and forth, in machine code, draw by
-draw: numba, the extra `fast`.
+"""What `estim.model.driven` finds of a body that rolls back and forth without further forces, in
+machine code, draw by draw: numba, the extra `fast`.
 
-The scheme is that of `estim.model.motion` and `model.inversion`, with the same Chebyshev points and
-knots.  All that is linear in the pace dt/dz at those points (clock, pace and its slope at the
-knots, the clock half way between some of them, the last Chebyshev coefficients) is one matrix.
-Draws that this does not settle are left to NumPy: a series that has not died away, a table that is
-off half way, numbers that are not finite.
+The time of a way from rest is t = integral of dx/v, singular at the release and at a turning point.
+Two substitutions remove it:
+
+    a turning point after a turn R    angle = R sin^2(pi (z + 1)/4),  z in [-1, 1]
+    no turning point in reach         angle = R ((z + 1)/2)^2         (R: beyond what is asked for)
+
+The pace dt/dz is smooth: it is interpolated at Chebyshev points and integrated in closed form.  The
+place at a time is read off a table of that clock and its first two derivatives at equidistant
+knots, by polynomials of degree five.  The way back from theta_t at tilt phi is, seen in a mirror, a
+release at -theta_t with tilt -phi.
+
+All that is linear in the pace at the Chebyshev points (clock, pace and its slope at the knots, the
+clock half way between some of them, the last Chebyshev coefficients) is one matrix.  Draws that
+this does not settle are left to `estim.model.driven`: a series that has not died away, a table that
+is off half way, more than 16 ways, numbers that are not finite.
 """
 
 from __future__ import annotations
@@ -17,11 +27,10 @@ from typing import Any
 
 import numpy as np
 from numba import config, njit
+from numpy.polynomial.chebyshev import chebder, chebint, chebval
 from numpy.typing import NDArray
 
 from estim.model.body import Body
-from estim.model.chebyshev_series import cosine_transform, integral
-from estim.model.inversion import CLOSE, TRIED, basis, derivative
 
 if config.DISABLE_JIT:  # NUMBA_DISABLE_JIT=1: NumPy is many times faster than this as plain Python
     raise ImportError("numba compiles nothing")
@@ -32,7 +41,9 @@ FloatArray = NDArray[Any]
 _compile = njit(cache=True, error_model="numpy", fastmath={"contract"})
 _inline = njit(inline="always", error_model="numpy")
 _PLACE = ("phi", "theta0", "rolling_resistance", "g")
-_NODES, _TAIL = 48, 6
+_NODES, _TAIL, _KNOTS, _WAYS = 48, 6, 65, 16
+_TRIED = 4  # one interval between knots of so many is tried
+_CLOSE = 1e-10  # of z: what the table may be off
 _NEGLIGIBLE = 1e-11  # of the mean pace
 _MOST_STEPS, _SETTLED = 80, 1e-14
 _SINE, _COSINE = (
@@ -41,14 +52,13 @@ _SINE, _COSINE = (
 
 
 def states(
-    t: FloatArray, body: Body, place: Mapping[str, Any], n_draw: int, *, n_leg: int, speeds: bool
+    t: FloatArray, body: Body, place: Mapping[str, Any], n_draw: int
 ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
     """Positions (m) and velocities (m/s), both (n_draw, n_obs), at times `t`, and which draws are
     settled, (n_draw,).
 
     t : (n_obs,) or (n_draw, n_obs) s.
-    place : phi, theta0, rolling_resistance, g.  speeds : whether velocities are computed; they mean
-        nothing otherwise, nor does anything of a draw that is not settled.
+    place : phi, theta0, rolling_resistance, g.  A draw that is not settled means nothing.
     """
     t, draws = np.ascontiguousarray(np.atleast_2d(t)), np.empty((n_draw, 7))
     for i, column in enumerate(
@@ -57,11 +67,10 @@ def states(
         draws[:, i : i + 1] = column
     shape = n_draw, t.shape[1]
     x = np.zeros(shape)
-    v = np.zeros(shape if speeds else (0, 0))
+    v = np.zeros(shape)
     settled = np.zeros(n_draw, dtype=np.bool_)
-    # as arguments: numba would keep them although their file changes
-    _states(t, draws, n_leg, *_scheme(), TRIED, CLOSE, x, v, settled)
-    return x, v if speeds else x, settled
+    _states(t, draws, *_scheme(), x, v, settled)
+    return x, v, settled
 
 
 @cache
@@ -69,18 +78,19 @@ def _scheme() -> tuple[FloatArray, FloatArray, FloatArray]:
     """Knots, (n_knot,); what is known of the Chebyshev points, (3, n): the angle turned, that still
     to turn and its rate in z, of all there is to turn; and the matrix (n, n_column).
     """
-    z = np.cos(np.pi * (np.arange(_NODES) + 0.5) / _NODES)
-    quarter = 0.25 * np.pi * (z + 1.0)
-    pace = 2.0 / _NODES * cosine_transform(np.eye(_NODES)).T
+    angle = np.pi * (np.arange(_NODES) + 0.5) / _NODES
+    quarter = 0.25 * np.pi * (np.cos(angle) + 1.0)
+    # coefficients of the polynomial that is 1 at one of the points
+    pace = 2.0 / _NODES * np.cos(np.outer(np.arange(_NODES), angle))
     pace[0] *= 0.5
-    clock, slope = integral(pace), derivative(pace)
-    knots, there, halfway = basis(_NODES)
+    clock, knots = chebint(pace, lbnd=-1.0), np.linspace(-1.0, 1.0, _KNOTS)
+    halfway = knots[:-1:_TRIED] + 0.5 * (knots[1] - knots[0])
     columns = [
-        there.T @ clock,
-        there[: len(pace)].T @ pace,
-        there[: len(slope)].T @ slope,
-        halfway.T @ clock,
-        pace[-_TAIL:],
+        chebval(knots, clock),
+        chebval(knots, pace),
+        chebval(knots, chebder(pace)),
+        chebval(halfway, clock),
+        pace[-_TAIL:].T,
     ]
     points = np.array(
         [
@@ -89,7 +99,7 @@ def _scheme() -> tuple[FloatArray, FloatArray, FloatArray]:
             0.25 * np.pi * np.sin(2.0 * quarter),
         ]
     )
-    return knots, points, np.ascontiguousarray(np.concatenate(columns).T)
+    return knots, points, np.ascontiguousarray(np.concatenate(columns, axis=1))
 
 
 @_inline
@@ -181,7 +191,7 @@ def _turning_angle(gamma, slope, theta0):  # type: ignore[no-untyped-def]
 
 @_inline
 def _read(t, k, width, times, first, second):  # type: ignore[no-untyped-def]
-    """z beyond the knot k: the polynomial of degree five of `model.inversion`."""
+    """z beyond the knot k: by a polynomial that takes t, dz/dt and d^2z/dt^2 from both ends."""
     step = times[k + 1] - times[k]
     s = min(max((t - times[k]) / step, 0.0), 1.0)
     rise = step * first[k]
@@ -194,7 +204,7 @@ def _read(t, k, width, times, first, second):  # type: ignore[no-untyped-def]
 
 
 @_compile
-def _tabulate(pace, matrix, width, tried, close, table, times, first, second, halfway, tail):  # type: ignore[no-untyped-def]
+def _tabulate(pace, matrix, width, table, times, first, second, halfway, tail):  # type: ignore[no-untyped-def]
     """Fills `table`, of which the others are parts; whether it is right."""
     table[:] = 0.0
     for k in range(0, pace.size, 4):  # four at a time: half as many reads
@@ -214,13 +224,14 @@ def _tabulate(pace, matrix, width, tried, close, table, times, first, second, ha
         wrong += not abs(coefficient) < negligible  # nan is wrong, too
     for k in range(halfway.size):
         wrong += (
-            not abs(_read(halfway[k], k * tried, width, times, first, second) - 0.5 * width) < close
+            not abs(_read(halfway[k], k * _TRIED, width, times, first, second) - 0.5 * width)
+            < _CLOSE
         )
     return wrong == 0
 
 
 @_compile
-def _states(t, draws, n_leg, knots, points, matrix, tried, close, x, v, settled):  # type: ignore[no-untyped-def]
+def _states(t, draws, knots, points, matrix, x, v, settled):  # type: ignore[no-untyped-def]
     n_draw, n_obs = x.shape
     n_node, n_knot, width = len(matrix), knots.size, knots[1] - knots[0]
     half = n_node // 2  # the points before it are nearer to the turning point
@@ -237,7 +248,7 @@ def _states(t, draws, n_leg, knots, points, matrix, tried, close, x, v, settled)
         start = 0.0
         sign = 1.0
         latest = np.max(left)
-        for _ in range(n_leg):
+        for _ in range(_WAYS):
             slope = math.sin(phi) + resistance * math.cos(phi)
             stop = _turning_angle(gamma, slope, theta0)
             if stop == 0.0 or not latest > 0.0:
@@ -268,7 +279,8 @@ def _states(t, draws, n_leg, knots, points, matrix, tried, close, x, v, settled)
                     )
             else:
                 growth = scale / max(inertia - 2.0 * abs(gamma), 1e-6)
-                # `_farthest`
+                # an angle that it cannot have turned by the last time: v^2 = 2 g R W/D with W <= 2
+                # |gamma| - angle s and D >= 1 + j - 2 |gamma| grows like that of a falling body
                 reach = (
                     math.sqrt(2.0 * growth * abs(gamma)) * latest
                     + 0.25 * growth * max(-slope, 0.0) * latest**2
@@ -283,9 +295,7 @@ def _states(t, draws, n_leg, knots, points, matrix, tried, close, x, v, settled)
                             scale * _ratio_on(reach * way * way, theta0, phi, gamma, slope, inertia)
                         )
                     )
-            if not _tabulate(
-                pace, matrix, width, tried, close, table, times, first, second, halfway, tail
-            ):
+            if not _tabulate(pace, matrix, width, table, times, first, second, halfway, tail):
                 break
             end, latest, k = times[-1] if turns else math.inf, 0.0, 0
             for q in range(n_obs):
@@ -300,20 +310,15 @@ def _states(t, draws, n_leg, knots, points, matrix, tried, close, x, v, settled)
                     z = k * width + _read(now, k, width, times, first, second)  # beyond -1
                     angle = reach * (_sine(0.25 * math.pi * z) if turns else 0.5 * z) ** 2
                     x[i, q] = start + sign * radius * angle
-                    if v.size:
-                        if not turns:
-                            ratio = _ratio_on(angle, theta0, phi, gamma, slope, inertia)
-                        elif angle <= 0.5 * reach:
-                            ratio = _ratio(angle, there, gamma, slope, inertia)
-                        else:
-                            ratio = _ratio(
-                                reach * _cosine(0.25 * math.pi * z) ** 2,
-                                back,
-                                gamma,
-                                slope,
-                                inertia,
-                            )
-                        v[i, q] = sign * radius * math.sqrt(max(scale * ratio, 0.0))
+                    if not turns:
+                        ratio = _ratio_on(angle, theta0, phi, gamma, slope, inertia)
+                    elif angle <= 0.5 * reach:
+                        ratio = _ratio(angle, there, gamma, slope, inertia)
+                    else:
+                        ratio = _ratio(
+                            reach * _cosine(0.25 * math.pi * z) ** 2, back, gamma, slope, inertia
+                        )
+                    v[i, q] = sign * radius * math.sqrt(max(scale * ratio, 0.0))
             if not latest > 0.0:
                 settled[i] = True
                 break

@@ -1,5 +1,4 @@
-"""Motion under forces that depend on the speed, or with any other force in time: by series in time,
-vectorised over draws.
+"""Motion under any forces: by series in time, vectorised over draws.
 
 The state is the angle turned u and y = +-sqrt(q), the root of the kinetic energy in weights x R
 (table in `estim.model.forces`):
@@ -28,8 +27,8 @@ from estim.model.forces import Forces, work
 
 FloatArray = NDArray[Any]
 
-_N_NODE = 16
-_PIECE = 3.0  # of the time in which a state changes
+_N_NODE = 28
+_PIECE = 5.0  # of the time in which a state changes
 _SMALLEST = 1e-4  # of the first length of a piece: then the draw is given up
 _GROWTH = 1.4  # of a piece after one that was resolved, up to its first length
 _MOST_PIECES, _MOST_ROUNDS, _MOST_NEWTON = 2000, 30, 60
@@ -37,6 +36,7 @@ _NEGLIGIBLE = 1e-10  # of u and y
 _CLOSE = 1e-7  # of z, of a Newton step: the error left is of the order of its square
 _SLOWEST = 0.5  # 1/s, of what sets the length of a piece
 _BLOCK = 512  # draws at once: what they need fits in the cache
+_ROUNDED = 1e-11  # of the way to a rest: an angle as close to it is that of the rest
 
 _NODES = -np.cos(np.pi * np.arange(_N_NODE) / (_N_NODE - 1))
 # values at nodes @ this = coefficients, of Chebyshev polynomials and of powers
@@ -351,6 +351,7 @@ def driven_motion(
     g: ArrayLike,
     release_speed: ArrayLike = 0.0,
     forces: Forces,
+    back: bool = True,
 ) -> tuple[FloatArray, FloatArray]:
     """Position (m) and velocity (m/s) at times `t` after release, (n_draw, n_obs) each, back and
     forth.
@@ -358,20 +359,23 @@ def driven_motion(
     t : (n_obs,) or (n_draw, n_obs) s; at rest at 0 before 0, whatever the speed at release.
     release_speed : m/s, either sign.  Released at rest where theta would not increase it stays, as
         in `back_and_forth`.  nan where the series do not resolve it.
+    back : whether it goes on from where it first comes to rest; else it is nan from there on.
     """
     blocks = _blocks(t, body, phi, theta0, rolling_resistance, g, forces, release_speed)
-    states = [_block_motion(*block) for block in blocks]
+    states = [_block_motion(*block, back=back) for block in blocks]
     if not states:
         return np.zeros(np.shape(t)), np.zeros(np.shape(t))
     return np.concatenate([x for x, _ in states]), np.concatenate([v for _, v in states])
 
 
-def _block_motion(t: FloatArray, draws: _Draws, v0: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _block_motion(
+    t: FloatArray, draws: _Draws, v0: FloatArray, *, back: bool
+) -> tuple[FloatArray, FloatArray]:
     u = np.zeros(v0.shape)
     y = v0 / (draws.radius * draws.rate * draws.forces(u)[2])
     last = max(float(np.max(t, where=np.isfinite(t), initial=0.0)), 1e-9)
     sense = np.where(v0 != 0.0, np.sign(v0), np.maximum(draws.direction(u), 0.0))
-    path = _follow(draws, u, y, sense, _PIECE / draws.fastest(u, y * y), last=last, back=True)
+    path = _follow(draws, u, y, sense, _PIECE / draws.fastest(u, y * y), last=last, back=back)
     last_piece = path.begin.shape[0] - 1
     place = _places(np.maximum.accumulate(path.begin + path.cut * path.length).T, t)
     beyond = place > last_piece
@@ -383,7 +387,7 @@ def _block_motion(t: FloatArray, draws: _Draws, v0: FloatArray) -> tuple[FloatAr
     reached = path.reached[-1][:, None]
     angle = np.where(beyond, reached, _series(_powers(path.u), index, z))
     root = np.where(beyond, 0.0, _series(_powers(path.y), index, z))
-    lost = np.isnan(t) | (beyond & ~path.held[:, None] & (t > 0.0))
+    lost = np.isnan(t) | (beyond & ~(path.held[:, None] & back) & (t > 0.0))
     position = draws.radius * angle
     velocity = draws.radius * draws.rate * draws.forces(angle)[2] * root
     return tuple(
@@ -391,7 +395,21 @@ def _block_motion(t: FloatArray, draws: _Draws, v0: FloatArray) -> tuple[FloatAr
     )  # type: ignore[return-value]
 
 
-def driven_energy(
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """Of a body at given angles, (n_draw, n_obs); nan where the series do not resolve it.
+
+    energy : q, in weights x R; 0 where it never gets.
+    time : s since release; nan where it never gets.
+    stop : (n_draw, 1) rad where it first rests, inf where it does not before the last angle.
+    """
+
+    energy: FloatArray
+    time: FloatArray
+    stop: FloatArray
+
+
+def driven_passage(
     angle: ArrayLike,
     body: Body,
     *,
@@ -401,25 +419,23 @@ def driven_energy(
     g: ArrayLike,
     release_energy: ArrayLike = 0.0,
     forces: Forces,
-) -> tuple[FloatArray, FloatArray]:
-    """Kinetic energy q (weights x R) after a turn by `angle`, (n_draw, n_obs), and the angle
-    (n_draw, 1) where it first rests.
+) -> Passage:
+    """When and with which energy the body has turned by `angle`, and where it first rests.
 
-    angle : (n_obs,) or (n_draw, n_obs) rad, theta increasing.  q is 0 where the body never gets,
-        nan where the series do not resolve it.
+    angle : (n_obs,) or (n_draw, n_obs) rad, theta increasing.
     release_energy : negative where the body starts from rest at the first angle at which q would be
         positive.
     """
     blocks = _blocks(angle, body, phi, theta0, rolling_resistance, g, forces, release_energy)
-    found = [_block_energy(*block) for block in blocks]
+    found = [_block_passage(*block) for block in blocks]
     if not found:
-        return np.zeros(np.shape(angle)), np.zeros((0, 1))
-    return np.concatenate([q for q, _ in found]), np.concatenate([stop for _, stop in found])
+        return Passage(np.zeros(np.shape(angle)), np.zeros(np.shape(angle)), np.zeros((0, 1)))
+    return Passage(*map(np.concatenate, zip(*found, strict=True)))
 
 
-def _block_energy(
+def _block_passage(
     angle: FloatArray, draws: _Draws, energy: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     far = max(float(np.max(angle, where=np.isfinite(angle), initial=0.0)), 1e-9)
     start = _first_rest(draws, energy)
     u, y = np.nan_to_num(start), np.sqrt(np.maximum(energy, 0.0))
@@ -455,14 +471,24 @@ def _block_energy(
         # as under a constant force
         share = np.nan_to_num(share * (first + last) / (first + np.sqrt(energy)))
     low, high = 2.0 * begin - 1.0, 2.0 * end - 1.0
-    index = place // _N_NODE * u.size + row
+    piece = place // _N_NODE
+    index = piece * u.size + row
     z = np.clip(low + share * (high - low), low, high)
     z = _crossing(_powers(path.u), index, level, low, high, z)
     q = np.square(_series(_powers(path.y), index, z))
+    time = path.begin[piece, row] + 0.5 * (z + 1.0) * path.length[piece, row]
+    time = np.where(angle > u, time, 0.0)  # a start from rest has no slope to find it by
+    rest, over = path.stopped[:, None], path.begin[-1] + path.cut[-1] * path.length[-1]
+    at_rest = np.isfinite(rest) & (np.abs(angle - rest) <= _ROUNDED * rest)
+    time = np.where(at_rest, over[:, None], np.where(there, time, np.nan))
     known = path.held[:, None] | (reached >= far)
     q = np.where(np.isnan(angle), np.nan, np.where(there & (sense > 0.0), q, 0.0))
-    stop = np.where(sense > 0.0, path.stopped[:, None], 0.0)
-    return np.where(known, q, np.nan), np.where(known, stop, np.nan)
+    stop = np.where(sense > 0.0, rest, 0.0)
+    return (
+        np.where(known, q, np.nan),
+        np.where(known & (sense > 0.0), time, np.nan),
+        np.where(known, stop, np.nan),
+    )
 
 
 def _first_rest(draws: _Draws, energy: FloatArray) -> FloatArray:

@@ -1,5 +1,4 @@
-"""The phase curve: speed as a function of position, its gradients, and where the motion can start
-and end.
+"""The phase curve: speed as a function of position, and where the motion can start and end.
 
 Energy conservation for rolling without slipping (paper, eq. phase_curve, here with rolling
 resistance and any body):
@@ -24,15 +23,12 @@ speeds alone never tell the three apart.
 
 from __future__ import annotations
 
-from math import comb
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from estim.model.body import Body
 from estim.model.bracketed_newton import zero_between
-from estim.model.driven import driven_energy
+from estim.model.driven import driven_passage
 from estim.model.forces import Forces, energy_series, inertia, work
 
 FloatArray = NDArray[np.float64]
@@ -152,9 +148,9 @@ def energy_ratio(
         energy = 0.0 if release_energy is None else np.asarray(release_energy)
         place = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
         if forces.with_speed:
-            total = driven_energy(angle, body, **place, g=g, release_energy=energy, forces=forces)[
-                0
-            ]
+            total = driven_passage(
+                angle, body, **place, g=g, release_energy=energy, forces=forces
+            ).energy
         else:
             total = energy + work(angle, body, **place, forces=forces)
         return np.asarray(total / inertia(angle, body, phi=phi, theta0=theta0, forces=forces))
@@ -226,98 +222,15 @@ def energy_ratio_derivatives(
     g: ArrayLike = STANDARD_GRAVITY,
 ) -> list[FloatArray]:
     """H = W/D and its derivatives with respect to theta up to `order`, a list of order + 1 arrays,
-    rad^-n.
+    rad^-n, by Taylor series (`forces.energy_series`).
 
-    From W = H D by Leibniz: H^(n) = (W^(n) - sum_{k<n} C(n, k) H^(k) D^(n-k))/D.  release_energy,
-    forces, g : as in `energy_ratio`.
+    release_energy, forces, g : as in `energy_ratio`.
     """
-    if forces is not None:
-        place = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
-        ratio = energy_ratio(
-            angle, body, **place, release_energy=release_energy, forces=forces, g=g
-        )
-        energy = ratio * inertia(angle, body, phi=phi, theta0=theta0, forces=forces)
-        return energy_series(angle, energy, body, **place, g=g, forces=forces, order=order)
-    angle, theta0 = np.asarray(angle, dtype=float), np.asarray(theta0)
-    gamma, slope = body.gamma, effective_slope(phi, rolling_resistance)
-    theta = theta0 + angle
-    # cos theta0 - cos theta as a product: no cancellation close to the release
-    fall = 2.0 * np.sin(theta0 + 0.5 * angle) * np.sin(0.5 * angle)
-    w = [gamma * fall - angle * slope]
-    if release_energy is not None:
-        w[0] = w[0] + release_energy
-    d = [1.0 + body.inertia_ratio + 2.0 * gamma * np.cos(theta + phi)]
-    if order > 0:
-        sin, cos = np.sin(theta), np.cos(theta)
-        w += [gamma * sin - slope, gamma * cos, -gamma * sin, -gamma * cos]
-        sin_tilted, cos_tilted = np.sin(theta + phi), np.cos(theta + phi)
-        d += [2.0 * gamma * term for term in (-sin_tilted, -cos_tilted, sin_tilted, cos_tilted)]
-    h: list[FloatArray] = []
-    for n in range(order + 1):
-        h.append((w[n] - sum(comb(n, k) * h[k] * d[n - k] for k in range(n))) / d[0])
-    return h
-
-
-def energy_ratio_gradient(
-    angle: ArrayLike,
-    body: Body,
-    *,
-    phi: ArrayLike,
-    theta0: ArrayLike,
-    rolling_resistance: ArrayLike = 0.0,
-) -> dict[str, FloatArray]:
-    """Derivatives of H = W/D at fixed `angle` with respect to every parameter it depends on: name
-    -> array.
-
-    dH/dp = (dW/dp - H dD/dp)/D
-    """
-    angle, theta0, phi = np.asarray(angle, dtype=float), np.asarray(theta0), np.asarray(phi)
-    theta = theta0 + angle
-    ratio = energy_ratio(angle, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance)
-    d = 1.0 + body.inertia_ratio + 2.0 * body.gamma * np.cos(theta + phi)
-    tilting = -2.0 * body.gamma * np.sin(theta + phi)
-    dj = body.inertia_ratio_gradient()
-    slope_in_phi = np.cos(phi) - np.asarray(rolling_resistance) * np.sin(phi)
-    gradient = {
-        "gamma": (
-            np.cos(theta0) - np.cos(theta) - ratio * (dj["gamma"] + 2.0 * np.cos(theta + phi))
-        )
-        / d,
-        "theta0": (body.gamma * (np.sin(theta) - np.sin(theta0)) - ratio * tilting) / d,
-        "phi": (-angle * slope_in_phi - ratio * tilting) / d,
-        "rolling_resistance": -angle * np.cos(phi) / d,
-    }
-    for name in ("kappa", "rho", "trailing_fraction", "particle_gyration"):
-        gradient[name] = -ratio * dj[name] / d
-    return gradient
-
-
-def squared_speed_derivatives(
-    x: ArrayLike,
-    body: Body,
-    *,
-    phi: ArrayLike,
-    theta0: ArrayLike,
-    rolling_resistance: ArrayLike = 0.0,
-    g: ArrayLike = STANDARD_GRAVITY,
-    angular: bool = False,
-) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
-    """v^2 = 2 g R W/D (m^2/s^2), negative where the energy does not suffice, its slope in x and its
-    derivatives in every parameter at fixed x.
-
-    angular : of theta'^2 = 2 g W/(D R) (rad^2/s^2) instead, x the angle turned since release.
-    """
-    radius, g = np.asarray(body.radius), np.asarray(g)
-    angle = np.asarray(x) if angular else np.asarray(x) / radius
-    place: dict[str, Any] = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
-    ratio, ratio_slope = energy_ratio_derivatives(angle, body, **place, order=1)
-    scale = 2.0 * g / radius if angular else 2.0 * g * radius
-    gradient = {name: scale * d for name, d in energy_ratio_gradient(angle, body, **place).items()}
-    gradient["g"] = (2.0 / radius if angular else 2.0 * radius) * ratio
-    gradient["radius"] = (
-        -scale / radius * ratio if angular else 2.0 * g * (ratio - angle * ratio_slope)
-    )
-    return scale * ratio, (scale if angular else 2.0 * g) * ratio_slope, gradient
+    forces = forces or Forces()
+    place = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
+    ratio = energy_ratio(angle, body, **place, release_energy=release_energy, forces=forces, g=g)
+    energy = ratio * inertia(angle, body, phi=phi, theta0=theta0, forces=forces)
+    return energy_series(angle, energy, body, **place, g=g, forces=forces, order=order)
 
 
 def root_derivatives(
@@ -417,9 +330,9 @@ def turning_angle(
     if release_energy is not None or forces is not None:
         place = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
         energy = 0.0 if release_energy is None else release_energy
-        return driven_energy(
+        return driven_passage(
             far, body, **place, g=g, release_energy=energy, forces=forces or Forces()
-        )[1]
+        ).stop
     gamma, theta0, slope = np.broadcast_arrays(
         np.asarray(body.gamma, dtype=float),
         np.asarray(theta0, dtype=float),
