@@ -217,6 +217,7 @@ def test_simulated_readings_scatter_about_the_motion_by_what_the_noise_says(
     assert readings.std(axis=0).mean() == pytest.approx(sd, rel=0.15 if heavy else 0.04)
 
 
+@pytest.mark.slow
 def test_a_differentiated_run_keeps_its_moment_of_release(tmp_path):
     campaign = load(tmp_path, "{sigma_x_m = 0.001}")
     shifted = replace(

@@ -167,6 +167,7 @@ def test_a_likelihood_that_does_not_fall_to_0_has_no_posterior_whatever_the_seed
     assert "state a limit" in told[0].reasons[0]
 
 
+@pytest.mark.slow
 def test_limits_on_both_sides_give_few_decays_a_posterior() -> None:
     fit = few_decays()
     limits = {"tau": (0.01, 30.0), "b": (0.0, 1.0)}

@@ -344,9 +344,10 @@ def test_intervals_of_gamma_hold_the_truth_and_those_without_the_release_do_not(
     gamma, which says nothing of the true one.
 
     The study of docs/statistics.md, with other ways to choose the first angle, is
-    benchmarks/release_coverage.py.
+    benchmarks/release_coverage.py.  Without the release its 95 % intervals hold 65 %, which 99 of
+    100 such studies see.
     """
-    n_series, resistance, release, gammas = 60, HalfNormal(0.005), 3.0 * DEGREE, Uniform(0.15, 0.4)
+    n_series, resistance, release, gammas = 45, HalfNormal(0.005), 3.0 * DEGREE, Uniform(0.15, 0.4)
     below: dict[str, list[float]] = {"posterior": [], "without release": []}
     for _ in range(n_series):
         gamma, another = gammas.draw(rng, 2)
@@ -379,4 +380,4 @@ def test_intervals_of_gamma_hold_the_truth_and_those_without_the_release_do_not(
         }
         error = math.sqrt(probability * (1.0 - probability) / n_series)
         assert abs(inside["posterior"] - probability) < 3.3 * error
-        assert inside["without release"] < probability - 3.3 * error
+    assert inside["without release"] < probability - 3.3 * error  # of 95 %

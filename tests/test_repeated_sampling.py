@@ -87,7 +87,7 @@ def test_what_profiles_hold_is_near_what_they_say() -> None:
 @pytest.mark.parametrize("curve", CURVES)
 def test_without_the_jitter_they_do_not_and_the_status_says_so(curve: str) -> None:
     for points, refused in ((20, 0.5), (60, 0.95)):
-        found = study().tally(study().with_jitter(curve, points, 2.0, jitter=False), 200)
+        found = study().tally(study().with_jitter(curve, points, 2.0, jitter=False), 100)
         for held in found.held.values():
             assert held[1] < 0.95 - allowed(0.95, found.n)
             assert held[0] < 0.68 - allowed(0.68, found.n)
