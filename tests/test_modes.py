@@ -714,15 +714,18 @@ def test_an_optimum_beyond_a_fold_is_found(seed: int) -> None:
         assert fit.intervals["b"][0.95] == pytest.approx((within[0], within[-1]), abs=2e-3)
 
 
-@pytest.mark.parametrize("origin", [0.0, 300.0, 1000.0])
+@pytest.mark.parametrize(
+    ("origin", "amplitude"), [(0.0, 5.0), (300.0, 5.0), (1000.0, 5.0), (10000.0, 1.5)]
+)
 @pytest.mark.slow
-def test_a_period_is_sampled_whole_wherever_x_begins(origin: float) -> None:
+def test_a_period_is_sampled_whole_wherever_x_begins(origin: float, amplitude: float) -> None:
     """Far from the origin a phase makes turns within a standard deviation of the period: one turn
     about the mode cut a stripe out of the ridge, and u(T) was 5 times too small, `ok`.
     """
     x = np.arange(0.0, 6.0, 0.2)
-    y = 5.0 * np.cos(2 * np.pi * x / 1.5 + 0.4) + np.random.default_rng(3).standard_normal(x.size)
-    start = {"A": 5.0, "T": 1.5, "p": 0.0}
+    noise = np.random.default_rng(3).standard_normal(x.size)
+    y = amplitude * np.cos(2 * np.pi * x / 1.5 + 0.4) + noise
+    start = {"A": amplitude, "T": 1.5, "p": 0.0}
     near = fit_curve("A*cos(2*pi*x/T + p)", x, y, u_y=1.0, start=start)
     fit = fit_curve("A*cos(2*pi*x/T + p)", x + origin, y, u_y=1.0, start=start)
     sampled = sample_curve(fit, seed=1, target=Target(ess=1000.0))
@@ -730,3 +733,22 @@ def test_a_period_is_sampled_whole_wherever_x_begins(origin: float) -> None:
     assert sampled.diagnosis.status == "ok"
     assert np.mean(draws) == pytest.approx(near.values["T"], abs=0.15 * near.sds["T"])
     assert np.std(draws) == pytest.approx(near.sds["T"], rel=0.12)
+
+
+@pytest.mark.parametrize("origin", [0.0, 1000.0, 10000.0])
+def test_a_folded_density_has_each_curve_once(origin: float) -> None:
+    """Summed over many turns of the phase it is the density of one."""
+    x = np.arange(0.0, 6.0, 0.2)
+    y = 1.5 * np.cos(2 * np.pi * x / 1.5 + 0.4) + np.random.default_rng(3).standard_normal(x.size)
+    start = {"A": 1.5, "T": 1.5, "p": 0.0}
+    fit = fit_curve("A*cos(2*pi*x/T + p)", x + origin, y, u_y=1.0, start=start).fit
+    density = folded(fit.posterior, fit.symmetry, fit.values, fit.cov)
+    i, period = fit.names.index("p"), 2.0 * np.pi
+    turn = np.linspace(0.0, 1.0, 48, endpoint=False)
+    for off in (-2.0, 0.0, 1.5):
+        at = fit.values + off * fit.cov[fit.names.index("T")] / fit.sds[fit.names.index("T")]
+        rows = np.tile(at, (48 * 121, 1))
+        rows[:, i] += period * (np.arange(-60, 61)[:, None] + turn).ravel()
+        one = np.logaddexp.reduce(fit.posterior.log_density(rows[:48]))
+        maps = np.log(len(fit.symmetry.shift))
+        assert np.logaddexp.reduce(density.log_density(rows)) == pytest.approx(one + maps, abs=1e-6)

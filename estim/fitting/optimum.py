@@ -246,6 +246,9 @@ def _found(
     best, every = _scanned(search, best, tried, symmetry)
     symmetry = symmetry.scaled(spread_at(search, best), search.nonlinear.tolist())
     optimum = _chosen(search, start, best, tried, every, symmetry, n_start=len(starts))
+    spread = spread_at(search, (optimum.values, optimum.chi2))  # perhaps of another alias
+    symmetry = symmetry.scaled(spread, search.nonlinear.tolist())
+    optimum = replace(optimum, symmetry=symmetry)
     repeat = repeats(search, optimum.values, symmetry.period)
     if np.any(np.isfinite(repeat)):
         optimum = _repeated(search, optimum, tried, repeat, start)

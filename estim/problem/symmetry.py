@@ -271,11 +271,12 @@ class Labelled:
         images, number = self.symmetry.turned(mapped, centre)
         weight = self.symmetry.weight
         away = np.where(number > 0.0, np.sum(weight * (images - centre) ** 2, axis=2), np.inf)
-        # the first map is the identity
-        distance = np.sum(weight * (draws[inside] - centre[0]) ** 2, axis=1)
-        best = np.min(away, axis=0)
+        # the first map is the identity; another turn of the same phases has hardly another distance
+        phases = np.isfinite(self.symmetry.period)
+        turned = np.abs(images[0] - draws[inside]) > 0.5 * self.symmetry.period
+        nearest = away[0] <= np.min(away, axis=0) * (1.0 + 1e-9) + 1e-12
         log_p[inside] = np.where(
-            distance <= best * (1.0 + 1e-9) + 1e-12,
+            nearest & ~np.any(turned[:, phases], axis=1),
             log_p[inside] + np.log(np.sum(number, axis=0)),
             -np.inf,
         )
