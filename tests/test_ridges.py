@@ -31,7 +31,7 @@ def real(replica: Path) -> Case:
     problem = load_campaign(replica / "campaign.toml").problem(["heavy-04"])
     fit = fit_least_squares(problem, rng=np.random.default_rng(1))
     return (
-        folded(fit.posterior, fit.symmetry, fit.values),
+        folded(fit.posterior, fit.symmetry, fit.values, fit.cov),
         fit.values,
         fit.cov,
         (),

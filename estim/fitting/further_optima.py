@@ -36,18 +36,13 @@ def further_optima(
     search: SeparableSearch, values: FloatArray, period: FloatArray | None = None
 ) -> FloatArray:
     """(n_found, n_par) ends of descents from the dips of a scan of every nonlinear parameter
-    through its range, others as in `values`.
+    through its range, others as in `values`, and from beyond folds.
 
     period : (n_par,) full turns of those that are phases, else inf: each dip is then tried with
         four phases.
     """
-    starts = [_beyond_folds(search, values)]
-    starts += [
-        dips
-        for i in search.nonlinear
-        for ends in _ranges(search, int(i))
-        for dips in (_dips(search, values, int(i), *ends),)
-    ]
+    starts = [_dips(search, values, int(i)) for i in search.nonlinear]
+    starts.append(_beyond_folds(search, values))
     points = np.vstack(starts)
     if not points.size:
         return points
@@ -73,19 +68,22 @@ def _beyond_folds(search: SeparableSearch, values: FloatArray) -> FloatArray:
         part[0]
         for part in search.squares.tangents(values[None, :], search.free, search.squares.step)
     )
-    points = []
-    for k in np.flatnonzero(np.isin(search.free, search.nonlinear)) if all_finite(columns) else ():
-        own, others = np.delete(search.free, k), np.delete(columns, k, axis=1)
+    unit = np.linalg.norm(columns, axis=0)
+    if not (all_finite(columns) and np.all(unit > 0.0)):
+        return np.zeros((0, values.size))
+    columns, points = columns / unit, []
+    for k in np.flatnonzero(np.isin(search.free, search.nonlinear)):
+        others = np.delete(columns, k, axis=1)
         following = -np.linalg.pinv(others)
-        step = np.zeros(values.size)
-        step[search.free] = np.insert(following @ columns[:, k], k, 1.0)
+        ahead = np.insert(following @ columns[:, k], k, 1.0)
+        step, moved = np.zeros(values.size), np.zeros(values.size)
         with np.errstate(all="ignore"):
-            step /= np.linalg.norm(columns @ step[search.free])
+            step[search.free] = ahead / np.linalg.norm(columns @ ahead) / unit
             ends = search.squares.residuals(values + np.array([step, -step]), np.arange(2))
             slope, bend = 0.5 * (ends[0] - ends[1]), ends[0] + ends[1] - 2.0 * residuals
-            moved = np.zeros(values.size)
-            moved[own] = following @ bend
-            bend += others @ moved[own]
+            back = following @ bend
+            moved[search.free] = np.insert(back, k, 0.0) / unit
+            bend += others @ back
             far = -2.0 * (slope @ bend) / (bend @ bend) * _BEYOND
             points.append(values + far[:, None] * step + 0.5 * np.square(far)[:, None] * moved)
     found = np.array(points).reshape(-1, values.size)
@@ -132,35 +130,30 @@ def _informed(search: SeparableSearch, i: int) -> bool:
     return math.isfinite(search.posterior.problem.parameters[i].prior.sd)
 
 
-def _ranges(search: SeparableSearch, i: int) -> list[tuple[float, float]]:
-    """What is looked at of parameter i: between its limits, what its prior expects, or values of
-    either sign.
-    """
+def _ends(search: SeparableSearch, i: int) -> tuple[float, float]:
+    """The range of parameter i that is looked at."""
     prior, at = search.posterior.problem.parameters[i].prior, float(search.held[i])
     low, high = float(search.low[i]), float(search.high[i])
     if _informed(search, i) and not (
         math.isfinite(low) and math.isfinite(high) and high - low < 2.0 * _PRIOR_SDS * prior.sd
     ):
-        low = max(low, prior.centre - _PRIOR_SDS * prior.sd)
-        high = min(high, prior.centre + _PRIOR_SDS * prior.sd)
-    far = 10.0**_DECADES * (abs(at) if at else 0.1)
-    near = abs(at) / 10.0**_DECADES
-    if math.isfinite(low) or math.isfinite(high):
-        return [
-            (
-                max(low, -far) if math.isinf(low) else low,
-                min(high, far) if math.isinf(high) else high,
-            )
-        ]
-    return [(near, far), (-far, -near)] if at else [(-far, far)]
+        return max(low, prior.centre - _PRIOR_SDS * prior.sd), min(
+            high, prior.centre + _PRIOR_SDS * prior.sd
+        )
+    reach = 10.0**_DECADES * (abs(at) if at else 0.1)
+    least = at / 10.0**_DECADES if at else -reach
+    if at < 0.0:
+        return max(low, -reach), min(high, least)
+    return (low if math.isfinite(low) else least), min(high, reach) if not math.isfinite(
+        high
+    ) else high
 
 
-def _dips(
-    search: SeparableSearch, values: FloatArray, i: int, low: float, high: float
-) -> FloatArray:
-    """(n_dip, n_par) where a scan of parameter i from low to high has its lowest local minima;
-    beside each the same with the others moved to first order.
+def _dips(search: SeparableSearch, values: FloatArray, i: int) -> FloatArray:
+    """(n_dip, n_par) where a scan of parameter i has its lowest local minima; beside each the same
+    with the others moved to first order.
     """
+    low, high = _ends(search, i)
     if not high > low:
         return np.zeros((0, values.size))
     n_par, n_obs = search.free.size, search.posterior.problem.n_obs
