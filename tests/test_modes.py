@@ -419,7 +419,7 @@ def test_a_full_turn_within_bounds_is_the_same_solution_and_said() -> None:
     assert fit.status == "ok"
     # the one closest to the start
     assert fit.values["p"] == pytest.approx(0.4 + 2.0 * np.pi, abs=0.1)
-    assert "p + 2 pi" in fit.message
+    assert "the limits of p hold a full turn" in fit.message
 
 
 def test_an_exchange_hides_no_other_solution() -> None:
@@ -752,3 +752,30 @@ def test_a_folded_density_has_each_curve_once(origin: float) -> None:
         one = np.logaddexp.reduce(fit.posterior.log_density(rows[:48]))
         maps = np.log(len(fit.symmetry.shift))
         assert np.logaddexp.reduce(density.log_density(rows)) == pytest.approx(one + maps, abs=1e-6)
+
+
+@pytest.mark.parametrize("origin", [0.0, 300.0])
+@pytest.mark.parametrize("limits", [(0.0, 2.0 * np.pi), (-3.14, 3.14)])
+def test_limits_that_hold_a_full_turn_cut_nothing(
+    origin: float, limits: tuple[float, float]
+) -> None:
+    """Far from the origin of x they left a stripe of the period, 2 to 9 times too narrow, `ok`."""
+    x = np.arange(0.0, 6.0, 0.2)
+    y = 5.0 * np.cos(2 * np.pi * x / 1.5 - 0.05) + np.random.default_rng(3).standard_normal(30)
+    start = {"A": 5.0, "T": 1.5, "p": 1.0}
+    free = fit_curve("A*cos(2*pi*x/T + p)", x, y, u_y=1.0, start=start)
+    fit = fit_curve(
+        "A*cos(2*pi*x/T + p)", x + origin, y, u_y=1.0, start=start, bounds={"p": limits}
+    )
+    assert fit.status == "ok"
+    assert fit.intervals["T"][0.95] == pytest.approx(free.intervals["T"][0.95], rel=2e-3)
+    assert "the limits of p hold a full turn" in fit.summary()
+
+
+def test_limits_of_less_than_a_turn_or_of_no_phase_stay() -> None:
+    x = np.arange(0.0, 6.0, 0.2)
+    y = 5.0 * np.cos(2 * np.pi * x / 1.5 - 0.05) + np.random.default_rng(3).standard_normal(30)
+    bounds = {"p": (0.0, 3.0), "A": (0.0, 20.0)}
+    fit = fit_curve("A*cos(2*pi*x/T + p)", x, y, u_y=1.0, start={"T": 1.5}, bounds=bounds)
+    assert fit.intervals["p"][0.95][0] >= 0.0
+    assert "full turn" not in fit.summary()

@@ -28,6 +28,7 @@ from estim.curves.count_data import (
 from estim.curves.derived import SoughtQuantity, seek_of_fit
 from estim.curves.discrepancy import discrepancy_of
 from estim.curves.formula import Formula, check_names, read_formula
+from estim.curves.full_turns import without_full_turns
 from estim.curves.function import PythonCurve, wrap_function
 from estim.curves.models import Limits
 from estim.curves.several_abscissas import OfPoints
@@ -371,6 +372,8 @@ def pose_curve(
         rule = f"must have at least {least} points for robust errors whose size is not stated"
         raise InputError(f"{rule}: state u_y", field="x", value=order.size)
     whole: Curve = TiedCurve(read, ties) if ties else read
+    free, unlimited = without_full_turns(whole, points["x"], {**values, **exact}, parameters)
+    everything, said = (*free, *shared), (*said, *unlimited)
     whole = DistortedCurve(whole, errors) if errors else whole
     if counted is not None:
         refuse_common_errors(counted, errors)

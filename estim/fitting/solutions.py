@@ -14,8 +14,7 @@ from estim.common import Amount, Finding, Kind
 from estim.fitting.gauss_newton import End, inverse_information
 from estim.fitting.least_squares import WITHIN_REACH
 from estim.fitting.separable import Indices, SeparableSearch
-from estim.fitting.symmetry_search import TURNS
-from estim.problem import Symmetry
+from estim.problem import TURNS, Symmetry
 
 SAME = 1e-6  # relative difference of sums of squares between equal optima
 MOST_OTHERS = 16  # other optima that are kept

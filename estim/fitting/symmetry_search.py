@@ -15,9 +15,8 @@ from itertools import combinations, product
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.problem import Flat, Problem, Symmetry, own_values
+from estim.problem import TURNS, Flat, Problem, Symmetry, own_values
 
-TURNS = (0.5, 1.0, math.pi, 2.0 * math.pi, 180.0, 360.0)
 # looked at; where a curve takes one set of parameters at a time
 _MOST_MAPS, _MOST_CALLS = 4000, 300
 # of the size of the curve: no difference, and what one parameter alone must change

@@ -83,7 +83,7 @@ from estim.problem.roots import (
     stacked_root,
     with_columns,
 )
-from estim.problem.symmetry import Symmetry, folded, no_symmetry, same_curves
+from estim.problem.symmetry import TURNS, Symmetry, folded, no_symmetry, same_curves
 from estim.problem.whitened import Linear
 from estim.problem.robust import MOST_REWEIGHTED, errors_widened, shape_of, typical_size
 from estim.problem.tails import Tails

@@ -29,6 +29,7 @@ from estim.words import tell
 
 Indices = NDArray[np.int64]
 
+TURNS = (0.5, 1.0, math.pi, 2.0 * math.pi, 180.0, 360.0)  # after which a phase may be the same
 _PART = 1.0 / 16.0  # of a turn, within a standard deviation of the others
 # places along the others' common direction, in standard deviations; trials of a turn
 _APART, _N_APART, _N_TURN = 0.125, 64, 16
