@@ -67,7 +67,8 @@ from estim.problem import (
 N_START = 8
 _LEVEL = 0.1  # in log share: starts that are as good as the best
 _ALIKE = 0.01  # squared distance of starts that are not worth two searches
-_FRAIL = 1e-11  # ratio of singular values
+# ratio of singular values, whose square, of the correlations, is lost by rounding
+_FRAIL = 1e-8
 _MOST_REFITTED = 6  # of them by full fits, where the curve is a model of the study
 _AROUND = 8  # of these, descents from points around an optimum where the curve is not finite
 _MOST_DESCENTS = 24  # from the dips of one round of scans
