@@ -12,7 +12,7 @@ import pytest
 from scipy.optimize import curve_fit
 from troubles import Formula
 
-from estim import CurveFit, fit_curve
+from estim import CurveFit, DataSet, fit_curve, fit_curves
 from estim.campaign import load_campaign
 from estim.fitting.symmetry_search import find_symmetry
 from estim.pipeline import analyse, sample_curve
@@ -728,3 +728,25 @@ def test_a_period_is_sampled_whole_wherever_x_begins(origin: float) -> None:
     assert sampled.diagnosis.status == "ok"
     assert np.mean(draws) == pytest.approx(near.values["T"], abs=0.15 * near.sds["T"])
     assert np.std(draws) == pytest.approx(near.sds["T"], rel=0.12)
+
+
+def test_other_numbers_of_the_same_curves_are_told_by_what_differs() -> None:
+    """Two swings of one period: the amplitude of one may change its sign alone, which leaves all
+    but phases and amplitudes as they are, and the brackets were empty.
+    """
+    x, rng = np.linspace(0.0, 8.0, 41), np.random.default_rng(3)
+    swing = "A*exp(-b*x)*cos(2*pi*x/T+p)"
+    data = {
+        name: DataSet(
+            x,
+            5.0 * np.exp(-0.1 * x) * np.cos(2.0 * np.pi * x / 1.5 + p)
+            + 0.3 * rng.standard_normal(x.size),
+            u_y=0.3,
+        )
+        for name, p in (("one", 0.4), ("two", 2.8))
+    }
+    start = {"A": 5.0, "p": 0.0, "T": 1.5, "b": 0.1}
+    found = fit_curves(swing, data, shared=["T", "b"], start=start)
+    text = " ".join([found.message, *found.notes])
+    assert "the curve is the same" in text
+    assert "()" not in text

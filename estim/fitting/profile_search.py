@@ -242,7 +242,7 @@ def _known_by_size(search: ProfileSearch, values: FloatArray, level: float) -> B
     starts = []
     for i in candidates:
         # where the others are, and where they go with it to first order: either may be far off
-        for slope in (np.zeros(values.size), search.tangent(values, i)):
+        for slope in (np.zeros(values.size), search.tangent(values, int(i))):
             without = np.clip(values - slope * values[i], search.low, search.high)
             without[i] = 0.0
             starts.append(Start(without, (int(i),)))
