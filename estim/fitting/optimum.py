@@ -252,9 +252,16 @@ def _found(
         optimum = _repeated(search, optimum, tried, repeat, start)
         # a quarter of a step that the data leave open anyway is as good as no limit
         spread = spread_at(search, (optimum.values, optimum.chi2))
-        repeat = np.where(repeat > 16.0 * spread, repeat, np.inf)
+        steps, repeat = repeat, np.where(repeat > 16.0 * spread, repeat, np.inf)
         optimum = replace(optimum, symmetry=replace(optimum.symmetry, repeat=repeat))
-    return replace(optimum, unheld=_unheld(search, optimum, np.fmin(symmetry.period, repeat)))
+    else:
+        steps = repeat
+    unheld = _unheld(search, optimum, np.fmin(symmetry.period, repeat))
+    if unheld is not None:
+        step = float(steps[search.posterior.names.index(unheld.parameters[0].name)])
+        if math.isfinite(step):
+            unheld = replace(unheld, kind=Kind.STEPS_OPEN, size=step)
+    return replace(optimum, unheld=unheld)
 
 
 def _chosen(
