@@ -470,3 +470,20 @@ def test_an_activation_energy_has_the_same_interval_however_the_constant_is_writ
     ]
     # 4,000 effective draws: an end of the 95 % interval to about 0.07 of the half interval
     assert np.max(np.ptp(means, axis=0)) < 0.2 * fits[0].sds["E"]
+
+
+@pytest.mark.parametrize("seed", [1, 6])
+def test_intervals_of_a_damped_swing_do_not_depend_on_where_the_clock_began(seed: int) -> None:
+    """The amplitude at t = 0 is known to a few powers of ten: a damping of 0 is far along a bent
+    valley, where the curve is hardly worse; a phase of 0 is another label of the same curve.
+    """
+    t = np.linspace(0.0, 6.0, 30)
+    y = 5.0 * np.cos(2.0 * math.pi * t / 1.5 + 0.4)
+    y += np.random.default_rng(seed).standard_normal(t.size)
+    here, later = (
+        fit_curve("A*exp(-b*t)*cos(2*pi*t/T+p)", t + begun, y, u_y=1.0) for begun in (0.0, 300.0)
+    )
+    assert later.status == here.status == "ok"
+    for p in (0.68, 0.95):
+        # one by derivatives, the other by a profile: an eighth of a standard deviation
+        np.testing.assert_allclose(later.intervals["b"][p], here.intervals["b"][p], atol=3.2e-3)

@@ -664,3 +664,20 @@ def test_two_inputs_that_only_look_alike_are_refused(tmp_path):
         r"small letter a\)",
     ):
         read_model(model(tmp_path, 'title = "t"\n' + rows))
+
+
+def test_draws_in_two_separate_groups_are_told(tmp_path):
+    """An angle at the cut of arctan2: 0.0 with u = 3.1 is a value that never occurs.  The square of
+    a value about 0, and one with long tails, have one group.
+    """
+    for formula, inputs, groups in (
+        ("y=arctan2(a,b)", ("a=0.0(1)", "b=-1.0(1)"), True),
+        ("y=a^2", ("a=0.0(1)",), False),
+        ("y=exp(3*a)", ("a=0.0(5)",), False),
+    ):
+        result = command(
+            "propagate", formula, *inputs, "--out", tmp_path / "out", "--figures", "none"
+        )
+        assert result.exit_code == 0
+        assert ("in two separate groups, up to −" in result.output) == groups
+        assert ("two separate groups" in result.output) == groups

@@ -13,7 +13,7 @@ import pytest
 from scipy.optimize import curve_fit
 from troubles import Formula
 
-from estim import CurveFit, fit_curve
+from estim import CurveFit, DataSet, fit_curve, fit_curves
 from estim.campaign import load_campaign
 from estim.fitting.symmetry_search import find_symmetry
 from estim.pipeline import analyse, sample_curve
@@ -779,3 +779,25 @@ def test_limits_of_less_than_a_turn_or_of_no_phase_stay() -> None:
     fit = fit_curve("A*cos(2*pi*x/T + p)", x, y, u_y=1.0, start={"T": 1.5}, bounds=bounds)
     assert fit.intervals["p"][0.95][0] >= 0.0
     assert "full turn" not in fit.summary()
+
+
+def test_other_numbers_of_the_same_curves_are_told_by_what_differs() -> None:
+    """Two swings of one period: the amplitude of one may change its sign alone, which leaves all
+    but phases and amplitudes as they are, and the brackets were empty.
+    """
+    x, rng = np.linspace(0.0, 8.0, 41), np.random.default_rng(3)
+    swing = "A*exp(-b*x)*cos(2*pi*x/T+p)"
+    data = {
+        name: DataSet(
+            x,
+            5.0 * np.exp(-0.1 * x) * np.cos(2.0 * np.pi * x / 1.5 + p)
+            + 0.3 * rng.standard_normal(x.size),
+            u_y=0.3,
+        )
+        for name, p in (("one", 0.4), ("two", 2.8))
+    }
+    start = {"A": 5.0, "p": 0.0, "T": 1.5, "b": 0.1}
+    found = fit_curves(swing, data, shared=["T", "b"], start=start)
+    text = " ".join([found.message, *found.notes])
+    assert "the curve is the same" in text
+    assert "()" not in text

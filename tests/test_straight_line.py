@@ -416,3 +416,18 @@ def test_a_best_value_below_the_error_of_rounding_is_zero(tmp_path):
     path.write_text("t (s),s [m]\n" + "".join(f"{t},{t * t}\n" for t in x))
     result, _ = told(tmp_path, path, "--uy", 0.01)
     assert re.search(r"intercept = 0\.100\d* m, slope = 0 m/s;", result.output), result.output
+
+
+def test_a_line_that_may_be_vertical_has_no_numbers_to_copy_and_no_prediction(tmp_path):
+    """Table and prediction had bounded intervals beside an unbounded slope, and the line was ok."""
+    path = tmp_path / "a.csv"
+    path.write_text("x,y,u_x\n1.0,0,0.1\n1.05,1,0.1\n0.95,2,0.1\n1.02,3,0.1\n")
+    result, folder = told(tmp_path, path, "--predict", 1)
+    assert result.exit_code == 3
+    assert "not-identified" in result.output
+    assert "The slope is unbounded: the points do not exclude a vertical line." in result.output
+    assert "exchange x and y" in result.output
+    assert "±" not in result.output
+    report = (folder / "report.md").read_text()
+    assert "To copy" not in report
+    assert "## Predictions" not in report

@@ -372,3 +372,40 @@ def test_a_peak_of_few_points_needs_a_limit_and_has_an_answer_with_one() -> None
     limits = {"sigma": (0.0, 3.0), "center": (1.0, 6.0)}
     assert fit_curve(PEAK, x, y, bounds=limits).status == "ok"
     assert fit_curve(PEAK, x, y, u_y=0.3).status == "ok"
+
+
+@pytest.mark.parametrize(
+    ("formula", "x"),
+    [("m*x + c", 1.7e9 + np.arange(10.0)), ("a*x^3 + b*x^2 + m*x + c", np.arange(2000.0, 2021.0))],
+)
+def test_terms_that_rounding_cannot_tell_apart_are_told_by_both_doors(
+    tmp_path: Path, formula: str, x: np.ndarray
+) -> None:
+    """A line against Unix time, a cubic against years: a covariance matrix of their parameters is
+    singular in double precision, and was inverted.
+    """
+    y = 0.3 * (x - x[0]) + 0.1 * np.random.default_rng(1).standard_normal(x.size)
+    found = fit_curve(formula, x, y, u_y=0.1)
+    assert found.status == "ok"
+    assert any("write the formula in x - x0" in note for note in found.notes)
+    with pytest.raises(InputError, match=r"all but cancel at these x.*write it in x - x0"):
+        by_command(table(tmp_path, x, y), formula, u_y=0.1, low={})
+
+
+def test_a_time_of_a_swing_many_turns_from_the_data_is_told_to_start_near_them(
+    tmp_path: Path,
+) -> None:
+    """It was said that the data do not show the term: they do, at 19 standard deviations."""
+    x = 1000.0 + np.linspace(0.0, 6.0, 30)
+    y = 5.0 * np.sin(2.0 * np.pi * (x - 1000.1) / 1.5)
+    y += np.random.default_rng(3).standard_normal(x.size)
+    formula, start = "A*sin(2*pi*(x-t0)/T)", {"T": 1.5, "t0": 0.0}
+    found = fit_curve(formula, x, y, u_y=1.0, start=start)
+    assert found.status == "not-identified"
+    assert "same after each step of 1." in found.reasons[0]
+    assert "start it near the data" in found.reasons[0]
+    assert fit_curve(formula, x, y, u_y=1.0, start=start | {"t0": 1000.0}).status == "ok"
+    choices = TableChoices(formula=formula, u_y="1", start={"T": "1.5", "t0": "0"})
+    campaign = campaign_of_table(table(tmp_path, x, y), choices)
+    with pytest.raises(InputError, match=r"'t0' is known to several steps of 1.*start near the"):
+        fit_problem(campaign.problem(campaign.run_names), rng=np.random.default_rng(7))

@@ -56,7 +56,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # of which a reason says what to do as well
-_ADVISED = (Kind.SEVERAL_SOLUTIONS, Kind.STEP_UNSETTLED, Kind.ROUNDING, Kind.HARDLY_HELD)
+_ADVISED = (
+    Kind.SEVERAL_SOLUTIONS,
+    Kind.STEP_UNSETTLED,
+    Kind.ROUNDING,
+    Kind.HARDLY_HELD,
+    Kind.STEPS_OPEN,
+)
 _TOLD_CORRELATION = 0.1
 _ALONG = 401  # points along a drawn curve
 _TITLE = 60  # marks of a formula that a title has room for

@@ -206,14 +206,28 @@ def presence(run: Observations, problem: Problem, values: FloatArray) -> float:
     size = float(np.sqrt(np.median(np.diag(covariance))))
     shapes = tuple(shape.times(size) for shape in deviation_shapes(run.x))
     grid = relative_grid(stated=run.stated, spike=SPIKE)
+    turned = _apart(jacobian)
     return linearise(
         _diagonalised(covariance, shapes, grid),
         residuals,
-        jacobian,
-        precision=precision + np.diag(1.0 * silent),
-        pull=pull,
+        jacobian @ turned,
+        precision=turned.T @ (precision + np.diag(1.0 * silent)) @ turned,
+        pull=np.linalg.solve(turned, pull),
         stated=run.stated,
     ).p_deviation
+
+
+def _apart(jacobian: FloatArray) -> FloatArray:
+    """(n_par, n_par) combinations of the parameters whose slopes are orthogonal: terms that all but
+    cancel leave no inverse of their information.
+    """
+    n_par = jacobian.shape[1]
+    sizes = np.linalg.norm(jacobian, axis=0)
+    sizes = np.where(sizes > 0.0, sizes, 1.0)
+    upper = np.linalg.qr(np.vstack([jacobian / sizes, np.zeros((n_par, n_par))]), mode="r")
+    # what the slopes say nothing of stays as it is
+    upper += np.diag(1.0 * (np.abs(np.diag(upper)) < 1e-12))
+    return np.asarray(np.linalg.inv(upper)) / sizes[:, None]
 
 
 def _measured(

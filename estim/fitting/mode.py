@@ -14,7 +14,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError, NumericalError, at_commands
+from estim.common import InputError, Kind, NumericalError, at_commands
 from estim.fitting.discrepancy import fit_discrepancy
 from estim.fitting.forces import fit_with_forces
 from estim.fitting.least_squares import Fit, fit_least_squares, refit
@@ -114,6 +114,13 @@ def _unstated(run: Observations, problem: Problem) -> bool:
 
 def _require_determined(fit: Fit) -> None:
     """Raises InputError where neither the data nor a prior hold a parameter."""
+    if fit.unheld is not None and fit.unheld.kind is Kind.STEPS_OPEN:
+        raise InputError(
+            "is known to several steps of "
+            f"{fit.unheld.size:.4g} at best, after each of which the curve is the same: give it a "
+            "start near the data, where its uncertainty is smallest",
+            field=fit.unheld.parameters[0].name,
+        )
     if fit.unheld is not None:
         raise InputError(
             "is hardly constrained by the data: far from here minus twice the log of "

@@ -67,7 +67,8 @@ from estim.problem import (
 N_START = 8
 _LEVEL = 0.1  # in log share: starts that are as good as the best
 _ALIKE = 0.01  # squared distance of starts that are not worth two searches
-_FRAIL = 1e-11  # ratio of singular values
+# ratio of singular values, whose square, of the correlations, is lost by rounding
+_FRAIL = 1e-8
 _MOST_REFITTED = 6  # of them by full fits, where the curve is a model of the study
 _AROUND = 8  # of these, descents from points around an optimum where the curve is not finite
 _MOST_DESCENTS = 24  # from the dips of one round of scans
@@ -254,9 +255,16 @@ def _found(
         optimum = _repeated(search, optimum, tried, repeat, start)
         # a quarter of a step that the data leave open anyway is as good as no limit
         spread = spread_at(search, (optimum.values, optimum.chi2))
-        repeat = np.where(repeat > 16.0 * spread, repeat, np.inf)
+        steps, repeat = repeat, np.where(repeat > 16.0 * spread, repeat, np.inf)
         optimum = replace(optimum, symmetry=replace(optimum.symmetry, repeat=repeat))
-    return replace(optimum, unheld=_unheld(search, optimum, np.fmin(symmetry.period, repeat)))
+    else:
+        steps = repeat
+    unheld = _unheld(search, optimum, np.fmin(symmetry.period, repeat))
+    if unheld is not None:
+        step = float(steps[search.posterior.names.index(unheld.parameters[0].name)])
+        if math.isfinite(step):
+            unheld = replace(unheld, kind=Kind.STEPS_OPEN, size=step)
+    return replace(optimum, unheld=unheld)
 
 
 def _chosen(

@@ -61,8 +61,10 @@ class ProfileSearch:
         return float(self.objectives(point[None, :])[0])
 
     def reach(self, points: FloatArray) -> FloatArray:
-        """(n_par,) beyond which the curvature at a point says nothing."""
-        return 5.0 * self.scale
+        """(n, n_par) beyond which the curvature at points says nothing: the farther from the fit,
+        the longer.
+        """
+        return 5.0 * self.scale + np.abs(points - self.coordinates.of(self.coordinates.centre))
 
     @property
     def quasi_newton(self) -> bool:
@@ -239,9 +241,11 @@ def _known_by_size(search: ProfileSearch, values: FloatArray, level: float) -> B
     candidates = np.flatnonzero(tied & ~on_limit(search.posterior, values))
     starts = []
     for i in candidates:
-        without = values.copy()
-        without[i] = 0.0
-        starts.append(Start(without, (int(i),)))
-    for i, end in zip(candidates, minima(search, starts), strict=True):
-        known[i] = end.objective - search.objective(values) > level
+        # where the others are, and where they go with it to first order: either may be far off
+        for slope in (np.zeros(values.size), search.tangent(values, int(i))):
+            without = np.clip(values - slope * values[i], search.low, search.high)
+            without[i] = 0.0
+            starts.append(Start(without, (int(i),)))
+    heights = np.array([end.objective for end in minima(search, starts)]).reshape(-1, 2)
+    known[candidates] = np.min(heights, axis=1) - search.objective(values) > level
     return known

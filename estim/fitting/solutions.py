@@ -158,13 +158,14 @@ def choose(
             Finding(Kind.VALUES, parameters=tuple(Amount(names[k], float(other[k])) for k in which))
             for other in others[:2]
         )
-        if parts:
+        if parts and which.size:
             findings.append(Finding(kind, parts=parts))
 
     alike = [written(search, [values], symmetry, start) for values, _ in solutions[chosen]]
     differ = np.max(np.abs(np.array(alike) - named[chosen]), axis=0) > spread
     alike = [values for values in alike if not is_close(values, named[chosen], spread, PLACE)]
-    told(Kind.OTHER_NUMBERS, alike, steady[differ[steady]])
+    told_of = steady[differ[steady]]
+    told(Kind.OTHER_NUMBERS, alike, told_of if told_of.size else np.flatnonzero(differ))
     aside = [
         i
         for i, end in enumerate(ends)

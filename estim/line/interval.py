@@ -72,7 +72,7 @@ def slope_interval(
             -np.inf,
             np.inf,
             probability,
-            phrase("Unbounded: the points do not exclude a vertical line."),
+            phrase("The slope is unbounded: the points do not exclude a vertical line."),
         )
     return SlopeInterval(points.line(low, 0.0)[1], points.line(high, 0.0)[1], probability, "")
 

@@ -108,7 +108,7 @@ class StraightLine:
     def status(self) -> Status:
         if self.findings:
             return Status.POOR_FIT
-        return Status.NOT_IDENTIFIED if self.fit.message else Status.OK
+        return Status.NOT_IDENTIFIED if self.fit.message or self.slope.message else Status.OK
 
     @property
     def units(self) -> Mapping[str, str]:
@@ -130,6 +130,8 @@ class StraightLine:
             return first_step(self.findings)
         if math.isinf(self.fit.slope):
             return phrase("exchange x and y")
+        if self.slope.message:
+            return phrase("exchange x and y, or measure over a wider range of x")
         return phrase("measure over a wider range of x, or more precisely")
 
     @property
@@ -139,8 +141,9 @@ class StraightLine:
         sentences = (
             tell(finding) for finding in self.findings if finding.kind is not Kind.POINTS_SCATTER
         )
+        determined = self.fit.message or self.slope.message
         return " ".join(
-            [self.fit.message] * bool(self.fit.message)
+            [determined] * bool(determined)
             + [f"{words[0].upper()}{words[1:]}." for words in sentences]
         )
 

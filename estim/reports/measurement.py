@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from estim.arrays import sds_of
+from estim.arrays import FloatArray, sds_of
 from estim.common import (
     FigureChoice,
     PhraseTable,
@@ -31,6 +31,7 @@ from estim.reports.records import Record, Report
 from estim.reports.result import Provenance, provenance_of
 
 _DIGITS = 3  # of u in tables: one more than a statement has
+_EMPTY = 0.5  # of the interval, without any draw: two separate groups
 _INTERVALS = PhraseTable({"symmetric": "symmetric", "shortest": "shortest"})
 _LAWS = PhraseTable(
     {
@@ -320,7 +321,7 @@ def statement(propagation: Propagation, i: int) -> str:
                 "{name} has no standard uncertainty (its tails are too heavy);", name=output.name
             )
         )
-        return phrase(
+        told = phrase(
             _BY_DRAWS[propagation.model.interval],
             what=what,
             best=best,
@@ -328,7 +329,25 @@ def statement(propagation: Propagation, i: int) -> str:
             ends=interval(low, high, scale, 2) + unit,
             n=drawn.n_draw,
         )
+        below, above = _gap(drawn.draws[:, i])
+        if above - below < _EMPTY * (high - low):
+            return told
+        return told + phrase(
+            " These trials lie in two separate groups, up to {below} and from {above}, with none "
+            "between them: mean and u describe neither.",
+            below=rounded(below, 0.1 * scale, 2) + unit,
+            above=rounded(above, 0.1 * scale, 2) + unit,
+        )
     return ""
+
+
+def _gap(draws: FloatArray) -> tuple[float, float]:
+    """The ends of the widest gap between neighbours of the inner nine tenths of finite draws
+    (n_draw,).
+    """
+    inner = np.sort(draws)[len(draws) // 20 : -(len(draws) // 20) or None]
+    k = int(np.argmax(np.diff(inner)))
+    return float(inner[k]), float(inner[k + 1])
 
 
 def expanded_statement(

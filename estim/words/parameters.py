@@ -216,6 +216,10 @@ WORDS: Table = {
         "the data hardly constrain {name}: far from the fitted value, minus "
         "twice the log posterior density is only {size:.1f} above its minimum"
     ),
+    Kind.STEPS_OPEN: (
+        "the curve is the same after each step of {size:.4g} in {name}, and so far from the data "
+        "several of these steps are within its uncertainty"
+    ),
     Kind.OPEN_SIDE: lambda f: said(f, _OPEN.get(f.test, _OPEN_BOTH)),
     Kind.PRESSED_EDGE: (
         "{symbol} lies at the edge of its prior, {shown}, and the data favour "

@@ -150,6 +150,7 @@ ADVICE: Mapping[Kind, str] = {
     Kind.HARDLY_HELD: (
         "give it limits or {value}, or leave out the term that the data do not show"
     ),
+    Kind.STEPS_OPEN: "start it near the data, where its uncertainty is smallest",
     Kind.OPEN_SIDE: (
         "state {value} for it or one that compensates, leave out the term that the data do not "
         "show, or take data over a longer range"
