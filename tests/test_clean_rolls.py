@@ -1,11 +1,12 @@
 """Clean rolls, by an ODE solver with the errors that are stated and no force: they end in a number.
 
-The seeds are those of which one among dozens was once refused: by two bad frames that together
-bend the curve.
+The seeds are those of which one among dozens was once refused: by a wrong optimum, by two bad
+frames that together bend the curve, or because a posterior is skew or cut off by an edge.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,9 @@ from estim.campaign import load_campaign
 from estim.checks.diagnosis import failed_tests
 from estim.checks.forces import beyond_their_priors
 from estim.checks.goodness_of_fit import check_goodness
+from estim.deviation import MixtureErrors
 from estim.fitting import Fit, fit_problem
+from estim.words.sentences import advice
 
 G, R, GAMMA, KAPPA, PHI, THETA0, RELEASE = 9.81, 0.15, 0.19, 0.45, *np.radians([4.0, 60.0]), 0.013
 # frames per second, duration in s, standard deviation of a reading, column
@@ -96,6 +99,23 @@ def test_a_clean_roll_is_not_refused(tmp_path: Path, recording: str, seed: int) 
     assert refused(fitted(tmp_path, recording, seed)) == []
 
 
+def test_the_mode_lies_where_the_covariance_holds_that_residuals_are_whitened_with(
+    tmp_path: Path,
+) -> None:
+    """Without a force there is one component, with one there are as many as the grid has sizes:
+    what is more likely than not counts, not which component.
+    """
+    fit = fitted(tmp_path, "angles", 10)
+    (force,), (likelihood,) = fit.forces, fit.posterior.likelihoods
+    assert isinstance(likelihood, MixtureErrors)
+    there = likelihood.mixture.deviation.column("amplitude") > 0.0
+    shares = likelihood.mixture.shares(likelihood.raw(fit.named)[0])
+    assert force.force.probability > 0.5
+    assert shares[there].sum() > 0.5
+    (z,) = fit.posterior.standardised(fit.values)
+    assert 0.6 < z @ z / z.size < 1.2
+
+
 def test_a_clock_that_hardly_shows_takes_no_shift_beside_it_that_makes_up_for_dozens_of_frames(
     tmp_path: Path,
 ) -> None:
@@ -104,3 +124,21 @@ def test_a_clock_that_hardly_shows_takes_no_shift_beside_it_that_makes_up_for_do
     assert jump.kind == "clock"
     assert abs(jump.size) < 6.0 * jump.interval
     assert force.force.probability < 0.5
+
+
+def test_advice_about_speeds_does_not_send_for_speeds(tmp_path: Path) -> None:
+    (force,) = fitted(tmp_path, "positions", 3).forces
+    assert not force.positions
+    (finding,) = beyond_their_priors([replace(force, moved=3.0)])
+    assert "speeds" not in advice(finding)
+    (finding,) = beyond_their_priors([replace(force, moved=3.0, positions=True)])
+    assert "speeds in place of positions" in advice(finding)
+    assert "turning point" not in advice(finding)
+
+
+def test_a_posterior_that_is_skew_or_ends_at_an_edge_is_not_taken_for_a_curve_that_bends(
+    tmp_path: Path,
+) -> None:
+    for recording, seed in (("positions", 3), ("noisy angles", 7)):
+        (force,) = fitted(tmp_path, recording, seed).forces
+        assert force.moved < 0.2
