@@ -12,7 +12,7 @@ FAR_LARGER = 2.5  # times the scale of its prior: an amplitude that one force in
 # so far
 SURE = 0.95
 LIKELY = 0.5  # probability from which something is there rather than not
-# sd: a mode that is farther from the linearised mean says that the answer to the force is not
+# sd: a mode that a linear curve would have farther away says that the answer to the force is not
 # linear
 _LINEAR = 1.0
 
@@ -86,7 +86,7 @@ def beyond_their_priors(forces: Iterable[FoundForce]) -> list[Finding]:
         if force.force.probability > LIKELY and force.moved > _LINEAR:
             findings.append(
                 Finding(
-                    Kind.FORCE_NOT_LINEAR,
+                    Kind.FORCE_NOT_LINEAR if force.positions else Kind.SPEEDS_NOT_LINEAR,
                     run=force.run,
                     size=force.moved,
                     numbers={"runs": len(force.runs)},

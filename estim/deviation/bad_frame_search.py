@@ -50,6 +50,7 @@ _SHIFTED = ("step", "frame")  # kinds in which positions are wrong
 _STILL = 2.5  # sds: a size below is none
 _AT_ONCE = 2_000_000  # numbers of points and patterns
 _WIDE = 30.0  # times what was found: sd of a size that is left to the data
+_FEW_LOST = float(np.sqrt(np.mean(np.square(_LOST))))  # frames
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,7 +236,7 @@ def find_bad_frames(
     taken = 0.0 if frames.at is None else 1.0  # whether the points are those without what was known
     before = {(jump.kind, jump.row): jump for jump in known.jumps}
     selected = [
-        (pattern, _WIDE * abs(jump.size), jump.probability, jump.share)
+        (pattern, _width(pattern, jump.size), jump.probability, jump.share)
         for pattern in patterns
         if (jump := before.get((pattern.kind, pattern.row))) is not None
     ]
@@ -259,13 +260,10 @@ def find_bad_frames(
             crowd = True
             break
         best = int(np.argmax(logs))
-        wide = _WIDE * max(
-            abs(float(sizes[best])), (1.0 if patterns[best].whole else 10.0) * patterns[best].unit
-        )
         selected.append(
             (
                 patterns[best],
-                wide,
+                _width(patterns[best], float(sizes[best])),
                 float(1.0 / (1.0 + np.exp(-min(total, 700.0)))),
                 float(np.exp(logs[best] - total)),
             )
@@ -296,6 +294,18 @@ def find_bad_frames(
             )
     jumps.sort(key=lambda jump: jump.row)
     return BadFrames(tuple(jumps), crowd, *_shifts(frames, jumps))
+
+
+def _width(pattern: Pattern, size: float) -> float:
+    """Standard deviation beforehand of the size of a pattern that was found to be about `size`.
+
+    One that may have any size is left to the data.  A number of frames is not: the scan weighed a
+    few of them, and with dozens beforehand a slip and the shift that makes up for it together bend
+    the curve by what neither could at the size for which it was taken.
+    """
+    if pattern.whole:
+        return max(abs(size), _FEW_LOST * pattern.unit)
+    return _WIDE * max(abs(size), _SIZES[0] * pattern.unit)
 
 
 def _shifts(frames: Frames, jumps: Sequence[Jump]) -> tuple[FloatArray | None, FloatArray | None]:

@@ -60,6 +60,8 @@ from estim.problem import (
     stacked_root,
 )
 
+# of weighted least squares, to a share of a standard deviation
+_ROUNDS, _SETTLED = 30, 0.01
 # where frames are judged the noise may be any larger than stated
 _ANY_SCALE, _COARSE = (1.0, 1.6, 2.5, 4.0, 6.3, 10.0), 12
 
@@ -111,26 +113,68 @@ class Sharing(Stated):
 
 
 @dataclass(frozen=True, eq=False)
+class Line:
+    """The residuals of a stack of runs, and the straight lines that were put in their place.
+
+    about : (n_par,) where.
+    precision : (n_par, n_par) of all that is known beside.
+    """
+
+    stack: Stack
+    mixture: Mixture
+    about: FloatArray
+    precision: FloatArray
+
+    def moves(self, problem: Problem, values: FloatArray, cov: FloatArray) -> float:
+        """How far the mode of the straight lines lies from that of the curve, `values` (n_par,), of
+        covariance `cov` (n_par, n_par), in sds of the parameter that is farthest off.
+
+        The mean of the linearised posterior is no measure of that, as far as the posterior is
+        skew, or cut off by an edge.
+        """
+        stack, mixture, named = self.stack, self.mixture, problem.named(values)
+        slopes = stack.formed.gradient(stack.points, named, problem.names)
+        balance = slopes.T @ mixture.pull(stack.formed.at(stack.points, named)[0])
+        rows, step = mixture.deviation.whiten(stack.jacobian.T), np.zeros_like(values)
+        for _ in range(_ROUNDS):
+            residuals = stack.residuals - stack.jacobian @ (values + step - self.about)
+            score = stack.jacobian.T @ mixture.pull(residuals) - balance - self.precision @ step
+            information = mixture.pulls(rows, residuals) @ rows.T + self.precision
+            further = np.linalg.solve(information, score)
+            step = step + further
+            if np.max(np.abs(further) / sds_of(cov)) < _SETTLED:
+                break
+        return float(np.max(np.abs(step) / sds_of(cov)))
+
+
+@dataclass(frozen=True, eq=False)
 class Posed:
     """noises : run -> its noise with the force.  shared : what ties runs together.  forces : one
     force a group.
 
-    step, cov : (n_par,), (n_par, n_par) where the posterior of all runs then is, from the white
-        fit, linearised.
-    parts : the same posterior as normal distributions; None for a run alone.
+    start : (n_par,) mean of the linearised posterior of all runs, with the force of the first group
+        where it is more likely than not, else without: between the two there may be a valley.
+    lines : of each group, `Line`.
+    parts : the linearised posterior as normal distributions; None for a run alone.
     """
 
     noises: Mapping[str, Noise]
     shared: tuple[Together, ...]
     forces: tuple[FoundForce, ...]
-    step: FloatArray
-    cov: FloatArray
+    start: FloatArray
+    lines: tuple[Line, ...]
     parts: NormalParts | None
 
-    def inferred_at(self, step: FloatArray) -> tuple[FoundForce, ...]:
-        """What was found, where the mode lies `step` (n_par,) from the point of linearisation."""
-        moved = float(np.max(np.abs(step - self.step) / sds_of(self.cov)))
-        return tuple(replace(force, moved=moved) for force in self.forces)
+    def inferred_at(
+        self, problem: Problem, values: FloatArray, cov: FloatArray
+    ) -> tuple[FoundForce, ...]:
+        """What was found, where the mode of `problem` is `values` (n_par,) with covariance `cov`
+        (n_par, n_par).
+        """
+        return tuple(
+            replace(force, moved=line.moves(problem, values, cov))
+            for force, line in zip(self.forces, self.lines, strict=True)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,14 +252,24 @@ class Beside:
         return cls(linear, besides, summed([prior, *others]), summed([*others, *information]))
 
 
+def mixtures_of(stacks: Sequence[Stack], linear: Sequence[Linearised]) -> list[Mixture]:
+    """Of each stack, what is probable in its posterior."""
+    return [
+        keep_probable(posterior, columns=stack.columns)
+        for stack, posterior in zip(stacks, linear, strict=True)
+    ]
+
+
 def noises_of(
-    stacks: Sequence[Stack], linear: Sequence[Linearised], alone: type[WithForce]
+    stacks: Sequence[Stack],
+    linear: Sequence[Linearised],
+    mixtures: Sequence[Mixture],
+    alone: type[WithForce],
 ) -> tuple[dict[str, Noise], tuple[Together, ...]]:
     """Run -> its noise, `alone` where it shares nothing, and what ties runs together."""
     noises: dict[str, Noise] = {}
     shared = []
-    for stack, posterior in zip(stacks, linear, strict=True):
-        mixture = keep_probable(posterior, columns=stack.columns)
+    for stack, posterior, mixture in zip(stacks, linear, mixtures, strict=True):
         likely = likely_root(posterior, stack.columns)
         names = tuple(run.name for run in stack.runs)
         if len(names) == 1:
@@ -275,9 +329,10 @@ def pose_forces(
             group = _forced(label, runs, problem, values, bad, speeds=speeds)
         lacking.append(group)
     posterior = Beside.of(lacking, problem, values)
-    noises, shared = noises_of(lacking, posterior.linear, WithForce)
+    mixtures = mixtures_of(lacking, posterior.linear)
+    noises, shared = noises_of(lacking, posterior.linear, mixtures, WithForce)
     forces = []
-    for group, linear in zip(lacking, posterior.linear, strict=True):
+    for group, linear, mixture in zip(lacking, posterior.linear, mixtures, strict=True):
         force = _described(group, linear, values, without, problem, posterior.data)
         each = tuple(
             _told_alone(run, problem, values, alone[run.name])
@@ -289,12 +344,15 @@ def pose_forces(
             completed = Completed(
                 group.points.runs[0],
                 group.runs[0].body,
-                keep_probable(linear, columns=group.columns),
+                mixture,
                 group.formed,
                 group.tracked.alongs[0],
             )
         forces.append(replace(force, alone=each, completed=completed))
-    n, first = problem.n_par, posterior.linear[0]
+    lines = tuple(
+        Line(group, mixture, values, precision)
+        for group, mixture, (precision, _) in zip(lacking, mixtures, posterior.besides, strict=True)
+    )
     parts = (
         normal_parts(
             list(zip(posterior.linear, posterior.besides, strict=True)), posterior.known, values
@@ -302,7 +360,9 @@ def pose_forces(
         if len(problem.runs) > 1
         else None
     )
-    return Posed(noises, shared, tuple(forces), first.mean[:n], first.covariance[:n, :n], parts)
+    first = posterior.linear[0].first(problem.n_par)
+    start = values + first.moments(first.likelier)[1]
+    return Posed(noises, shared, tuple(forces), start, lines, parts)
 
 
 def bad_frames(
@@ -466,6 +526,7 @@ def _described(
     return FoundForce(
         run=group.label,
         unit=run.y_unit if run.positions else run.x_unit,
+        positions=run.positions,
         scale=run.force,
         force=force,
         noise=linear.size("scale"),

@@ -88,9 +88,19 @@ class Linearised:
         return np.argsort(np.linalg.slogdet(self.covariances)[1])
 
     @property
+    def likelier(self) -> NDArray[np.int64]:
+        """The components with a deviation, where it is more likely than not that there is one; else
+        those without.
+        """
+        there = self.deviation.column("amplitude") > 0.0
+        return np.flatnonzero(there == (self.p_deviation > 0.5))
+
+    @property
     def best(self) -> int:
-        """The most probable component."""
-        return int(np.argmax(self.weights))
+        """The most probable of them: one without a deviation is a single one, of those with it
+        there are as many as the grid has sizes.
+        """
+        return int(self.likelier[np.argmax(self.weights[self.likelier])])
 
     @property
     def p_deviation(self) -> float:

@@ -32,7 +32,7 @@ class FoundForce:
     """The unmodelled force of one run, or the one that several share.
 
     run : its name, or what those that share the force have in common.
-    unit : of positions.
+    unit : of positions.  positions : whether these are what the curve gives, not speeds.
     scale : of the prior of its amplitude.  force : in units of the weight.
     growth : parameter -> its standard deviation over that with the stated noise alone and an exact
         start, both linearised.
@@ -43,8 +43,8 @@ class FoundForce:
         posterior, the narrowest first.
     bad : frames that are shifted.
     reading_unit : of them.  step : of a digital reading, 0 where there is none.
-    moved : how far the posterior mode lies from the linearised mean, in sds of the parameter that
-        is farthest off.
+    moved : how far from the posterior mode that of a linear curve would lie, in sds of the
+        parameter that is farthest off.
     noise : quantiles 0.16, 0.5, 0.84 of the size of the readings' noise in units of what was
         stated.
     larger, too_large : probability that it is larger than stated, and as large as the grid goes, or
@@ -59,6 +59,7 @@ class FoundForce:
 
     run: str
     unit: str
+    positions: bool
     scale: float
     force: Force
     noise: tuple[float, float, float]

@@ -22,7 +22,7 @@ from estim.deviation.bad_frame_search import BadFrames
 from estim.deviation.components import Shape
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.grid import noise_grid
-from estim.deviation.joint import Beside, Stack, Together, noises_of, sharing_runs
+from estim.deviation.joint import Beside, Stack, Together, mixtures_of, noises_of, sharing_runs
 from estim.deviation.noise import Stated, WithForce, formed_about
 from estim.deviation.residuals import stacked
 from estim.deviation.trajectory import Trajectory
@@ -44,7 +44,8 @@ def pose_without_force(
     bad : run -> its bad frames, of runs that are fit alone.
     """
     stacks = [_stack(runs, problem, values, bad) for runs in sharing_runs(problem.runs).values()]
-    return noises_of(stacks, Beside.of(stacks, problem, values).linear, Roomy)
+    linear = Beside.of(stacks, problem, values).linear
+    return noises_of(stacks, linear, mixtures_of(stacks, linear), Roomy)
 
 
 def _stack(

@@ -77,11 +77,10 @@ def fit_with_forces(white: Fit, *, rng: np.random.Generator, scanned: bool = Tru
     except InputError as error:
         return _as_complete(white, error.rule)
     runs = tuple(replace(run, noise=posed.noises.get(run.name, run.noise)) for run in problem.runs)
-    low, high = problem.support()
-    start = np.clip(free.values + posed.step, low, high)
+    start = np.clip(posed.start, *problem.support())
     fit = refit(Problem(problem.parameters, runs, posed.shared), start)
     fit = scanned_fit(fit, rng=rng) if scanned else fit
-    forces = posed.inferred_at(fit.values - free.values)
+    forces = posed.inferred_at(problem, fit.values, fit.cov)
     return replace(_led_by(white, fit), forces=forces, parts=posed.parts)
 
 

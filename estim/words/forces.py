@@ -39,6 +39,11 @@ WORDS: Table = {
         "responds linearly to it: the fit ends {size:.2g} standard deviations from the linear "
         "prediction, and no interval is reliable"
     ),
+    Kind.SPEEDS_NOT_LINEAR: (
+        "{who}: beside the force required by the residuals the parameters are so uncertain that "
+        "the curve is no longer linear in them: the fit ends {size:.2g} standard deviations from "
+        "the linear prediction, and no interval is reliable"
+    ),
     Kind.NOISE_CONSERVATIVE: (
         "{who}: the stated error is conservative: the scatter of the readings is about "
         "{size:.2g} times the stated error; the stated value is kept, and no interval becomes "

@@ -182,9 +182,12 @@ ADVICE: Mapping[Kind, str] = {
     Kind.DEVIATION_TOO_LARGE: _ANOTHER,
     Kind.DEVIATION_TOO_SLOW: _ANOTHER,
     Kind.FORCE_NOT_LINEAR: (
-        "fit a shorter section of the motion (a window that ends at the turning "
-        "point), or speeds in place of positions, and look "
-        "for a defect of the ramp: the figure of the force shows where"
+        "fit a shorter section of the motion, or speeds in place of positions, and look for a "
+        "defect of the ramp: the figure of the force shows where"
+    ),
+    Kind.SPEEDS_NOT_LINEAR: (
+        "state body, tilt and start more exactly, and look for a defect of the ramp: the figure "
+        "of the force shows where"
     ),
     Kind.FRAMES_CROWD: (
         "check the file and the window for a section that belongs to another motion, "
