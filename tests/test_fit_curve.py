@@ -668,6 +668,18 @@ def test_a_parameter_that_no_point_sees_is_not_determined_on_any_side_of_0() -> 
     assert "do not determine b" in fit.reasons[0]
 
 
+def no_root_beyond(x: np.ndarray, a: float, b: float) -> np.ndarray:
+    """As `scipy.optimize.newton`, which raises where it does not converge."""
+    if b > 2.0:
+        raise RuntimeError("failed to converge after 50 iterations")
+    return a / (1.0 + b * x)
+
+
+def ended_early(x: np.ndarray, a: float, k: float) -> np.ndarray:
+    """As `scipy.integrate.solve_ivp`, which gives the places that it came to."""
+    return (a * np.exp(-k * x))[: x.size if k < 5.0 else 3]
+
+
 @pytest.mark.parametrize(
     ("curve", "true", "start"),
     [
@@ -686,6 +698,13 @@ def test_a_parameter_that_no_point_sees_is_not_determined_on_any_side_of_0() -> 
             lambda x, a, t: a * np.array([math.exp(-at / t) for at in x]),
             (3.0, 2.0),
             {"a": 1.0, "t": 1.0},
+        ),
+        (no_root_beyond, (2.0, 0.5), {"a": 1.0, "b": 0.2}),
+        (ended_early, (3.0, 0.5), {"a": 2.0, "k": 0.3}),
+        (
+            lambda x, a, b: a * np.exp(-b * x) if b < 1.0 else a * math.exp(-b) ** x,
+            (3.0, 1.2),
+            {"a": 1.0, "b": 0.8},
         ),
     ],
 )

@@ -735,6 +735,24 @@ def test_a_period_is_sampled_whole_wherever_x_begins(origin: float, amplitude: f
     assert np.std(draws) == pytest.approx(near.sds["T"], rel=0.12)
 
 
+@pytest.mark.slow
+def test_two_phases_that_turn_together_are_sampled_whole() -> None:
+    """Each was followed while the other stayed, and u(w) came out 9 times too small, `ok`."""
+    x = np.arange(0.0, 6.0, 0.2)
+    noise = 0.5 * np.random.default_rng(3).standard_normal(x.size)
+    y = 3.0 * np.cos(4.0 * x + 0.4) * np.cos(1.2 * x - 0.3) + noise
+    start = {"A": 3.0, "w": 4.0, "p": 0.4, "q": -0.3}
+    near, fit = (
+        fit_curve("A*cos(w*x + p)*cos(0.3*w*x + q)", x + origin, y, u_y=0.5, start=start)
+        for origin in (0.0, 300.0)
+    )
+    sampled = sample_curve(fit, seed=1, target=Target(ess=1000.0))
+    draws = sampled.chain.flat[:, list(sampled.fit.names).index("w")]
+    assert sampled.diagnosis.status == "ok"
+    assert np.mean(draws) == pytest.approx(near.values["w"], abs=0.15 * near.sds["w"])
+    assert np.std(draws) == pytest.approx(near.sds["w"], rel=0.12)
+
+
 @pytest.mark.parametrize("origin", [0.0, 1000.0, 10000.0])
 def test_a_folded_density_has_each_curve_once(origin: float) -> None:
     """Summed over many turns of the phase it is the density of one."""

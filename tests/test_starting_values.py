@@ -20,7 +20,7 @@ from estim import EventTimes, InputError, fit_curve, fit_curves
 from estim.campaign import load_campaign
 from estim.cli import commands as cli
 from estim.curves import DataSet, linear_in, read_formula, starting_values
-from estim.curves.dimensions import dimensions_of
+from estim.curves.dimensions import dimensions_of, factors_of
 from estim.curves.starting_values import guess_starts
 from estim.fitting.optimum import fit_optimum
 
@@ -82,6 +82,11 @@ def test_a_small_number_makes_no_parameter_linear() -> None:
     assert linear_in(read_formula("1e-15*exp(b*x)"), ["b"]) == ()
     assert linear_in(read_formula("1/(1/V + K/(V*x))"), ["V", "K"]) == ()
     assert linear_in(read_formula("1e-15*a*exp(b*x) + c"), ["a", "b", "c"]) == ("a", "c")
+
+
+@pytest.mark.parametrize("text", ["a*exp(-x*1e-34*b**0.1)", "a*exp(-x*1e34*b**0.1)"])
+def test_a_scale_beyond_all_numbers_is_no_traceback(text: str) -> None:
+    assert 0.0 < factors_of(read_formula(text))["b"] < np.inf
 
 
 def test_an_origin_far_off_in_the_formula_is_no_warning(rng: np.random.Generator) -> None:

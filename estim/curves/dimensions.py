@@ -34,6 +34,7 @@ ROOTS = {"sqrt": Fraction(1, 2), "cbrt": Fraction(1, 3)}
 _X, _Y, _TEN = "(x)", "(y)", "(10)"
 LARGEST_PURE = 10.0  # a number as large may turn mm into cm
 LARGEST_MODERATE = 100.0  # scales of a search are as wide
+_MOST_DECADES = 100.0  # of a factor
 
 
 def dimensions_of(formula: Formula) -> dict[str, Dimension]:
@@ -47,7 +48,10 @@ def factors_of(formula: Formula) -> dict[str, float]:
     """
     system = _solved(formula, _System(), density=False)
     rows = {name: system.reduced({name: Fraction(1)}) for name in formula.names}
-    return {name: 10.0 ** float(row.get(_TEN, 0)) for name, row in rows.items()}
+    return {
+        name: 10.0 ** min(max(float(row.get(_TEN, 0)), -_MOST_DECADES), _MOST_DECADES)
+        for name, row in rows.items()
+    }
 
 
 @lru_cache(maxsize=64)

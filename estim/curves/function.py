@@ -29,8 +29,9 @@ from estim.problem import EXACT, LocalCurve, n_draws
 
 Function = Callable[..., Any]
 
-# raised where a curve has no value: by math.log(0.0), by an index beyond a table
-_NO_VALUE = (ArithmeticError, LookupError, ValueError)
+# raised where a curve has no value: by math.log(0.0), by an index beyond a table, by a search for a
+# root that does not converge
+_NO_VALUE = (ArithmeticError, LookupError, RuntimeError, ValueError)
 _COMPLEX_STEP = 1e-30
 _DIFFERENCES = 5e-13  # relative error of the best differences
 # of the reach; not the multiples of a period all together
@@ -103,6 +104,8 @@ class PythonCurve:
         values = {name: _scalar(arguments[name]) for name in self.names}
         try:
             return _WAYS[self.derivatives](self.function, x, values)
+        except TypeError:  # a branch that was not taken at the start
+            return _by_differences(self.function, x, values)
         except _NO_VALUE:
             nothing = np.full((1, x.size), np.nan)
             return LocalCurve(nothing, nothing, dict.fromkeys(self.names, nothing))
@@ -153,9 +156,11 @@ def wrap_function(
 
 def _called(function: Function, x: Any, parameters: Mapping[str, Any]) -> FloatArray:
     """The curve; nan where it has no value, or none that is real."""
+    shape = np.broadcast_shapes(np.shape(x), *map(np.shape, parameters.values()))
     with np.errstate(all="ignore"):
         try:
             returned = np.asarray(function(x, **parameters))
+            np.broadcast_to(returned, shape)  # an integration may have ended too early
         except _NO_VALUE:
             return np.full(np.shape(x), np.nan)
         if np.iscomplexobj(returned):

@@ -178,59 +178,53 @@ def _followed(
     """The phases without limits that the other parameters move by a part of a turn within a
     standard deviation.
     """
-    phases = []
+    phases = np.flatnonzero(np.isfinite(symmetry.period) & np.isinf(symmetry.high - symmetry.low))
     others = np.isinf(symmetry.period) & (np.diag(cov) > 0.0)
     unit = np.sqrt(np.diag(cov))[others]
-    for i in np.flatnonzero(np.isfinite(symmetry.period) & np.isinf(symmetry.high - symmetry.low)):
-        correlations = cov[np.ix_(others, others)] / np.outer(unit, unit)
-        factors = np.linalg.pinv(correlations, hermitian=True) @ (cov[others, i] / unit)
-        spread = math.sqrt(max(0.0, float(factors @ correlations @ factors)))
+    correlations = cov[np.ix_(others, others)] / np.outer(unit, unit)
+    # (n_phase, n_other) how the best phases go with the others
+    factors = (cov[np.ix_(phases, others)] / unit) @ np.linalg.pinv(correlations, hermitian=True)
+    along = np.arange(-_N_APART, _N_APART + 1, dtype=np.float64) * _APART
+    followed = []
+    for k, i in enumerate(phases):
+        spread = math.sqrt(max(0.0, float(factors[k] @ correlations @ factors[k])))
         if not spread > _PART * symmetry.period[i]:
             continue
         weight, step = np.zeros(mode.size), np.zeros(mode.size)
-        weight[others] = factors / unit / spread
-        step[others] = correlations @ factors * unit / spread
+        weight[others] = factors[k] / unit / spread
+        step[others] = correlations @ factors[k] * unit / spread
+        step[phases] = factors @ (correlations @ factors[k]) / spread
         sides = [
-            _path(posterior, symmetry, mode, sign * step, int(i), sign * spread)
-            for sign in (-1.0, 1.0)
+            _path(posterior, symmetry, mode, sign * step, phases)[:, k] for sign in (-1.0, 1.0)
         ]
-        along = np.arange(-_N_APART, _N_APART + 1, dtype=np.float64) * _APART
         best = np.concatenate([sides[0][:0:-1], sides[1]])
-        phases.append(_Phase(int(i), weight, along, best))
-    return tuple(phases)
+        followed.append(_Phase(int(i), weight, along, best))
+    return tuple(followed)
 
 
 def _path(
-    posterior: Posterior,
-    symmetry: Symmetry,
-    mode: FloatArray,
-    step: FloatArray,
-    i: int,
-    slope: float,
+    posterior: Posterior, symmetry: Symmetry, mode: FloatArray, step: FloatArray, phases: Indices
 ) -> FloatArray:
-    """(1 + _N_APART,) the best phase beyond that at the mode, in places a part of `step` apart: of
-    one turn about where those before it lead, by the density.
+    """(1 + _N_APART, n_phase) the best phases beyond those at the mode, in places a part of `step`
+    apart: of one turn about where those before it lead, by the density.
     """
-    turn = symmetry.period[i] * (np.arange(_N_TURN) / _N_TURN - 0.5)
-    best = [0.0]
+    best = np.zeros((1 + _N_APART, phases.size))
     for k in range(1, _N_APART + 1):
-        ahead = (
-            k * _APART * slope
-            if k < 3
-            else best[-1] + (best[-1] - best[-2]) + (best[-1] - 2.0 * best[-2] + best[-3])
-        )
-        rows = np.tile(mode + k * _APART * step, (_N_TURN, 1))
-        rows[:, i] = mode[i] + ahead + turn
-        with np.errstate(all="ignore"):
-            heights = posterior.log_density(np.clip(rows, symmetry.low, symmetry.high))
-        if not np.all(np.isfinite(heights)):
-            best.append(ahead)
-            continue
-        # the highest harmonic of one turn has its top here
-        wave = np.sum(heights * np.exp(-2j * np.pi * np.arange(_N_TURN) / _N_TURN))
-        best.append(ahead + turn[0] - symmetry.period[i] * float(np.angle(wave)) / (2.0 * math.pi))
-        best[-1] -= symmetry.period[i] * round((best[-1] - ahead) / symmetry.period[i])
-    return np.array(best)
+        at = mode + k * _APART * step
+        if k > 2:
+            at[phases] = mode[phases] + 3.0 * (best[k - 1] - best[k - 2]) + best[k - 3]
+        for i in np.tile(phases, min(2, phases.size)):  # each may turn the others
+            turn = symmetry.period[i] * (np.arange(_N_TURN) / _N_TURN - 0.5)
+            rows = np.tile(at, (_N_TURN, 1))
+            rows[:, i] += turn
+            with np.errstate(all="ignore"):
+                heights = posterior.log_density(np.clip(rows, symmetry.low, symmetry.high))
+            if np.all(np.isfinite(heights)):
+                # the first harmonic of one turn has its top there
+                wave = np.sum(heights * np.exp(-2j * np.pi * turn / symmetry.period[i]))
+                at[i] -= symmetry.period[i] * float(np.angle(wave)) / (2.0 * math.pi)
+        best[k] = at[phases] - mode[phases]
+    return best
 
 
 @dataclass(frozen=True, eq=False)
