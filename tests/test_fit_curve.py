@@ -16,6 +16,7 @@ from scipy import optimize
 
 from estim import Component, InputError, fit_curve
 from estim.curves.curve_problem import AxisNames
+from estim.curves.function import wrap_function
 from estim.fitting import Fit
 from estim.fitting.unconstrained import silent_parameters
 from estim.pipeline import sample_curve
@@ -728,9 +729,21 @@ def test_a_complex_value_is_none() -> None:
     def root(x: np.ndarray, a: float, b: float) -> np.ndarray:
         return a * np.emath.sqrt(x - b)
 
+    curve = wrap_function(root, ("a", "b"), x, {"a": 1.0, "b": 0.0})
+    value = curve.value(x, {"a": 2.0, "b": 1.0})[0]
+    assert np.all(np.isnan(value[x < 1.0]))
+    assert value[x > 1.0] == pytest.approx(2.0 * np.sqrt(x[x > 1.0] - 1.0))
     fit = fit_curve(root, x, y, u_y=0.02, start={"a": 1.0, "b": 0.0})
     assert fit.status == "ok"
     assert fit.values["b"] == pytest.approx(-0.3, abs=4.0 * fit.sds["b"])
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e5])
+def test_a_minimum_at_a_kink_is_one_in_any_unit(unit: float) -> None:
+    x = np.linspace(0.0, 10.0, 30)
+    for seed in range(6):
+        y = 0.5 + np.maximum(x - 4.0, 0.0) + np.random.default_rng(seed).normal(0.0, 0.5, x.size)
+        assert fit_curve("b + a*max(x - x0, 0)", x, unit * y).status == "ok"
 
 
 def test_a_minimum_at_a_kink_is_a_minimum() -> None:

@@ -77,7 +77,8 @@ _HELD = 9.0
 # where a prior does not give the posterior an end, that of counts or of a frequency: the density
 # is below 1e-4 of that at the mode
 _HELD_WITHOUT_END = 18.0
-_BESIDE = 1e-3  # standard deviations to the side of a minimum
+# standard deviations to the side of a kink; rise of the squares there, at most
+_BESIDE, _SMALL = 1e-3, 0.1
 _NOTHING = 1e-6  # standard deviations by which a curve depends on a parameter: rounding errors
 MAX_PARAMETERS = 14  # of problems that are scanned, and have a second opinion
 
@@ -243,12 +244,15 @@ def _found(
     _refuse_vanishing(search.posterior.problem, best[0])
     if not searched:
         return _polished(search, best[0], n_start=1, n_same=1)
-    symmetry = find_symmetry(search.posterior.problem, best[0], search.nonlinear.tolist(), rng)
+    nonlinear = search.nonlinear.tolist()
+    symmetry, first = find_symmetry(search.posterior.problem, best[0], nonlinear, rng), best
     best, every = _scanned(search, best, tried, symmetry)
-    symmetry = symmetry.scaled(spread_at(search, best), search.nonlinear.tolist())
+    if best[1] < 0.5 * first[1]:  # on its way to infinity a parameter may seem to change nothing
+        symmetry = find_symmetry(search.posterior.problem, best[0], nonlinear, rng)
+    symmetry = symmetry.scaled(spread_at(search, best), nonlinear)
     optimum = _chosen(search, start, best, tried, every, symmetry, n_start=len(starts))
     spread = spread_at(search, (optimum.values, optimum.chi2))  # perhaps of another alias
-    symmetry = symmetry.scaled(spread, search.nonlinear.tolist())
+    symmetry = symmetry.scaled(spread, nonlinear)
     optimum = replace(optimum, symmetry=symmetry)
     repeat = repeats(search, optimum.values, symmetry.period)
     if np.any(np.isfinite(repeat)):
@@ -462,7 +466,8 @@ def _scanned(
         for point, chi2 in zip(optima, search.chi2_at(optima), strict=True):
             if chi2 > 1.5 * limit or len(fresh) == _MOST_DESCENTS:
                 break
-            if not any(
+            lower = chi2 < best[1] * (1.0 - SAME) - search.rounding
+            if (lower and not fresh) or not any(
                 is_close(point, other, spread, PLACE)
                 for other in (*fresh, *(end for end, _ in ends))
             ):
@@ -625,7 +630,10 @@ def _at_kink(search: SeparableSearch, values: FloatArray, tolerance: float) -> F
     where no step ends: with one nonlinear parameter held to either side of it, and the others as
     good as can be, the sum of squares rises in proportion to the distance, not to its square.
     """
-    spread = spread_at(search, (values, search.chi2(values)))
+    chi2 = search.chi2(values)
+    spread = spread_at(search, (values, chi2))
+    unit = chi2 / max(1, search.posterior.problem.n_obs - search.free.size)
+    least = _SMALL * (unit if search.unstated else 1.0)
     for i in search.nonlinear:
         held = replace(search, nonlinear=search.nonlinear[search.nonlinear != i])
         ends = []
@@ -636,7 +644,7 @@ def _at_kink(search: SeparableSearch, values: FloatArray, tolerance: float) -> F
         whole, half, other_half, other = (end[1] - ends[0][1] for end in ends[1:])
         sides = (half, whole), (other_half, other)
         if ends[0][2] < tolerance and all(
-            0.375 * far < near and 0.0 < far < 0.1 for near, far in sides
+            0.375 * far < near and 0.0 < far < least for near, far in sides
         ):
             return ends[0][0]
     return None
