@@ -95,7 +95,9 @@ def crossing(
         # of the square root of the objective: the line through the two last points does the rest
         if abs(height) < 1e-6:
             break
-    unsettled = math.isfinite(beyond.objective) and not beyond.converged
+    unsettled = any(
+        math.isfinite(point.objective) and not point.converged for point in (inner, beyond)
+    )
     if search.coordinates.by_size[i] and unsettled:
         # the others may make up for any size
         return None, cuts
