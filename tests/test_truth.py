@@ -178,7 +178,7 @@ def test_neighbours_that_are_alike_are_borne_beside_a_force_and_no_larger_than_s
     """Errors of successive readings that are correlated by 0.9: a note where a force takes up what
     they share, a failure where none does.
     """
-    case = Case("ar1-9", "default", "speeds", replica=4, seed=1)
+    case = Case("ar1-9", "default", "speeds", replica=5, seed=1)
     _, campaign, _, _ = recorded(tmp_path, case.name, generator(case), priors=case.priors)
     problem = campaign.problem(["r"], usual=True)
     (borne,) = check_goodness(
