@@ -738,6 +738,20 @@ def test_a_complex_value_is_none() -> None:
     assert fit.values["b"] == pytest.approx(-0.3, abs=4.0 * fit.sds["b"])
 
 
+@pytest.mark.parametrize("limits", [("a", "b"), (0.0, math.nan), (0.0,), (5.0, 1.0)])
+def test_what_is_no_limit_is_refused_in_one_line(limits: Any) -> None:
+    x = np.arange(1.0, 10.0)
+    with pytest.raises(InputError, match="'bounds'"):
+        fit_curve("A*exp(-x/t)", x, np.exp(-x), u_y=0.1, bounds={"t": limits})
+
+
+@pytest.mark.parametrize("limits", [(0.0, math.inf), [np.int64(0), np.int64(9)]])
+def test_limits_are_numbers_of_any_kind(limits: Any) -> None:
+    x = np.arange(1.0, 10.0)
+    y = 3.0 * np.exp(-x / 2.0) + 0.01 * np.random.default_rng(1).standard_normal(9)
+    assert fit_curve("A*exp(-x/t)", x, y, u_y=0.01, bounds={"t": limits}).status == "ok"
+
+
 @pytest.mark.parametrize("unit", [1.0, 1e5])
 def test_a_minimum_at_a_kink_is_one_in_any_unit(unit: float) -> None:
     x = np.linspace(0.0, 10.0, 30)

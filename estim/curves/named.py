@@ -5,6 +5,7 @@ them until there are points, and what these give.
 from __future__ import annotations
 
 import math
+import numbers
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
@@ -266,8 +267,13 @@ def _in_order(
 
 
 def within(limits: Limits | None) -> float:
-    """A number within limits, to stand in for a start."""
-    low, high = limits if isinstance(limits, tuple) and len(limits) == 2 else (None, None)
+    """A number within limits, to stand in for a start; what is no limit is refused later."""
+    pair: Sequence[Any] = (
+        limits if isinstance(limits, tuple | list) and len(limits) == 2 else (None, None)
+    )
+    low, high = (
+        float(end) if isinstance(end, numbers.Real) and math.isfinite(end) else None for end in pair
+    )
     if low is not None and high is not None:
         return 0.5 * (low + high)
     return low + 1.0 if low is not None else high - 1.0 if high is not None else 1.0

@@ -254,15 +254,13 @@ def _found(
     spread = spread_at(search, (optimum.values, optimum.chi2))  # perhaps of another alias
     symmetry = symmetry.scaled(spread, nonlinear)
     optimum = replace(optimum, symmetry=symmetry)
-    repeat = repeats(search, optimum.values, symmetry.period)
+    steps = repeat = repeats(search, optimum.values, symmetry.period)
     if np.any(np.isfinite(repeat)):
         optimum = _repeated(search, optimum, tried, repeat, start)
         # a quarter of a step that the data leave open anyway is as good as no limit
         spread = spread_at(search, (optimum.values, optimum.chi2))
-        steps, repeat = repeat, np.where(repeat > 16.0 * spread, repeat, np.inf)
+        repeat = np.where(steps > 16.0 * spread, steps, np.inf)
         optimum = replace(optimum, symmetry=replace(optimum.symmetry, repeat=repeat))
-    else:
-        steps = repeat
     unheld = _unheld(search, optimum, np.fmin(symmetry.period, repeat))
     if unheld is not None:
         step = float(steps[search.posterior.names.index(unheld.parameters[0].name)])
