@@ -249,12 +249,7 @@ def local_of(result: Any, x: FloatArray, arguments: Named, names: Iterable[str])
     """The curve and its derivatives from a result on dual numbers, every array (n_draw, n_obs)."""
     partials = result.partials if isinstance(result, Dual) else {}
     value = _full(plain(result), x, arguments)
-    slopes = {
-        name: np.ascontiguousarray(
-            np.broadcast_to(np.asarray(partials.get(name, 0.0), dtype=float), value.shape)
-        )
-        for name in ("x", *names)
-    }
+    slopes = {name: _spread(partials.get(name, 0.0), value.shape) for name in ("x", *names)}
     return LocalCurve(value, slopes["x"], {name: slopes[name] for name in names})
 
 
@@ -277,11 +272,15 @@ def time_derivative_of(curve: Any, x: FloatArray, arguments: Named, order: int) 
 
 def _full(result: Any, x: FloatArray, arguments: Named) -> FloatArray:
     """A result as (n_draw, n_obs)."""
+    rows = (np.shape(value)[0] for value in (x, *arguments.values()) if np.ndim(value) == 2)
+    n_draw = next((n for n in rows if n != 1), 1)
+    return _spread(result, (n_draw, np.shape(x)[-1]))
+
+
+def _spread(result: Any, shape: tuple[int, ...]) -> FloatArray:
+    """A result in all rows and columns of `shape`."""
     array = np.asarray(result, dtype=float)
-    shape = np.broadcast_shapes(
-        np.atleast_2d(x).shape, array.shape, *(np.shape(value) for value in arguments.values())
-    )
-    return np.ascontiguousarray(np.broadcast_to(array, shape))
+    return array if array.shape == shape else np.ascontiguousarray(np.broadcast_to(array, shape))
 
 
 def _arrays(arguments: Named, names: Iterable[str]) -> dict[str, Any]:

@@ -13,6 +13,8 @@ from estim.fitting.separable import RESOLVED, SeparableSearch
 
 SILENT = 1e-11  # ratio of singular values
 _NO_STEP = 1e-6  # standard deviations
+_EQUAL = 1e-9  # relative difference of sums of squares
+_TOGETHER = 1e-3  # standard deviations between descents that came to the same end
 # predicted decrease of the squares at which a descent ends; Fisher scoring follows the rough one
 _CLOSELY, _ROUGHLY, _MOST_STEPS = 1e-11, 1e-3, 100
 
@@ -29,9 +31,23 @@ def descended(search: SeparableSearch, starts: FloatArray) -> list[End]:
     # one exact step gives the digits that numerical derivatives leave out; a search with errors of
     # x ends by up to ten steps of Fisher scoring
     most = 10 if search.creeps else 1
-    lowest = np.isfinite(chi2) & (settled | (chi2 <= np.min(chi2)))
-    ends = [stepped(search, point, most=most)[0] for point in points[lowest]]
-    return [(values, size) for values in ends if math.isfinite(size := search.chi2(values))]
+    lowest = np.flatnonzero(np.isfinite(chi2) & (settled | (chi2 <= np.min(chi2))))
+    if not lowest.size:
+        return []
+
+    def finished(k: int) -> End:
+        values = stepped(search, points[k], most=most)[0]
+        return values, search.chi2(values)
+
+    # of the lowest the first, which may have started where the user said
+    first = int(lowest[chi2[lowest] <= np.min(chi2[lowest]) * (1.0 + _EQUAL)][0])
+    best = finished(first)
+    spread = spread_at(search, best)
+    ends = [
+        best if k == first or is_close(points[k], best[0], spread, _TOGETHER) else finished(k)
+        for k in lowest.tolist()
+    ]
+    return [end for end in ends if math.isfinite(end[1])]
 
 
 def stepped(
@@ -158,3 +174,23 @@ def inverse_information(
     )
     inverse = np.where(singular > resolved * singular[0], 1.0 / np.maximum(singular, 1e-300), 0.0)
     return (right.T * inverse**2) @ right / np.outer(scale, scale), condition
+
+
+def spread_at(search: SeparableSearch, best: End) -> FloatArray:
+    """(n_par,) standard deviations at an optimum, 0 for what the search does not move."""
+    jacobian = search.scoring(best[0])[0][:, search.free]
+    spread = np.zeros(best[0].size)
+    if all_finite(jacobian):
+        size = (
+            best[1] / max(1, search.posterior.problem.n_obs - search.free.size)
+            if search.unstated
+            else 1.0
+        )
+        spread[search.free] = np.sqrt(
+            np.maximum(np.diag(inverse_information(jacobian)[0]), 0.0) * size
+        )
+    return spread
+
+
+def is_close(a: FloatArray, b: FloatArray, spread: FloatArray, limit: float) -> bool:
+    return bool(np.all(np.abs(a - b) <= limit * spread + 1e-7 * np.abs(b)))

@@ -27,7 +27,15 @@ from estim.arrays import BoolArray, FloatArray, Named, all_finite, sds_of
 from estim.common import Amount, Finding, InputError, Kind, NumericalError, phrase
 from estim.fitting.fisher_information import beside_limits
 from estim.fitting.further_optima import far_places, further_optima
-from estim.fitting.gauss_newton import End, descended, inverse_information, near_bound, stepped
+from estim.fitting.gauss_newton import (
+    End,
+    descended,
+    inverse_information,
+    is_close,
+    near_bound,
+    spread_at,
+    stepped,
+)
 from estim.fitting.least_squares import (
     WITHIN_REACH,
     Fit,
@@ -49,10 +57,8 @@ from estim.fitting.solutions import (
     distinct_ends,
     equal_to,
     is_at,
-    is_close,
     is_one,
     repeats,
-    spread_at,
 )
 from estim.fitting.symmetry_search import find_symmetry
 from estim.problem import (
@@ -284,10 +290,9 @@ def _chosen(
     """
     distinct = distinct_ends(search, best, every, symmetry)
     values, others, aliases = choose(search, distinct, symmetry, start)
-    chosen = values, search.chi2(values)
+    chosen, spread = (values, search.chi2(values)), spread_at(search, best)
     n_same = sum(
-        is_at(search, best, end[0], values, symmetry) or is_one(search, end, chosen)
-        for end in tried
+        is_at(end[0], values, spread, symmetry) or is_one(search, end, chosen) for end in tried
     )
     optimum = _polished(search, values, n_start=n_start, n_same=n_same)
     return replace(optimum, others=others, symmetry=symmetry, aliases=aliases)
@@ -326,7 +331,7 @@ def _repeated(
 
     def order(image: FloatArray) -> tuple[float, ...]:
         negative = image * np.where(stated, start, 1.0) < 0.0
-        far = distance(search, np.where(stated, image, start), start, period)
+        far = float(distance(search, np.where(stated, image, start), start, period))
         away = np.abs(image - near)[np.isfinite(repeat)]
         return round(far, 9), float(np.sum(negative & signed)), float(np.sum(away))
 
@@ -595,32 +600,31 @@ def _screened(
     search: SeparableSearch, start: FloatArray, rng: np.random.Generator, n: int
 ) -> list[FloatArray]:
     """The best `n` of many points around the start, no two of them alike."""
-    scattered = np.array([_scattered(search, start, rng) for _ in range(200)])
-    points, heights = search.squares.evaluate(scattered)
+    points, heights = search.squares.evaluate(_scattered(search, start, rng, 200))
+    points = points[np.argsort(heights, kind="stable")[: np.isfinite(heights).sum()]]
     chosen: list[FloatArray] = []
-    for i in np.argsort(heights, kind="stable"):
-        if len(chosen) == n or not math.isfinite(heights[i]):
-            break
-        if all(distance(search, points[i], other) > _ALIKE for other in chosen):
-            chosen.append(points[i])
+    while len(points) and len(chosen) < n:
+        chosen.append(points[0])
+        points = points[distance(search, points, points[0]) > _ALIKE]
     return chosen
 
 
-def _scattered(search: SeparableSearch, start: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """A point around the start: each nonlinear parameter times a factor, or drawn between its
-    limits or from its prior.
+def _scattered(
+    search: SeparableSearch, start: FloatArray, rng: np.random.Generator, n: int
+) -> FloatArray:
+    """(n, n_par) points around the start: each nonlinear parameter times a factor, or drawn between
+    its limits or from its prior.
     """
-    values = start.copy()
+    points = np.repeat(start[None, :], n, axis=0)
     for i in search.nonlinear:
         prior = search.posterior.problem.parameters[i].prior
         if math.isfinite(prior.sd) and math.isfinite(prior.low) == math.isfinite(prior.high):
-            values[i] = float(prior.draw(rng, 1)[0])
+            points[:, i] = prior.draw(rng, n)
             continue
-        size = abs(start[i])
-        factor = 10.0 ** rng.standard_normal()
-        values[i] = start[i] * factor if size > 0.0 else rng.choice([-1.0, 1.0]) * factor
-        values[i] = min(max(values[i], search.low[i]), search.high[i])
-    return values
+        size = start[i] if start[i] != 0.0 else rng.choice([-1.0, 1.0], n)
+        factors = size * 10.0 ** rng.standard_normal(n)
+        points[:, i] = np.clip(factors, search.low[i], search.high[i])
+    return points
 
 
 def _at_kink(search: SeparableSearch, values: FloatArray, tolerance: float) -> FloatArray | None:
@@ -672,10 +676,16 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
     if not step_size < tolerance and (kink := _at_kink(search, values, tolerance)) is not None:
         values, chi2, step_size = kink, search.chi2(kink), 0.0
     near = near_bound(search, values, jacobian, residual, chi2)
-    if np.any(near) and not np.all(np.any(jacobian, axis=0)[free]):
-        # what another parameter hides on its limit lies anywhere
-        beside = search.scoring(beside_limits(search.posterior, values))[0]
-        near |= np.any(beside, axis=0) & ~np.any(jacobian, axis=0)
+    if np.any(near):
+        at_limit = np.where(values - search.low < search.high - values, search.low, search.high)
+        values = np.where(near, at_limit, values)
+        jacobian = search.scoring(values)[0]
+        silent = ~np.any(jacobian, axis=0) & np.isin(np.arange(values.size), free)
+        if np.any(silent):
+            # what another parameter hides on its limit lies anywhere: where it started
+            beside = search.scoring(beside_limits(search.posterior, values))[0]
+            hidden = silent & np.any(beside, axis=0)
+            values, near = np.where(hidden, search.held, values), near | hidden
     moving = free[~near[free]]
     cov, condition = inverse_information(jacobian[:, moving], resolved)
     full = np.zeros((values.size, values.size))

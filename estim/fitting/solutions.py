@@ -11,7 +11,7 @@ import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, all_finite, max_abs
 from estim.common import Amount, Finding, Kind
-from estim.fitting.gauss_newton import End, inverse_information
+from estim.fitting.gauss_newton import End, inverse_information, is_close, spread_at
 from estim.fitting.least_squares import WITHIN_REACH
 from estim.fitting.separable import Indices, SeparableSearch
 from estim.problem import TURNS, Symmetry
@@ -22,6 +22,8 @@ PLACE = 0.5  # standard deviations: closer ends are one place
 _EXACT, _ROUNDED = 1e-9, 0.01  # of the distance between two points: from its even place
 _ASIDE = 0.382  # of the distance: no simple share, at which other aliases meet again
 _AS_GOOD = 4.5  # in log likelihood: three standard deviations
+# places at which curves that do not repeat are told at a glance, by so much of their size
+_GLANCED, _GLANCE = 16, 1e-3
 # root mean square of the difference between curves through nearly the same points, of the scatter;
 # times that, between the points
 _NEARLY, _APART = 0.7, 5.0
@@ -45,31 +47,10 @@ def chi2_limit(search: SeparableSearch, best: End) -> float:
     return best[1] + 2.0 * WITHIN_REACH
 
 
-def spread_at(search: SeparableSearch, best: End) -> FloatArray:
-    """(n_par,) standard deviations at an optimum, 0 for what the search does not move."""
-    jacobian = search.scoring(best[0])[0][:, search.free]
-    spread = np.zeros(best[0].size)
-    if all_finite(jacobian):
-        size = (
-            best[1] / max(1, search.posterior.problem.n_obs - search.free.size)
-            if search.unstated
-            else 1.0
-        )
-        spread[search.free] = np.sqrt(
-            np.maximum(np.diag(inverse_information(jacobian)[0]), 0.0) * size
-        )
-    return spread
-
-
-def is_close(a: FloatArray, b: FloatArray, spread: FloatArray, limit: float) -> bool:
-    return bool(np.all(np.abs(a - b) <= limit * spread + 1e-7 * np.abs(b)))
-
-
-def is_at(
-    search: SeparableSearch, best: End, end: FloatArray, values: FloatArray, symmetry: Symmetry
-) -> bool:
-    """Whether a descent ended at `values`, labels aside."""
-    spread = spread_at(search, best)
+def is_at(end: FloatArray, values: FloatArray, spread: FloatArray, symmetry: Symmetry) -> bool:
+    """Whether a descent ended within `PLACE` of the standard deviations `spread` (n_par,) of
+    `values`, labels aside.
+    """
     images, number = symmetry.images(end[None, :], values)
     return any(
         is_close(image, values, spread, PLACE)
@@ -83,12 +64,17 @@ def distinct_ends(
 ) -> list[End]:
     """Ends that are not much worse than the best, each place once, labels aside; the best first."""
     distinct: list[End] = []
+    spreads: list[FloatArray] = []
     limit = chi2_limit(search, best)
     for end in sorted(ends, key=lambda candidate: candidate[1]):
         if end[1] > limit or len(distinct) > MOST_OTHERS:
             break
-        if not any(is_at(search, other, end[0], other[0], symmetry) for other in distinct):
+        if not any(
+            is_at(end[0], other, spread, symmetry)
+            for (other, _), spread in zip(distinct, spreads, strict=True)
+        ):
             distinct.append(end)
+            spreads.append(spread_at(search, end))
     return distinct
 
 
@@ -141,7 +127,7 @@ def choose(
         alone = np.isin(np.arange(start.size), moved)
 
         def by_ratio(i: int) -> float:
-            return distance(search, np.where(alone, named[i], begun), begun)
+            return float(distance(search, np.where(alone, named[i], begun), begun))
 
         def by_difference(i: int) -> float:
             return float(np.sum(((named[i] - begun)[moved] / apart[moved]) ** 2))
@@ -197,14 +183,14 @@ def written(
     def order(image: FloatArray) -> tuple[float, ...]:
         negative = image[flips] < 0.0
         turned = np.abs(image - near)[np.isfinite(symmetry.period)]
-        far = distance(search, np.where(stated, image, start), start, symmetry.period)
+        far = float(distance(search, np.where(stated, image, start), start, symmetry.period))
         kinds = ~(linear | phase), linear, phase
         signs = [float(np.sum(negative & kind)) for kind in kinds]
         return (
             round(far, 9),
             *signs,
             round(float(np.sum(turned)), 9),
-            distance(search, image, start, symmetry.period),
+            float(distance(search, image, start, symmetry.period)),
         )
 
     images = [image for values in alike for image in symmetry.within(values, near)]
@@ -295,6 +281,7 @@ def repeats(search: SeparableSearch, values: FloatArray, period: FloatArray) -> 
     """
     problem, steps = search.posterior.problem, np.full(values.size, np.inf)
     named = problem.named(values)
+    glances = [np.linspace(run.x.min(), run.x.max(), _GLANCED) for run in problem.runs]
     sizes = {
         abs(float(np.ravel(size)[0])) for run in problem.runs for size in run.bind(named).values()
     } - {0.0}
@@ -303,7 +290,12 @@ def repeats(search: SeparableSearch, values: FloatArray, period: FloatArray) -> 
         if math.isfinite(period[i]) or math.isfinite(problem.parameters[i].prior.sd):
             continue
         unit = np.eye(values.size)[i]
-        for step in tried:
+        places = problem.named(values + np.multiply.outer([0.0, *tried], unit))
+        same = np.ones(len(tried), dtype=bool)
+        for run, x in zip(problem.runs, glances, strict=True):
+            curves = np.broadcast_to(run.curve.value(x, run.bind(places)), (1 + same.size, x.size))
+            same &= ~(np.max(np.abs(curves[1:] - curves[0]), axis=1) > _GLANCE * max_abs(curves))
+        for step in np.array(tried)[same].tolist():
             if all(
                 _same_curve(search, values, values + share * step * unit, between=True) is same
                 for share, same in ((1.0, True), (0.37, False))
@@ -355,12 +347,13 @@ def distance(
     values: FloatArray,
     other: FloatArray,
     period: FloatArray | float = math.inf,
-) -> float:
-    """How far apart two points are: changes of sign, then factors, of the nonlinear parameters, or
-    turns of those with a `period`, whose 0 is a place like any other; signs of the linear ones.
+) -> FloatArray:
+    """(...) how far points (..., n_par) are from another (n_par,): changes of sign, then factors,
+    of the nonlinear parameters, or turns of those with a `period`, whose 0 is a place like any
+    other; signs of the linear ones.
     """
-    a, b = values[search.nonlinear], other[search.nonlinear]
-    turn = np.broadcast_to(period, values.shape)[search.nonlinear]
+    a, b = values[..., search.nonlinear], other[search.nonlinear]
+    turn = np.broadcast_to(period, other.shape)[search.nonlinear]
     with np.errstate(all="ignore"):
         factors = np.where(
             b == 0.0,
@@ -369,5 +362,5 @@ def distance(
         )
         apart = np.where(a * b < 0.0, 100.0, 0.0) + factors**2
         apart = np.where(np.isfinite(turn), ((a - b) / turn) ** 2, apart)
-    signs = np.sum(values[search.linear] * other[search.linear] < 0.0)
-    return float(np.sum(apart) + 30.0 * signs)
+    signs = np.sum(values[..., search.linear] * other[search.linear] < 0.0, axis=-1)
+    return np.asarray(np.sum(apart, axis=-1) + 30.0 * signs)
