@@ -578,3 +578,8 @@ def test_another_slip_is_not_told_of_products(text: str) -> None:
     with pytest.raises(InputError) as refused:
         read_formula(text, field="formula")
     assert "products" not in str(refused.value)
+
+
+def test_a_word_of_python_is_named() -> None:
+    with pytest.raises(InputError, match=r"'lambda' is a word of Python: take another name, like"):
+        read_formula("a*exp(-lambda*x)")

@@ -289,6 +289,14 @@ def test_data_sets_are_simulated_until_every_p_value_is_known_well_enough(
     (checks,) = goodness_of_fit._checks([trending], simulate)
     assert sum(sizes) == max(2600, min(20_000, int(4e7 / n_error)))
     assert checks["trend"].p_value == 1.0 / (1.0 + sum(sizes)) < P_POOR_FIT
+    sizes.clear()
+    # smaller than those of one data set in 200: not of all
+    small = goodness_of_fit._Tested(errors * np.sqrt(7.43 / (errors @ errors)), compared, True)
+    (checks,) = goodness_of_fit._checks([small], simulate)
+    if n_error == 30:
+        below = (1.0 - checks["chi2"].p_value) * (1 + sum(sizes))
+        assert 10.0 <= round(below, 9)
+        assert below / sum(sizes) == pytest.approx(0.005, rel=4.0 / np.sqrt(below))
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 import re
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +16,12 @@ from command_runner import runner
 from conftest import REAL
 from tracker_files import point_mass, trk
 
-from estim import fit_curve
+from estim import Binomial, EventTimes, fit_curve
 from estim.campaign import Campaign, TableChoices, campaign_of_table, load_campaign
 from estim.campaign.table_campaign import run_names, text_of_table
 from estim.cli.commands import cli
 from estim.common.errors import EstimError, InputError
-from estim.fitting import fit_problem
+from estim.fitting import Fit, fit_problem
 from estim.fitting.optimum import fit_optimum
 
 FORMULA = "a*exp(-x/tau) + c"
@@ -846,3 +847,35 @@ def test_what_does_not_go_with_several_tables_is_refused(two: list[Path], tmp_pa
     two[1].write_text(two[1].read_text().replace("[s]", "[ms]"))
     assert "'t [s]' is missing (the header has t [ms], U [V])" in told("fit", *two, *said)
     assert "must be in ms, as the header of" in told("fit", *two, *said, "--x", "t", "--y", "U")
+
+
+def test_times_of_events_and_numbers_of_successes_need_no_campaign(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    times = rng.exponential(2.2, 2000)
+    times = times[times < 10.0]
+    (tmp_path / "times.csv").write_text("t_us\n" + "\n".join(f"{t:.6f}" for t in times))
+    events = TableChoices(formula="exp(-t/tau)", start={"tau": "2"}, noise="event-times")
+    fit = fitted(tmp_path / "times.csv", replace(events, window=(0.0, 10.0)))
+    noise = EventTimes(0.0, 10.0)
+    alone = fit_curve("exp(-x/tau)", np.round(times, 6), None, noise=noise, start={"tau": 2.0})
+    assert fit.named["tau"] == pytest.approx(alone.values["tau"], rel=1e-6)
+
+    dose, shots = np.linspace(-3.0, 3.0, 13), rng.integers(20, 60, 13)
+    dead = rng.binomial(shots, 1.0 / (1.0 + np.exp(-(dose - 0.4) / 0.8)))
+    rows = "\n".join(f"{x},{k},{n}" for x, k, n in zip(dose, dead, shots, strict=True))
+    (tmp_path / "doses.csv").write_text(f"dose,dead,shots\n{rows}\n")
+    logistic, start = "1/(1 + exp(-(x - m)/s))", {"m": "0", "s": "1"}
+    counted = TableChoices(formula=logistic, start=start, noise="binomial", trials="shots")
+    fit = fitted(tmp_path / "doses.csv", counted)  # the column of trials is no y
+    alone = fit_curve(logistic, dose, dead, noise=Binomial(shots), start={"m": 0.0, "s": 1.0})
+    for name, value in alone.values.items():
+        assert fit.named[name] == pytest.approx(value, rel=1e-6)
+    for wrong in (replace(counted, trials=None), replace(counted, noise=None)):
+        with pytest.raises(InputError, match=r"'--trials' goes with --noise binomial"):
+            campaign_of_table(tmp_path / "doses.csv", wrong)
+
+
+def fitted(table: Path, choices: TableChoices) -> Fit:
+    campaign = campaign_of_table(table, choices)
+    return fit_problem(campaign.problem(list(campaign.runs)), rng=np.random.default_rng(1))

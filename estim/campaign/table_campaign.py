@@ -70,7 +70,8 @@ class TableChoices:
     u_x, u_y : a number, a number with its uncertainty, or a column.
     own : parameters of which each table has one of its own; the others are one for all.
     window : lowest and highest x.
-    noise : "poisson" where y are counts, in place of u_y.
+    noise, trials : what was counted, in place of u_y: "poisson", "binomial" (of `trials`, a number
+        or a column), or "event-times", without y.
     rolling : in place of a formula and all that goes with it, key of a campaign -> value, of a disk
         that rolled: "0.150(1)", a range "0:1", a prior as TOML; x and y are t and x, or x and v.
     """
@@ -93,6 +94,7 @@ class TableChoices:
     jitter: bool = False
     robust: str | None = None
     noise: str | None = None
+    trials: str | None = None
     title: str | None = None
     kind: Kind = "measured"
     track: str | None = None
@@ -135,7 +137,7 @@ def text_of_table(
 
     others : tables with columns of the same names.
     """
-    names = run_names([file, *others])
+    names, counted = run_names([file, *others]), _counted(choices)
     heads = [
         {"name": name, "file": way_to(table, within or file.parent)}
         for name, table in zip(names, (file, *others), strict=True)
@@ -159,7 +161,7 @@ def text_of_table(
         "expression": formula.text if model is None else None,
         "model": None if model is None else model.text,
         "x": x.table,
-        "y": y.table,
+        "y": y and y.table,
         "u_y": _error("u_y", u_y),
         "u_x": _error("u_x", u_x),
         "window": window,
@@ -168,7 +170,7 @@ def text_of_table(
         "correlated": choices.correlated or None,
         "jitter": choices.jitter or None,
         "robust": choices.robust,
-        "noise": choices.noise and {"model": choices.noise},
+        "noise": counted,
         **{key: getattr(choices.dialect, key) for key in DIALECT_KEYS},
     }
     parameters = {
@@ -181,6 +183,20 @@ def text_of_table(
     release = None if choices.release is None else _release(choices.release)
     read = {"track": choices.track, "release": release, "parameters": own or None}
     return _text(file, choices, [*tables, *(("[[runs]]", {**head, **read}) for head in heads)])
+
+
+def _counted(choices: TableChoices) -> dict[str, object] | None:
+    """The table of what was counted.  Raises InputError where the number of trials is missing, or
+    goes with nothing.
+    """
+    if (choices.trials is None) == (choices.noise == "binomial"):
+        rule = "goes with --noise binomial, which needs it"
+        raise InputError(rule, field="--trials", value=choices.trials)
+    if choices.trials is None:
+        return {"model": choices.noise} if choices.noise else None
+    number = re.fullmatch(r"\d+", choices.trials)
+    trials: object = float(choices.trials) if number else choices.trials
+    return {"model": choices.noise, "trials": trials}
 
 
 def _text(
@@ -294,9 +310,9 @@ def run_names(files: Sequence[Path]) -> list[str]:
 
 def _axes(
     file: Path, formula: Formula, choices: TableChoices, stated: Sequence[str], *, named: bool
-) -> tuple[Axis, Axis, str | None, str | None]:
+) -> tuple[Axis, Axis | None, str | None, str | None]:
     """x, y, u_x and u_y: as stated; else the two columns that there are, or the one that the
-    formula names and the column y; their columns u_NAME.
+    formula names and the column y; their columns u_NAME.  Events have no y.
     """
     if is_tracker_file(file):
         if choices.y is None:
@@ -311,7 +327,7 @@ def _axes(
         )
         return x, y, choices.u_x, choices.u_y
     layout = read_layout(file, choices.dialect, needed=choices.asked)
-    values = value_columns(layout, (choices.u_x, choices.u_y))
+    values = value_columns(layout, (choices.u_x, choices.u_y, choices.trials))
     x_name, y_name = choices.x, choices.y
     called = [
         name
@@ -324,6 +340,8 @@ def _axes(
         x_name, y_name = _of_two(values, called, formula, layout, named=named)
     if x_name is None:
         x_name = called[0] if len(called) == 1 else None
+    if choices.noise == "event-times" and y_name is None and (x_name or len(values) == 1):
+        return _axis(x_name or values[0], layout), None, choices.u_x, choices.u_y
     others = [name for name in values if not {name, bare_name(name)} & {x_name, y_name}]
     if y_name is None:
         y_name = (

@@ -459,8 +459,9 @@ def _checks(
         are all zero do not count: such data have no pattern to test.
     among : by how many times more of them may be needed.
 
-    Data sets are drawn until every statistic has been met or exceeded by `_ENOUGH` of them (Besag
-    and Clifford, Biometrika 78 (1991) 301), or by fewer: a p-value that decides nothing needs few.
+    Data sets are drawn until every statistic has been met or exceeded by `_ENOUGH` of them, and
+    chi2 been above as many (Besag and Clifford, Biometrika 78 (1991) 301), or by fewer: a p-value
+    that decides nothing needs few.
     """
     least = [dict.fromkeys(run.statistics, 0) for run in tested]
     drift = [run.statistics["trend"] for run in tested]
@@ -473,8 +474,17 @@ def _checks(
     n_error = int(ends[-1])
     n_most = int(among * np.clip(_MOST_NUMBERS / n_error, _LEAST_SIMULATED, _N_SIMULATED))
     at_once, n = max(1, min(_AT_ONCE, int(_MOST_AT_ONCE / n_error))), 0
-    while n < n_most and (fewest := min(min(counts.values()) for counts in least)) < (
-        _FEWER if fewest > _CLEARLY * P_POOR_FIT * n else _ENOUGH
+
+    def fewest() -> int:
+        """Of the data sets on one side of a statistic: the upper one, of chi2 either."""
+        return min(
+            min(above, every[name] - above) if name == "chi2" else above
+            for counts, every in zip(least, seen, strict=True)
+            for name, above in counts.items()
+        )
+
+    while n < n_most and (few := fewest()) < (
+        _FEWER if few > _CLEARLY * P_POOR_FIT * n else _ENOUGH
     ):
         more = min(at_once, n_most - n)
         exact, recorded = simulate(more)

@@ -155,9 +155,11 @@ _CURVE = (
     ),
     click.option(
         "--noise",
-        type=click.Choice(["poisson"]),
-        help="y are numbers of events, whose noise follows from the curve.",
+        type=click.Choice(["poisson", "binomial", "event-times"]),
+        help="What was counted: y are numbers of events, or of successes in --trials; or x are "
+        "times of single events, and there is no y.",
     ),
+    click.option("--trials", metavar="N|COLUMN", help="Trials at each x, of --noise binomial."),
     click.option(
         "--title", metavar="TEXT", help="Title of the report.  [default: the name of FILE]"
     ),

@@ -12,6 +12,7 @@ from __future__ import annotations
 import ast
 import copy
 import difflib
+import keyword
 import re
 import warnings
 from collections.abc import Collection, Iterable, Mapping
@@ -322,6 +323,9 @@ def _parse(text: str, field: str) -> ast.expr:
             return ast.parse(text, mode="eval").body
     except SyntaxError as error:
         hint = " (one expression, without '=')" if "=" in text else ""
+        for word in re.findall(r"[^\W\d]\w*", text):
+            if keyword.iskeyword(word):
+                hint += f" ('{word}' is a word of Python: take another name, like {word}_)"
         if re.search(r"[\w)]\s+[\w(]|\d[^\W\d]", text):  # 2x, a x, sin x
             hint += (
                 " (write products with *, as in 2*a*x, and functions with brackets, as in sin(x))"
