@@ -959,3 +959,17 @@ def test_a_line_that_ends_at_a_sure_success_is_found(y: list[int]) -> None:
     best = optimize.minimize(minus_log, [0.8, 0.1], method="Nelder-Mead", options={"fatol": 1e-12})
     assert fit.status == "ok"
     assert minus_log([fit.values["a"], fit.values["b"]]) == pytest.approx(best.fun, abs=2e-3)
+
+
+def test_few_counts_that_are_equal_are_not_said_to_be_too_even(rng: np.random.Generator) -> None:
+    pairs = [(3, 3), *rng.poisson(3.0, (8, 2)).tolist()]
+    for pair in pairs:  # one honest pair in six is equal
+        fit = fit_curve("m", [1.0, 2.0], pair, noise="poisson", start={"m": 2.0})
+        assert not any("scatter less" in note for note in fit.notes)
+    even = fit_curve("m", np.arange(40.0), [30, 31] * 20, noise="poisson", start={"m": 30.0})
+    assert "scatter less" in even.notes[0]
+
+
+def test_nothing_is_tested_without_degrees_of_freedom() -> None:
+    fit = fit_curve("m", [1.0], [3.0], u_y=0.1, start={"m": 2.0})
+    assert "dof = 0; " in str(fit) and "p <" not in str(fit)

@@ -20,6 +20,7 @@ import estim
 from estim.cli.commands import cli
 from estim.common.errors import InputError
 from estim.common.quantity import Quantity, difference
+from estim.means.dark_uncertainty import der_simonian_laird, hierarchical
 from estim.means.table_mean import mean_of_table
 from estim.reports.mean import mean_figure
 
@@ -320,3 +321,25 @@ def test_mean_of_groups_holds_and_that_of_all_readings_does_not():
     allowed = 4.0 * math.sqrt(0.05 * 0.95 / 1000)
     assert abs(holds[0] / 1000 - 0.95) < allowed
     assert holds[1] / 1000 < 0.95 - allowed
+
+
+def test_the_interval_of_the_dark_uncertainty_of_many_values_against_a_fine_grid(
+    rng: np.random.Generator,
+) -> None:
+    x = rng.normal(0.0, 3.0, 300)
+    posterior = hierarchical(x, np.ones(x.size))
+    tau = np.linspace(1.5, 5.0, 100_001)
+    # of equal u the mean is that of the values, whatever tau
+    variance, squares = 1.0 + tau**2, float(np.sum((x - x.mean()) ** 2))
+    log_p = np.log(tau) - 0.5 * (x.size + 1) * np.log(variance) - 0.5 * squares / variance
+    below = np.cumsum(np.exp(log_p - log_p.max()))
+    below, sd = below / below[-1], 3.0 / np.sqrt(2.0 * x.size)
+    for p in (0.025, 0.16, 0.5, 0.84, 0.975):
+        exact = np.interp(p, below, tau)
+        assert posterior.tau_quantile(p) == pytest.approx(exact, abs=0.03 * sd)
+
+
+def test_one_value_far_better_than_the_others_has_a_dark_uncertainty_by_moments() -> None:
+    u = np.array([1e-9, 1.0, 1.0, 1.0])
+    expected = np.sqrt((14.0 - 3.0) / (2.0 * 3.0))  # sum w - sum w^2/sum w is twice the others
+    assert der_simonian_laird(np.arange(1.0, 5.0), u) == pytest.approx(expected, rel=1e-6)

@@ -423,19 +423,13 @@ def _remarks(fit: Fit, goodness: Sequence[Goodness], conflict: Conflict) -> list
         chi2 = good.checks.get("chi2")
         if (
             chi2 is not None
-            and chi2.p_value > 1.0 - good.level
+            and chi2.p_below < good.level
             and not good.covered
             and run.lacks is None
         ):
             kind = Kind.COUNTS_EVEN if good.counted else Kind.RESIDUALS_SMALL
             remarks.append(
-                Finding(
-                    kind,
-                    run=good.run,
-                    test="chi2",
-                    p=1.0 - chi2.p_value,
-                    numbers={"least": P_FLOOR},
-                )
+                Finding(kind, run=good.run, test="chi2", p=chi2.p_below, numbers={"least": P_FLOOR})
             )
         patterned = run.name in off or not _OF_ORDER.isdisjoint(good.failed)
         if good.speed is not None and good.speed.p_value < P_TOLD / good.among and not patterned:

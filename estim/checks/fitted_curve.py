@@ -93,7 +93,7 @@ def values_outside(values: Mapping[str, float], intervals: Mapping[str, Ends]) -
 def curve_remarks(
     fit: Fit,
     best: Optimum,
-    p_value: float,
+    p_below: float,
     chi2: float,
     dof: int,
     goodness: Sequence[Goodness],
@@ -101,8 +101,8 @@ def curve_remarks(
     stated: bool,
     perfect: bool,
 ) -> list[Finding]:
-    """What to know of a fit that may be ok.  stated : whether the size of the errors was.  perfect
-    : whether there are residuals at all.
+    """What to know of a fit that may be ok.  p_below : probability of a chi2 at most as large.
+    stated : whether the size of the errors was.  perfect : whether there are residuals at all.
     """
     remarks = [remark for run in fit.problem.runs for remark in counts_as_readings(run)]
     if _NO_DIGITS >= best.tolerance > _FEW_DIGITS and not perfect:
@@ -115,9 +115,9 @@ def curve_remarks(
         )
     covered = [remark for good in goodness for remark in tolerated_pattern(good)]
     remarks += covered + [remark for good in goodness for remark in marginal_tests(good)]
-    if stated and 1.0 - p_value < P_POOR_FIT and not covered:
+    if stated and p_below < P_POOR_FIT and not covered:
         kind = (
             Kind.COUNTS_EVEN if fit.problem.runs[0].noise.counted is not None else Kind.CHI2_SMALL
         )
-        remarks.append(Finding(kind, p=1.0 - p_value, size=chi2, numbers={"dof": dof}))
+        remarks.append(Finding(kind, p=p_below, size=chi2, numbers={"dof": dof}))
     return remarks

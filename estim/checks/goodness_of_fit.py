@@ -56,7 +56,6 @@ import numpy as np
 from estim.arrays import FloatArray, max_abs
 from estim.fitting import MANY, Fit, chi2_p, no_scatter, spreads_by_runs
 from estim.problem import Linear, Observations, Whitened, reading_sd
-from estim.words import TESTS
 
 P_POOR_FIT = 1e-3  # of each test
 P_TOLD = 5e-3  # of `speed`, below which it is told
@@ -90,13 +89,13 @@ Drawn = tuple[Callable[[], FloatArray], Callable[[], FloatArray]]
 
 @dataclass(frozen=True)
 class Check:
-    """One test: its statistic, the probability of a value at least as extreme under the model, and
-    what failing it means.
+    """One test: its statistic, and the probabilities of one at least and at most as large under the
+    model.
     """
 
     statistic: float
     p_value: float
-    meaning: str
+    p_below: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +156,7 @@ class Goodness:
         show.
         """
         chi2 = self.checks.get("chi2")
-        small = chi2 is not None and chi2.p_value > 1.0 - P_POOR_FIT and self.pattern <= 1.0
+        small = chi2 is not None and chi2.p_below < P_POOR_FIT and self.pattern <= 1.0
         return self._below if small else ()
 
     @property
@@ -357,7 +356,7 @@ def _judged(
     among = max(1.0, n_run / MANY)
     empty = run.noise.counted is None and (no_scatter(run, fit) or max_abs(z) < _NO_ERRORS)
     if empty:
-        checks = {"zero": Check(0.0, P_FLOOR / among, TESTS["zero"])}
+        checks = {"zero": Check(0.0, P_FLOOR / among)}
     if not math.isnan(run.noise.outlier_share(named)):
         checks.pop("largest", None)  # the noise says how many may be far off, and how far
     speed = None if empty else checks.pop("speed", None)
@@ -463,13 +462,13 @@ def _checks(
     chi2 been above as many (Besag and Clifford, Biometrika 78 (1991) 301), or by fewer: a p-value
     that decides nothing needs few.
     """
-    least = [dict.fromkeys(run.statistics, 0) for run in tested]
+    above = [dict.fromkeys(run.statistics, 0) for run in tested]
     drift = [run.statistics["trend"] for run in tested]
-    for run, counts in zip(tested, least, strict=True):
+    for run, counts in zip(tested, above, strict=True):
         if run.dof > 0:
             counts.pop("chi2", None)
-    seen = [dict.fromkeys(counts, 0) for counts in least]
-    sized = any(name in counts for counts in least for name in ("chi2", "repeated"))
+    below, seen = ([dict(counts) for counts in above] for _ in range(2))
+    sized = any(name in counts for counts in above for name in ("chi2", "repeated"))
     ends = np.cumsum([run.z.size for run in tested])
     n_error = int(ends[-1])
     n_most = int(among * np.clip(_MOST_NUMBERS / n_error, _LEAST_SIMULATED, _N_SIMULATED))
@@ -478,9 +477,9 @@ def _checks(
     def fewest() -> int:
         """Of the data sets on one side of a statistic: the upper one, of chi2 either."""
         return min(
-            min(above, every[name] - above) if name == "chi2" else above
-            for counts, every in zip(least, seen, strict=True)
-            for name, above in counts.items()
+            min(count, lower[name]) if name == "chi2" else count
+            for counts, lower in zip(above, below, strict=True)
+            for name, count in counts.items()
         )
 
     while n < n_most and (few := fewest()) < (
@@ -498,28 +497,29 @@ def _checks(
             void = simulated["chi2"] < run.z.size * _ALIKE**2
             drift[i] = max(drift[i], float(np.max(simulated["trend"][~void], initial=0.0)))
             simulated = {name: values[~void] for name, values in simulated.items()} | sizes[i]
-            for name in least[i]:
+            for name in above[i]:
                 # the others are of the order of 1, and rounding where the curve leaves them no room
-                size = abs(run.statistics[name]) if name == "chi2" else 1.0
-                enough = run.statistics[name] - _ALIKE * size
-                least[i][name] += int(np.count_nonzero(simulated[name] >= enough))
+                room = _ALIKE * (abs(run.statistics[name]) if name == "chi2" else 1.0)
+                beyond = simulated[name] - run.statistics[name]
+                above[i][name] += int(np.count_nonzero(beyond >= -room))
+                below[i][name] += int(np.count_nonzero(beyond <= room))
                 seen[i][name] += simulated[name].size
         n += more
     checked = []
-    for run, counts, many, largest in zip(tested, least, seen, drift, strict=True):
-        p_values = {name: (1.0 + count) / (1.0 + many[name]) for name, count in counts.items()}
+    for run, upper, lower, many, largest in zip(tested, above, below, seen, drift, strict=True):
+        checks = {
+            name: Check(run.statistics[name], *((1.0 + n) / (1.0 + many[name]) for n in sides))
+            for name, *sides in ((name, count, lower[name]) for name, count in upper.items())
+        }
         if run.dof > 0 and run.stated:
-            p_values["chi2"] = max(chi2_p(run.statistics["chi2"], run.dof), P_FLOOR / among)
+            chi2 = run.statistics["chi2"]
+            p = chi2_p(chi2, run.dof)
+            checks["chi2"] = Check(chi2, max(p, P_FLOOR / among), 1.0 - p)
         if largest < _NO_DRIFT:
             # the curve itself can take every slow shape: what is left of them is rounding, or the
             # fit's own criterion
-            p_values["trend"] = 1.0
-        checked.append(
-            {
-                name: Check(statistic, p_values[name], TESTS[name])
-                for name, statistic in run.statistics.items()
-            }
-        )
+            checks["trend"] = Check(run.statistics["trend"], 1.0)
+        checked.append({name: checks[name] for name in run.statistics})
     return checked
 
 

@@ -587,12 +587,9 @@ class CurveFit:
                 if all(run.noise.counted is None for run in self.problem.runs)
                 else phrase("deviance")
             )
-            p = (
-                format_p(self.p_value, P_FLOOR)
-                if self.p_value == P_FLOOR
-                else format_p(self.p_value)
-            )
-            return f"{size} = {self.chi2:.4g}, dof = {self.dof}, {p}; {self.message}"
+            p = format_p(self.p_value, P_FLOOR if self.p_value == P_FLOOR else 0.0)
+            tested = f", {p}" if self.dof > 0 else ""
+            return f"{size} = {self.chi2:.4g}, dof = {self.dof}{tested}; {self.message}"
         return (
             f"{phrase('residual sd = {sd:.4g} (estimated: u_y was not given)', sd=self.sigma)}, "
             f"dof = {self.dof}; {self.message}"

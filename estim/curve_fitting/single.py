@@ -519,8 +519,9 @@ def _concluded(
     goodness = check_goodness(fit, rng=rng) if tested else ()
     # chi^2 is only nearly what it is called; of several data sets there is no test of them all
     unlike = any(item.normal is None for item in fit.posterior.likelihoods)
-    if len(goodness) == 1 and unlike:
-        p_value = goodness[0].checks["chi2"].p_value if "chi2" in goodness[0].checks else p_value
+    p_below = math.nan if unlike else 1.0 - p_value
+    if len(goodness) == 1 and unlike and (check := goodness[0].checks.get("chi2")) is not None:
+        p_value, p_below = check.p_value, check.p_below
     conflict = None if best.singular else check_stated_values(fit)
     solutions = several_solutions(fit, find_modes(fit)) if fit.others.size else []
     stated = [] if conflict is None else [stated_values(fit, conflict)]
@@ -534,7 +535,7 @@ def _concluded(
         wrong([*solutions, *outside, *uncertainty.open, *about, *apart, *stated]), fit
     )
     remarks = curve_remarks(
-        fit, best, p_value, chi2, dof, goodness, stated=sigma is None, perfect=perfect
+        fit, best, p_below, chi2, dof, goodness, stated=sigma is None, perfect=perfect
     )
     modelled = isinstance(posed, CurveProblem) and posed.lacks is not None
     return CurveFit(

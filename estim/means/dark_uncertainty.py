@@ -27,7 +27,9 @@ def der_simonian_laird(x: FloatArray, u: FloatArray) -> float:
     """
     w = 1.0 / u**2
     excess = weighted(x, u)[2] - (x.size - 1)
-    return float(np.sqrt(max(excess, 0.0) / (w.sum() - w @ w / w.sum())))
+    # sum w - sum w^2/sum w, of which a value far better than all others would leave nothing
+    pairs = 2.0 * w[1:] @ np.cumsum(w)[:-1] / w.sum()
+    return float(np.sqrt(max(excess, 0.0) / pairs))
 
 
 def mandel_paule(x: FloatArray, u: FloatArray) -> float:
@@ -63,7 +65,8 @@ class Hierarchical:
         return float(optimize.brentq(off, -far, far, xtol=1e-10 * float(self.sd.min())))
 
     def tau_quantile(self, probability: float) -> float:
-        return float(np.interp(probability, np.cumsum(self.p), self.tau))
+        below = np.cumsum(self.p) - 0.5 * self.p  # half of a step's share lies below its middle
+        return float(np.interp(probability, below, self.tau))
 
 
 def hierarchical(x: FloatArray, u: FloatArray) -> Hierarchical:
