@@ -28,6 +28,8 @@ Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
 
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING, _FACTOR = 1e-3, 1e-9, 1e5, 10.0
+# looks for parameters beyond their bounds; times the part of a step to the nearest bound
+_PASSES, _FARTHEST = 4, 10.0
 _PATIENCE = 4  # steps, after which descents are compared
 
 T = TypeVar("T")
@@ -467,14 +469,15 @@ def bounded_steps(
     """
     free = free & ~(((low >= 0.0) & (gradients > 0.0)) | ((high <= 0.0) & (gradients < 0.0)))
     step = _damped(gradients, hessians, damping, free)
-    with np.errstate(all="ignore"):
-        share = np.where(step == 0.0, 1.0, np.where(step > 0.0, high, low) / step)
-        shorter = step * np.min(share, axis=1, initial=1.0)[:, None]
-    for _ in range(3):
+    shorter = step * np.min(_inside(step, low, high), axis=1, initial=1.0)[:, None]
+    for _ in range(_PASSES):
         beyond = free & ((step < low) | (step > high))
         if not np.any(beyond):
             break
-        step, free = np.clip(step, low, high), free & ~beyond
+        # the farthest first: where little is known of one, it takes others far along
+        share = np.where(beyond, _inside(step, low, high), np.inf)
+        farthest = beyond & (share <= _FARTHEST * np.min(share, axis=1, keepdims=True))
+        step, free = np.clip(step, low, high), free & ~farthest
         held = np.where(free, 0.0, step)
         more = gradients + np.einsum("kij,kj->ki", hessians, held)
         step = np.where(free, _damped(more, hessians, damping, free), step)
@@ -482,6 +485,12 @@ def bounded_steps(
     predictions = [_predicted(tried, gradients, hessians) for tried in (cut, shorter)]
     further = predictions[0] >= predictions[1]
     return np.where(further[:, None], cut, shorter), np.where(further, *predictions)
+
+
+def _inside(step: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    """Parts of steps that stay between bounds, 1 or more where all does."""
+    with np.errstate(all="ignore"):
+        return np.where(step == 0.0, 1.0, np.where(step > 0.0, high, low) / step)
 
 
 def _predicted(steps: FloatArray, gradients: FloatArray, hessians: FloatArray) -> FloatArray:

@@ -10,13 +10,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy import optimize, stats
+from scipy import optimize, special, stats
 
 from estim import CurveFit, fit_curve, sample_curve
 from estim.checks import values_outside
 from estim.common import Kind
 from estim.curves import read_formula
+from estim.fitting.curve_intervals import profiled
+from estim.fitting.degrees_of_freedom import error_sizes
+from estim.fitting.least_squares import at_mode
 from estim.problem.priors import Normal
+from estim.words import advice_for
 
 LINE = "a + b*x"
 T = np.linspace(0.0, 10.0, 41)
@@ -487,3 +491,60 @@ def test_intervals_of_a_damped_swing_do_not_depend_on_where_the_clock_began(seed
     for p in (0.68, 0.95):
         # one by derivatives, the other by a profile: an eighth of a standard deviation
         np.testing.assert_allclose(later.intervals["b"][p], here.intervals["b"][p], atol=3.2e-3)
+
+
+VOIGT_X = [0.9528, 0.7747, 0.5145, 0.4657, 0.4160, 0.4068, 0.3684, 0.3419, 0.2769]
+VOIGT_Y = [0.9686, -2.0389, -4.4070, -5.7036, -6.8166, -5.3571, -6.9064, -6.1009, -4.4143]
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-9, pytest.param(1e6, marks=pytest.mark.slow)])
+def test_a_few_points_of_a_voigt_profile_have_its_profile_in_any_unit(unit: float) -> None:
+    """Two optima, one with gamma at 0, are alike, and sigma goes to 0 on the way out: the intervals
+    depended on the unit, and one of 95 % was shorter than that of 68 %.
+    """
+    x, y, u = np.array(VOIGT_X), np.array(VOIGT_Y), 1.1732
+
+    def squares(fixed: float | None) -> float:
+        def residuals(p: np.ndarray) -> np.ndarray:
+            amplitude, (centre, sigma, gamma) = (p[0], p[1:]) if fixed is None else (fixed, p)
+            return (amplitude * special.voigt_profile(x - centre, sigma, gamma) - y) / u
+
+        low = ([-np.inf] if fixed is None else []) + [-np.inf, 1e-9, 0.0]
+        starts = [
+            ([-3.0] if fixed is None else []) + [0.39, sigma, gamma]
+            for sigma in (0.02, 0.2)
+            for gamma in (0.02, 0.2)
+        ]
+        ends = (optimize.least_squares(residuals, at, bounds=(low, np.inf)) for at in starts)
+        return min(2.0 * float(end.cost) for end in ends)
+
+    least = squares(None)
+    fit = fit_curve("voigt", x * unit, y, u_y=u)
+    assert fit.status == "ok"
+    assert fit.chi2 == pytest.approx(least, rel=1e-6)
+    for p, level in ((0.68, 0.9889), (0.95, 3.8415)):
+        for end in fit.intervals["amplitude"][p]:
+            assert squares(end / unit) - least == pytest.approx(level, rel=1e-3)
+
+
+def test_intervals_of_a_fit_that_is_not_the_best_name_a_better_one() -> None:
+    """`R/(x - b) - a/x**2` has an optimum on each side of a fold."""
+    x = np.linspace(0.5, 5.0, 60)
+    y = 8.0 / (x - 0.05) - 1.5 / x**2
+    sd = 0.09 * float(np.ptp(y))
+    y += np.random.default_rng([2, 3]).normal(0.0, sd, x.size)
+    best = fit_curve("R/(x - b) - a/x**2", x, y, u_y=sd, start={"R": 8.0, "b": 0.1, "a": 2.0})
+    worse = at_mode(
+        best.held.problem, np.array([7.6748408449849, -0.1821933103004, -0.3073709412188])
+    )
+    assert worse.chi2 - best.chi2 == pytest.approx(0.098, abs=0.002)
+    (found,) = profiled(worse, error_sizes(worse))[1]
+    assert found.kind is Kind.BETTER_ELSEWHERE
+    assert found.size == pytest.approx(worse.chi2 - best.chi2, abs=1e-3)
+    named = {amount.name: amount.value for amount in found.parameters}
+    assert named == pytest.approx(dict(best.values), abs=1e-3)
+    assert "start the fit there" in advice_for([found])
+    # from there no other is found
+    again = fit_curve("R/(x - b) - a/x**2", x, y, u_y=sd, start=named)
+    assert again.status == "ok"
+    assert again.chi2 == pytest.approx(best.chi2, abs=1e-6)

@@ -9,7 +9,7 @@ from scipy.special import voigt_profile
 
 from estim import fit_curve
 from estim.arrays import FloatArray
-from estim.levenberg_marquardt import Indices, LeastSquares
+from estim.levenberg_marquardt import Indices, LeastSquares, bounded_steps
 
 X = np.linspace(0.0, 6.0, 40)
 
@@ -86,3 +86,24 @@ def test_a_width_near_its_limit_leaves_it_though_the_curve_is_all_but_level_ther
     inside = fit_curve(formula, x, y, u_y=0.1, start=start | {"sigma": 0.8}, bounds=bounds)
     assert from_near.chi2 == pytest.approx(inside.chi2, rel=1e-6)
     assert from_near.values["sigma"] > 0.3
+
+
+def test_a_parameter_that_the_squares_do_not_see_shortens_no_step_of_the_others() -> None:
+    # rounding errors of its slope lead it as far as its box, and along with it whatever they say
+    # that goes with it
+    gradient, silent = np.array([[1.0, -4e-11, 36.0]]), 7e-21
+    along = 0.9 * np.sqrt(silent * 128.0)
+    hessian = np.array([[[1.2, 0.0, -8.0], [0.0, silent, along], [-8.0, along, 128.0]]])
+    box = np.array([[5.0, 300.0, 1.0]])
+    free = np.ones((1, 3), dtype=bool)
+    step, decrease = bounded_steps(gradient, hessian, np.array([1e-9]), free, -box, box)
+    alone, best = bounded_steps(
+        gradient[:, [0, 2]],
+        hessian[:, [0, 2]][:, :, [0, 2]],
+        np.array([1e-9]),
+        free[:, [0, 2]],
+        -box[:, [0, 2]],
+        box[:, [0, 2]],
+    )
+    assert decrease[0] == pytest.approx(best[0], rel=1e-3)
+    assert step[0, [0, 2]] == pytest.approx(alone[0], rel=1e-3)

@@ -111,7 +111,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     profiles, left_open = profiled(fixed, held(float(np.min(dofs))), np.flatnonzero(asked))
     intervals = {**symmetric, **profiles}
     notes: list[Finding] = []
-    unheld = {finding.parameters[0].name for finding in left_open}
+    unheld = {f.parameters[0].name for f in left_open if f.kind is not Kind.BETTER_ELSEWHERE}
     for i, (name, parameter) in enumerate(zip(names, fixed.problem.parameters, strict=True)):
         if name in unheld:
             sds[i] = np.nan
@@ -192,8 +192,9 @@ def _symmetric(
 def profiled(
     fit: Fit, sizes: ErrorSizes, which: IntArray | None = None
 ) -> tuple[dict[str, Ends], list[Finding]]:
-    """Name -> probability -> profile interval, which ends at the edge on an open side; nan for a
-    parameter that has a side without any end.
+    """Name -> probability -> profile interval, which ends at the edge on an open side, nan for a
+    parameter that has a side without any end; and the findings of such sides, and of a better point
+    that was met on the way.
 
     sizes : of its errors.  which : indices of the parameters, all if None.
     """
@@ -211,6 +212,12 @@ def profiled(
             p: (math.nan, math.nan) if unheld else (interval.low[p], interval.high[p])
             for p in PROBABILITIES
         }
+    lowest = max(profiles, key=lambda interval: interval.found_better, default=None)
+    if not left_open and lowest is not None and lowest.found_better > 0.0:
+        amounts = map(Amount, fit.names, lowest.lowest.tolist())
+        left_open.append(
+            Finding(Kind.BETTER_ELSEWHERE, size=lowest.found_better, parameters=tuple(amounts))
+        )
     return intervals, left_open
 
 

@@ -176,18 +176,19 @@ def inverse_information(
     return (right.T * inverse**2) @ right / np.outer(scale, scale), condition
 
 
+def unit_at(search: SeparableSearch, best: End) -> float:
+    """The standard deviation of a residual, by the residuals where it is not stated."""
+    dof = max(1, search.posterior.problem.n_obs - search.free.size)
+    return math.sqrt(best[1] / dof) if search.unstated else 1.0
+
+
 def spread_at(search: SeparableSearch, best: End) -> FloatArray:
     """(n_par,) standard deviations at an optimum, 0 for what the search does not move."""
     jacobian = search.scoring(best[0])[0][:, search.free]
     spread = np.zeros(best[0].size)
     if all_finite(jacobian):
-        size = (
-            best[1] / max(1, search.posterior.problem.n_obs - search.free.size)
-            if search.unstated
-            else 1.0
-        )
-        spread[search.free] = np.sqrt(
-            np.maximum(np.diag(inverse_information(jacobian)[0]), 0.0) * size
+        spread[search.free] = unit_at(search, best) * np.sqrt(
+            np.maximum(np.diag(inverse_information(jacobian)[0]), 0.0)
         )
     return spread
 

@@ -33,6 +33,7 @@ from estim.levenberg_marquardt import End, Start, minima, run_descents
 from estim.problem import Parameter
 
 _MODE_SETTLED = 1e-9  # fall still promised at the mode
+_HIDDEN = 1e-6  # difference of the objective
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +49,7 @@ class ProfileInterval:
     by_size : whether it was sought in the logarithm of the parameter, whose sign is known.
     found_better : how far below the fit's the lowest objective met on the way lies; 0 if the fit's
         is the lowest.
+    lowest : (n_par,) the values of all parameters there.
     n_failed : points at which the search over the other parameters did not settle.
     pieces : probabilities whose region has more than one piece.
     sentence : the intervals and every doubt about them, in words.
@@ -63,6 +65,7 @@ class ProfileInterval:
     rise: FloatArray
     by_size: bool
     found_better: float
+    lowest: FloatArray
     n_failed: int
     pieces: tuple[float, ...]
     sentence: str
@@ -111,7 +114,11 @@ def profile_intervals(
     }
     rises = [{p: float(rise[k]) for p, rise in ends.items()} for k in range(len(indices))]
     search, mode = _begun(fit, max(max(own.values()) for own in rises))
-    return tuple(_intervals(fit, search, mode, indices, rises))
+    found = [_intervals(fit, search, begun, indices, rises) for begun in _equal(search, mode)]
+    return tuple(
+        _with_sentence(_spanning(same), fit.problem.parameters[i])
+        for i, same in zip(indices, zip(*found, strict=True), strict=True)
+    )
 
 
 def contour(
@@ -167,6 +174,31 @@ def _begun(fit: Fit, level: float) -> tuple[ProfileSearch, End]:
     return search, mode
 
 
+def _equal(search: ProfileSearch, mode: End) -> list[End]:
+    """The mode, and the same with each parameter that it hides, as A = 0 does t in A exp(-x/t), at
+    either of its limits: from there profiles lead into other valleys.
+    """
+    ends = [mode]
+    for i in np.flatnonzero(np.isfinite(search.low) & np.isfinite(search.high)):
+        moved = [replace(mode, values=mode.values.copy()) for _ in range(2)]
+        moved[0].values[i], moved[1].values[i] = search.low[i], search.high[i]
+        heights = search.objectives(np.array([end.values for end in moved]))
+        if np.all(np.abs(heights - mode.objective) < _HIDDEN):
+            ends += moved
+    return ends
+
+
+def _spanning(found: Sequence[ProfileInterval]) -> ProfileInterval:
+    """One record of profiles of one parameter from several equal modes: the outermost ends."""
+    first, *others = found
+    for other in others:
+        low = {p: min(end, other.low[p]) for p, end in first.low.items()}
+        high = {p: max(end, other.high[p]) for p, end in first.high.items()}
+        wider = (low, high) != (first.low, first.high)
+        first = replace(other if wider else first, low=low, high=high)
+    return first
+
+
 def _index(fit: Fit, name: str) -> int:
     if name not in fit.names:
         raise InputError(f"must be one of {', '.join(fit.names)}", field="names", value=name)
@@ -191,7 +223,7 @@ def _intervals(
     """
     if not math.isfinite(mode.objective):
         return [
-            _nowhere(fit.problem.parameters[i], float(fit.values[i]), own)
+            _nowhere(fit.problem.parameters[i], i, fit.values, own)
             for i, own in zip(indices, rises, strict=True)
         ]
     sides = [(i, sign, own) for i, own in zip(indices, rises, strict=True) for sign in (-1.0, 1.0)]
@@ -259,7 +291,7 @@ def _interval(
         )
     )
     open_low, open_high = ({p: end is None for p, (end, _) in side.ends.items()} for side in sides)
-    result = ProfileInterval(
+    return ProfileInterval(
         name=parameter.name,
         value=float(search.coordinates.values(mode.values)[i]),
         low=low,
@@ -270,6 +302,7 @@ def _interval(
         rise=np.array([point.objective - mode.objective for point in finite]),
         by_size=bool(search.coordinates.by_size[i]),
         found_better=better,
+        lowest=search.coordinates.values(best.values),
         n_failed=sum(not point.converged for point in points),
         pieces=tuple(
             sorted(
@@ -278,11 +311,13 @@ def _interval(
         ),
         sentence="",
     )
-    return _with_sentence(result, parameter)
 
 
-def _nowhere(parameter: Parameter, value: float, rises: dict[float, float]) -> ProfileInterval:
+def _nowhere(
+    parameter: Parameter, i: int, values: FloatArray, rises: dict[float, float]
+) -> ProfileInterval:
     """The record where there is no minimum to start from."""
+    value = float(values[i])
     everywhere, opened = dict.fromkeys(rises, value), dict.fromkeys(rises, True)
     sentence = phrase(
         "{symbol}: there is no interval, because the posterior density is zero or not a number at "
@@ -300,6 +335,7 @@ def _nowhere(parameter: Parameter, value: float, rises: dict[float, float]) -> P
         rise=np.zeros(1),
         by_size=False,
         found_better=0.0,
+        lowest=values,
         n_failed=1,
         pieces=(),
         sentence=sentence,
@@ -319,6 +355,8 @@ _ABOVE = (
 
 
 def _with_sentence(found: ProfileInterval, parameter: Parameter) -> ProfileInterval:
+    if found.sentence:
+        return found
     label = parameter.label
     unit = behind(label.unit)
     intervals = [

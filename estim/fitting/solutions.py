@@ -9,9 +9,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, all_finite, max_abs
+from estim.arrays import BoolArray, FloatArray, all_finite, max_abs, sds_of
 from estim.common import Amount, Finding, Kind
-from estim.fitting.gauss_newton import End, inverse_information, is_close, spread_at
+from estim.fitting.gauss_newton import (
+    End,
+    inverse_information,
+    is_close,
+    near_bound,
+    spread_at,
+    unit_at,
+)
 from estim.fitting.least_squares import WITHIN_REACH
 from estim.fitting.separable import Indices, SeparableSearch
 from estim.problem import TURNS, Symmetry
@@ -21,6 +28,7 @@ MOST_OTHERS = 16  # other optima that are kept
 PLACE = 0.5  # standard deviations: closer ends are one place
 _EXACT, _ROUNDED = 1e-9, 0.01  # of the distance between two points: from its even place
 _ASIDE = 0.382  # of the distance: no simple share, at which other aliases meet again
+_WIDER = 3.0  # in log share: an optimum that is not the lowest, but holds far more
 _AS_GOOD = 4.5  # in log likelihood: three standard deviations
 # places at which curves that do not repeat are told at a glance, by so much of their size
 _GLANCED, _GLANCE = 16, 1e-3
@@ -81,8 +89,8 @@ def distinct_ends(
 def choose(
     search: SeparableSearch, distinct: list[End], symmetry: Symmetry, start: FloatArray
 ) -> tuple[FloatArray, FloatArray, tuple[Finding, ...]]:
-    """The optimum with the largest share of the posterior, the other solutions (n_other, n_par),
-    and what was left aside.
+    """The lowest optimum, or one with a far larger share of the posterior, the other solutions
+    (n_other, n_par), and what was left aside.
 
     Other numbers that draw the same curve everywhere are one solution with it, given as it is
     usually `written`, but not by numbers that hold next to nothing of the posterior.  Of curves
@@ -109,7 +117,8 @@ def choose(
         alike = [values for (values, _), is_heavy in zip(found, heavy, strict=True) if is_heavy]
         named.append(written(search, alike, symmetry, start))
     ends = [(values, found[0][1]) for values, found in zip(named, solutions, strict=True)]
-    best = ends[int(np.argmax(shares)) if math.isfinite(shares[0]) else 0]
+    widest = int(np.argmax(shares))
+    best = ends[widest if math.isfinite(shares[0]) and shares[widest] > shares[0] + _WIDER else 0]
     through = [
         i
         for i, end in enumerate(ends)
@@ -198,29 +207,42 @@ def written(
 
 
 def _is_optimum(search: SeparableSearch, end: End) -> bool:
-    """Whether the next step of Gauss and Newton stays within half a standard deviation."""
-    jacobian, residuals = search.scoring(end[0])
-    jacobian = jacobian[:, search.free]
+    """Whether the next step of Gauss and Newton stays within half a standard deviation, limits
+    held.
+    """
+    (jacobian, residuals), moving = search.scoring(end[0]), _moving(search, end)
+    jacobian = jacobian[:, moving]
     if not all_finite(jacobian):
         return True
-    step = inverse_information(jacobian)[0] @ (jacobian.T @ residuals)
-    inside = (end[0] > search.low) & (end[0] < search.high)
-    return bool(np.all(np.abs(step) <= PLACE * spread_at(search, end)[search.free])) or not np.all(
-        inside[search.free]
-    )
+    cov = inverse_information(jacobian)[0]
+    step = np.abs(cov @ (jacobian.T @ residuals))
+    return bool(np.all(step <= PLACE * unit_at(search, end) * sds_of(cov)))
+
+
+def _moving(search: SeparableSearch, end: End) -> Indices:
+    """The parameters that are moved and not pressed onto a limit at an end."""
+    jacobian, residuals = search.scoring(end[0])
+    return search.free[~near_bound(search, end[0], jacobian, residuals, end[1])[search.free]]
 
 
 def _log_share(search: SeparableSearch, end: End) -> float:
-    """Log of what an optimum holds of the posterior, by the normal distribution there; -inf where
-    that says nothing.
+    """Log of what an optimum holds of the posterior, by the normal distribution there and, of
+    parameters pressed onto a limit, by how fast the density falls; -inf where that says nothing.
     """
-    jacobian, free = search.scoring(end[0])[0], search.free
-    cov, condition = (
-        inverse_information(jacobian[:, free]) if all_finite(jacobian) else (np.zeros((0, 0)), 0.0)
-    )
+    (jacobian, residuals), moving = search.scoring(end[0]), _moving(search, end)
+    if not all_finite(jacobian[:, search.free]):
+        return -math.inf
+    cov, condition = inverse_information(jacobian[:, moving])
     if not condition > _SOUND:
         return -math.inf
-    return _height(search, end[1]) + 0.5 * float(np.linalg.slogdet(cov)[1])
+    # beside a limit an optimum is no wider than the room to it
+    room = np.minimum(end[0] - search.low, search.high - end[0])[moving]
+    cut = np.minimum(1.0, room / sds_of(cov))
+    pressed = np.setdiff1d(search.free, moving)
+    fall = np.maximum(np.abs(jacobian.T @ residuals), np.linalg.norm(jacobian, axis=0))[pressed]
+    width = 1.0 / np.maximum(fall, 1.0 / search.squares.size[pressed])
+    volume = 0.5 * float(np.linalg.slogdet(cov)[1]) + float(np.sum(np.log([*cut, *width])))
+    return _height(search, end[1]) + volume
 
 
 def _height(search: SeparableSearch, chi2: float) -> float:

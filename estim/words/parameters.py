@@ -160,6 +160,12 @@ WORDS: Table = {
         p=100.0 * f.p,
         name=symbol(f.parameters[0]),
     ),
+    Kind.BETTER_ELSEWHERE: lambda f: phrase(
+        "the search for the intervals met a better point than the fit: there, minus twice the log "
+        "density is lower by {size:.2g} ({values})",
+        size=f.size,
+        values=", ".join(f"{symbol(amount)} = {amount.value:.6g}" for amount in f.parameters),
+    ),
     Kind.STARTS_ELSEWHERE: (
         "{n:.0f} of {starts:.0f} starting points of the fit did not lead to the best optimum"
     ),

@@ -124,6 +124,7 @@ ADVICE: Mapping[Kind, str] = {
         "- x0, with x0 in the middle of the data"
     ),
     Kind.VALUE_OUTSIDE: "try other starting values",
+    Kind.BETTER_ELSEWHERE: "start the fit there",
     Kind.CHAIN_SHORT: (
         "look at the trace plots: where parameters drift, drop or state one of them, or take "
         "data over a longer range; otherwise increase {steps}"
