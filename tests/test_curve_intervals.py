@@ -548,3 +548,53 @@ def test_intervals_of_a_fit_that_is_not_the_best_name_a_better_one() -> None:
     again = fit_curve("R/(x - b) - a/x**2", x, y, u_y=sd, start=named)
     assert again.status == "ok"
     assert again.chi2 == pytest.approx(best.chi2, abs=1e-6)
+
+
+def slow_swing(seed: int) -> tuple[np.ndarray, np.ndarray, float]:
+    x, sd = np.linspace(0.0, 1.0, 30), 0.335
+    y = 3.0 * np.cos(2.0 * math.pi * 0.0033 * x - 1.241)
+    return x, y + sd * np.random.default_rng(seed).normal(size=30), sd
+
+
+@pytest.mark.parametrize("seed", [2001, 2003])
+def test_a_swing_of_which_a_line_is_left_has_no_amplitude(seed: int) -> None:
+    """The interval of the amplitude was that of the valley of the fit, 0.9 to 1.2 for 3; on the way
+    of the frequency to 0, in the other valley, the amplitude grows without end.
+    """
+    x, y, sd = slow_swing(seed)
+    fit = fit_curve("oscillation", x, y, u_y=sd)
+    line = np.polyval(np.polyfit(x, y, 1), x)
+    assert float(np.sum((y - line) ** 2)) / sd**2 - fit.chi2 < 1.0
+    assert fit.status != "ok"
+    assert "amplitude is unbounded above" in str(fit)
+
+
+@pytest.mark.statistics
+def test_amplitudes_of_slow_swings_are_held_by_their_intervals_or_refused() -> None:
+    missed = 0
+    for seed in range(2000, 2060):
+        x, y, sd = slow_swing(seed)
+        fit = fit_curve("oscillation", x, y, u_y=sd)
+        if fit.status == "ok":
+            low, high = fit.intervals["amplitude"][0.95]
+            missed += not low <= 3.0 <= high
+    assert missed <= 6  # 22 before
+
+
+def test_a_peak_that_one_point_holds_has_no_area() -> None:
+    y = [0.08187, -0.01579, 0.07787, 1.10581, 0.05444, -0.12075]
+    y += [-0.04433, -0.11301, -0.17373, -0.01374, 0.03761, -0.20415]
+    fit = fit_curve("gaussian", np.linspace(0.0, 1.0, 12), y, u_y=0.094426)
+    assert fit.status == "not-identified"
+    assert "amplitude is unbounded above" in str(fit)
+
+
+def test_a_profile_beside_a_limit_follows_curves_that_bend_fast() -> None:
+    """Far out a swing is a line: a one-sided difference at a frequency of 0 had the sign of its
+    error, and the amplitude an end, of 1272.
+    """
+    y = [-0.5918, -0.8935, -0.4963, -0.8269, -0.8262, -0.9227]
+    y += [-0.913, -1.0354, -0.8526, -1.1112, -1.034, -0.9034]
+    fit = fit_curve("oscillation", np.linspace(0.0, 1.0, 12), y, u_y=0.105185)
+    assert fit.chi2 == pytest.approx(13.98, abs=0.01)
+    assert "amplitude is unbounded above" in str(fit)

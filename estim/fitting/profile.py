@@ -34,6 +34,9 @@ from estim.problem import Parameter
 
 _MODE_SETTLED = 1e-9  # fall still promised at the mode
 _HIDDEN = 1e-6  # difference of the objective
+_MOST_VALLEYS = 3
+# part of a rise, and standard deviations, by which a point belongs to an interval that lacks it
+_SURELY, _FARTHER = 0.98, 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,8 +181,8 @@ def _equal(search: ProfileSearch, mode: End) -> list[End]:
     """The mode, and the same with each parameter that it hides, as A = 0 does t in A exp(-x/t), at
     either of its limits: from there profiles lead into other valleys.
     """
-    ends = [mode]
-    for i in np.flatnonzero(np.isfinite(search.low) & np.isfinite(search.high)):
+    ends, held = [mode], np.isfinite(search.low) & np.isfinite(search.high)
+    for i in np.flatnonzero(held) if math.isfinite(mode.objective) else ():
         moved = [replace(mode, values=mode.values.copy()) for _ in range(2)]
         moved[0].values[i], moved[1].values[i] = search.low[i], search.high[i]
         heights = search.objectives(np.array([end.values for end in moved]))
@@ -220,6 +223,9 @@ def _intervals(
 ) -> list[ProfileInterval]:
     """Those of the parameters at `indices`, each with rises of its own: both sides of all of them
     are walked together, and then all their crossings are sought together.
+
+    What is met on the way of one parameter counts for all: where another one is farther out than
+    its own walk came, in a valley beside that of the mode, a walk goes on from there.
     """
     if not math.isfinite(mode.objective):
         return [
@@ -227,31 +233,56 @@ def _intervals(
             for i, own in zip(indices, rises, strict=True)
         ]
     sides = [(i, sign, own) for i, own in zip(indices, rises, strict=True) for sign in (-1.0, 1.0)]
-    walks = run_descents(
-        search, [walk(search, mode, i, sign, max(own.values())) for i, sign, own in sides]
-    )
-    crossed = run_descents(
-        search,
-        [
-            crossing(search, points, i, rise)
-            for (i, _, own), points in zip(sides, walks, strict=True)
-            for rise in own.values()
-        ],
-    )
-    n_end = len(rises[0])
-    ends = [
-        dict(zip(own, crossed[k * n_end : (k + 1) * n_end], strict=True))
-        for k, (_, _, own) in enumerate(sides)
-    ]
-    valleys = [
-        minima(search, [Start(point.values, (), point) for point in dips(points)])
-        for points in walks
-    ]
-    explored = [_Side(*side) for side in zip(walks, ends, valleys, strict=True)]
+    explored = [_Side([mode], {}, []) for _ in sides]
+    begun = dict.fromkeys(range(len(sides)), mode)
+    for _ in range(_MOST_VALLEYS):
+        walks = run_descents(
+            search,
+            [
+                walk(search, mode, at, i, sign, max(own.values()))
+                for at, (i, sign, own) in ((at, sides[k]) for k, at in begun.items())
+            ],
+        )
+        for k, points in zip(begun, walks, strict=True):
+            explored[k].walk.extend(points)
+        crossed = iter(
+            run_descents(
+                search,
+                [
+                    crossing(search, explored[k].walk, sides[k][0], rise)
+                    for k in begun
+                    for rise in sides[k][2].values()
+                ],
+            )
+        )
+        for k in begun:
+            explored[k].ends.update({p: next(crossed) for p in sides[k][2]})
+            explored[k].valleys[:] = minima(
+                search, [Start(dip.values, (), dip) for dip in dips(explored[k].walk)]
+            )
+        met = [point for side in explored for point in side.points]
+        begun = {}
+        for k, (i, sign, own) in enumerate(sides):
+            beyond = explored[k].beyond(met, i, sign, own, float(search.scale[i]))
+            farther = next(
+                (point for point in beyond if _is_labelled_alike(fit, search, point)), None
+            )
+            if farther is not None:
+                begun[k] = farther
+        if not begun:
+            break
     return [
         _interval(fit, search, i, explored[2 * k : 2 * k + 2], rises[k])
         for k, i in enumerate(indices)
     ]
+
+
+def _is_labelled_alike(fit: Fit, search: ProfileSearch, point: End) -> bool:
+    """Whether a point is no image of one nearer to the fit that draws the same curve."""
+    values = search.coordinates.values(point.values)
+    if fit.symmetry is None:
+        return True
+    return np.array_equal(fit.symmetry.nearest(values, fit.values), values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,6 +294,27 @@ class _Side:
     walk: list[End]
     ends: dict[float, tuple[float | None, list[End]]]
     valleys: list[End]
+
+    @property
+    def points(self) -> list[End]:
+        trials = (point for _, points in self.ends.values() for point in points)
+        return [*self.walk, *trials, *self.valleys]
+
+    def beyond(
+        self, met: Sequence[End], i: int, sign: float, rises: dict[float, float], scale: float
+    ) -> list[End]:
+        """The points that were met that an interval should hold, and does not; the farthest
+        first.
+        """
+        beyond = [
+            point
+            for p, rise in rises.items()
+            if (end := self.ends[p][0]) is not None
+            for point in met
+            if point.objective - self.walk[0].objective < _SURELY * rise
+            and sign * (point.values[i] - end) > _FARTHER * scale
+        ]
+        return sorted(beyond, key=lambda point: -sign * float(point.values[i]))
 
 
 def _interval(

@@ -15,17 +15,23 @@ from estim.fitting.profile_search import ProfileSearch
 from estim.levenberg_marquardt import End, Start, Task
 
 _LOST = 16.0  # times the level
+# standard deviations (or times the value at the mode, of a parameter known by its size), and a step
+# in the square root of the objective: no end, but a search that lost its way; and standard
+# deviations at which rounding errors end it
+_FAR, _JUMP, _NOWHERE = 100.0, 0.1, 1e6
 
 
-def walk(search: ProfileSearch, mode: End, i: int, sign: float, rise: float) -> Task[list[End]]:
-    """Points outward from the mode until the objective has risen by `rise`, to the edge of the
-    prior, or out of reach.
+def walk(
+    search: ProfileSearch, mode: End, begun: End, i: int, sign: float, rise: float
+) -> Task[list[End]]:
+    """Points outward from `begun`, the mode or a point beside it, until the objective has risen by
+    `rise` above that of the mode, to the edge of the prior, or out of reach.
     """
     edge = float(search.high[i] if sign > 0.0 else search.low[i])
     # prior standard deviations beyond which nothing is looked for
     far = float(mode.values[i]) + sign * 40.0 * float(search.prior_sd[i])
     end = min(edge, far) if sign > 0.0 else max(edge, far)
-    points, step = [mode], 0.5 * float(search.scale[i])
+    points, step = [begun], 0.5 * float(search.scale[i])
     while len(points) < 60 and points[-1].values[i] != end:
         here = float(points[-1].values[i])
         target = here + sign * step
@@ -40,7 +46,7 @@ def walk(search: ProfileSearch, mode: End, i: int, sign: float, rise: float) -> 
         )
         if gained < 0.25:
             step *= 1.6
-    return points
+    return points if begun is not mode else points[1:]
 
 
 def _ahead(search: ProfileSearch, points: Sequence[End], i: int, target: float) -> Start:
@@ -98,10 +104,14 @@ def crossing(
     unsettled = any(
         math.isfinite(point.objective) and not point.converged for point in (inner, beyond)
     )
-    if search.coordinates.by_size[i] and unsettled:
+    below, above = _height(inner, mode, rise), _height(beyond, mode, rise)
+    far, by_size = abs(float(inner.values[i] - mode.values[i])), search.coordinates.by_size[i]
+    far = math.exp(far) if by_size else far / float(search.scale[i])
+    jump = above - below > _JUMP
+    lost = (far > _FAR and jump) or (far > _NOWHERE and not by_size)
+    if lost or (by_size and unsettled):
         # the others may make up for any size
         return None, cuts
-    below, above = _height(inner, mode, rise), _height(beyond, mode, rise)
     share = below / (below - above)
     return float(inner.values[i] + share * (beyond.values[i] - inner.values[i])), cuts
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray, all_finite, finite_or, sds_of
+from estim.arrays import BoolArray, FloatArray, IntArray, all_finite, sds_of
 from estim.fitting.fisher_information import information, known_from_data, on_limit, prior_sds
 from estim.levenberg_marquardt import Start, minima
 from estim.problem import Coordinates, Likelihood, Posterior, made_up_for
@@ -101,10 +101,12 @@ class ProfileSearch:
 
     def gradients(self, points: FloatArray) -> FloatArray:
         """(n_point, n_par) derivatives of the objective in standard deviations; one-sided at a
-        bound and beside a hole in the density.
+        bound, to second order, and beside a hole in the density.
         """
-        up = np.minimum(points + _STEP * self.conditional, self.high)
-        down = np.maximum(points - _STEP * self.conditional, self.low)
+        step = _STEP * self.conditional
+        up, down = np.minimum(points + step, self.high), np.maximum(points - step, self.low)
+        up = np.where(up > points, up, np.maximum(points - 0.5 * step, self.low))
+        down = np.where(down < points, down, np.minimum(points + 0.5 * step, self.high))
         slopes = _quotients(
             self._priors(up), self._priors(points), self._priors(down), up, points, down
         )
@@ -175,12 +177,19 @@ def _quotients(
     at: FloatArray,
     down: FloatArray,
 ) -> FloatArray:
-    """Difference quotients from `down` to `up`; from or to the middle where the density is zero on
-    that side.
+    """Slopes at `at` of the parabolas through it and the points at `up` and `down`; of the straight
+    line through one of these where the density is zero at the other.
     """
-    up, above = np.where(np.isfinite(above), up, at), finite_or(above, here)
-    down, below = np.where(np.isfinite(below), down, at), finite_or(below, here)
-    return np.divide(above - below, up - down, out=np.zeros(up.shape), where=up > down)
+    known_up, known_down = np.isfinite(above) & (up != at), np.isfinite(below) & (down != at)
+    far, near = up - at, down - at
+    right, left = (
+        np.divide(height - here, step, out=np.zeros(up.shape), where=known)
+        for height, step, known in ((above, far, known_up), (below, near, known_down))
+    )
+    bent = np.divide(
+        right * near - left * far, near - far, out=np.zeros(up.shape), where=near != far
+    )
+    return np.where(known_up & known_down, bent, np.where(known_up, right, left))
 
 
 def search_of(
