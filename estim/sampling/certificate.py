@@ -108,7 +108,6 @@ class Agreement:
         considered.
     """
 
-    names: tuple[str, ...]
     verdict: str
     told: tuple[Finding, ...]
     differences: FloatArray
@@ -277,7 +276,7 @@ def compare_with_chain(
         if n_par > most
         else _verdict(certificate, differences, z, errors, limit)
     )
-    return Agreement(certificate.names, verdict, (finding,), differences, z, limit)
+    return Agreement(verdict, (finding,), differences, z, limit)
 
 
 def _share(certificate: Certificate, chain: Chain, p: float) -> tuple[FloatArray, FloatArray]:
@@ -296,10 +295,10 @@ def _share(certificate: Certificate, chain: Chain, p: float) -> tuple[FloatArray
     return (p - below) / u, 0.5 * np.diff(ends)[:, 0]
 
 
-def no_comparison(names: tuple[str, ...], *told: Finding) -> Agreement:
+def no_comparison(n_par: int, *told: Finding) -> Agreement:
     """A second opinion that is missing, and why."""
-    unknown = np.full((len(QUANTILES), len(names)), np.nan)
-    return Agreement(names, "missing", told, unknown, unknown, math.nan)
+    unknown = np.full((len(QUANTILES), n_par), np.nan)
+    return Agreement("missing", told, unknown, unknown, math.nan)
 
 
 def too_many(n_par: int, most: int = MAX_PARAMETERS) -> Finding:
