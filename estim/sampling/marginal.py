@@ -296,7 +296,7 @@ def _adapt(
         target = replace(target, expansions=expansions)
         proposal = adapt_proposal(target, mean, cov, rng=rng, n_round=1000)
     careful = target.with_steps(proposal.widened().draw(rng, _N_TRIED))
-    if [e.rough for e in careful.expansions] != [e.rough for e in target.expansions]:
+    if careful is not target:
         target, proposal = careful, adapt_proposal(careful, mean, cov, rng=rng, n_round=1000)
     return proposal, target
 
