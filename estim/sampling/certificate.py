@@ -33,19 +33,9 @@ from estim.sampling.importance import (
     pareto_smoothed,
     systematic,
 )
-from estim.sampling.proposal import Proposal, adapt_proposal
+from estim.sampling.proposal import Proposal
 from estim.sampling.protocol import Density, log_density_in_batches
 from estim.words import tell
-
-__all__ = [
-    "Agreement",
-    "Certificate",
-    "Proposal",
-    "adapt_proposal",
-    "certify",
-    "compare_with_chain",
-]
-
 
 # of runs that share a force: a chain is all that they have beside importance sampling, no marginal
 # over runs

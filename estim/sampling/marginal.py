@@ -65,15 +65,6 @@ class MarginalOptions:
     n_node: int = 1
     wide: bool = False
 
-    def __post_init__(self) -> None:
-        for name, value, least in (
-            ("n_draw", self.n_draw, 100),
-            ("n_check", self.n_check, 100),
-            ("n_node", self.n_node, 1),
-        ):
-            if value < least:
-                raise InputError(f"must be >= {least}", field=name, value=value)
-
 
 @dataclass(frozen=True, eq=False)
 class MarginalPosterior:
