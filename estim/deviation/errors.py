@@ -89,9 +89,6 @@ class MixtureErrors(Likelihood):
     def sd(self, named: Named) -> FloatArray:
         return np.sqrt(self.mixture.likely(self.raw(named)[0]).variances)
 
-    def squared_size(self, vector: FloatArray, named: Named) -> float:
-        return float(np.sum(self.mixture.likely(self.raw(named)[0]).whiten(vector) ** 2))
-
     def residuals_at(self, named: Named) -> FloatArray:
         """(n_obs,) for single values."""
         return np.asarray(self.raw(named)[0])

@@ -308,11 +308,9 @@ def expand(term: RunTerm, shared: FloatArray, start: FloatArray) -> Expansion:
     Points that the run all but excludes are given little weight in the least squares.
     """
     modes = start
-    for _ in range(2):
+    for _ in range(3):
         step, information = _gauss_newton(term, shared, modes)
         modes = term.inside(modes + step)
-    step, information = _gauss_newton(term, shared, modes)
-    modes = term.inside(modes + step)
     k = term.own.size
     root = covariance_roots(information)
     diagonal = np.arange(k)
