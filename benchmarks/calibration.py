@@ -29,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from estim.calibration.calibration import Calibration, findings, run_trials
 from estim.calibration.experiment import campaign_design
-from estim.calibration.trial import Engine, What
+from estim.calibration.trial import What
 from estim.campaign import Campaign, load_campaign
 from estim.campaign.campaign_file import NoiseTable
 from estim.fitting.least_squares import fit_least_squares
@@ -124,14 +124,14 @@ def campaign(case: Case, folder: Path) -> Campaign:
 
 
 def calibrate(
-    case: Case, *, what: What, n_trial: int, jobs: int, seed: int, engine: Engine
+    case: Case, *, what: What, n_trial: int, jobs: int, seed: int, ess: float
 ) -> Calibration:
     """The trials of one case."""
     with tempfile.TemporaryDirectory() as folder:
         loaded = campaign(case, Path(folder))
         fit = fit_least_squares(loaded.problem(["r"]), rng=np.random.default_rng(seed))
         design = campaign_design(loaded, ["r"], fitted=fit.values, analysed=case.analysed)
-        return run_trials(design, fit, what, n_trial=n_trial, jobs=jobs, seed=seed, engine=engine)
+        return run_trials(design, fit, what, n_trial=n_trial, jobs=jobs, seed=seed, ess=ess)
 
 
 def row(name: str, result: Calibration, seconds: float) -> str:
@@ -176,14 +176,13 @@ def main() -> None:
     details = []
     for name in options.only:
         start = time.perf_counter()
-        engine = Engine(ess=options.ess, n_round=500, max_step=1000)
         result = calibrate(
             CASES[name],
             what=options.what,
             n_trial=options.trials,
             jobs=options.jobs,
             seed=options.seed,
-            engine=engine,
+            ess=options.ess,
         )
         print(row(name, result, time.perf_counter() - start), flush=True)
         details.append(f"\n{name}")

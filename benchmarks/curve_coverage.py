@@ -32,6 +32,7 @@ from estim.deviation.components import diagonalise
 from estim.deviation.generic import LONG, correlated_shapes, deviation_shapes, relative_grid
 from estim.deviation.grid import SPIKE
 from estim.deviation.linearised import linearise
+from estim.problem.roots import root_of
 
 N_OBS = 60
 
@@ -122,7 +123,7 @@ def _one(
         else 2.0 * max(rms, base)
     )
     grid = diagonalise(
-        np.full(N_OBS, base**2),
+        root_of(np.full(N_OBS, base**2)),
         tuple(shape.times(scale) for shape in shapes),
         relative_grid(stated=stated),
     )
@@ -255,7 +256,9 @@ def _always(
     grid = relative_grid(stated=stated, spike=SPIKE)
     found = linearise(
         diagonalise(
-            np.full(n, base**2), tuple(shape.times(base) for shape in deviation_shapes(x)), grid
+            root_of(np.full(n, base**2)),
+            tuple(shape.times(base) for shape in deviation_shapes(x)),
+            grid,
         ),
         residuals,
         jacobian,
@@ -313,7 +316,7 @@ def wrong(n_set: int, first: int = 0) -> None:
             residuals, n_par = made - jacobian @ off, jacobian.shape[1]
             scale = 2.0 * float(np.sqrt(np.mean(residuals**2)))
             grid = diagonalise(
-                np.ones(N_OBS),
+                root_of(np.ones(N_OBS)),
                 tuple(one.times(scale) for one in deviation_shapes(x)),
                 relative_grid(stated=True),
             )

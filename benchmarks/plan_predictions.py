@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from estim.calibration.experiment import CampaignDesign, PointDesign
-from estim.calibration.trial import Engine, measured_anew, posterior_draws
+from estim.calibration.trial import measured_anew, posterior_draws
 from estim.campaign import Campaign, NewRun, load_campaign, with_own_gamma, with_tables
 from estim.common import NumericalError, Quantity
 from estim.fitting import Fit, fit_least_squares, fit_problem
@@ -125,9 +125,7 @@ def achieved(
         rng = np.random.default_rng([seed, trial])
         _, problem = simulated(there, change, rng)
         try:
-            draws, _, _ = posterior_draws(
-                fitted(problem, there.values, rng), Engine(ess=ess, n_round=500), rng
-            )
+            draws, _, _ = posterior_draws(fitted(problem, there.values, rng), ess, rng)
         except NumericalError:
             failed += 1
             continue

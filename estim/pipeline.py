@@ -372,7 +372,7 @@ def _drawn(
         chain = sample_posterior(
             fit.posterior, fit.values, fit.cov, target=target, rng=rng, progress=progress
         )
-        return Certified(chain, None, no_comparison(fit.names, Finding(Kind.NOT_SAMPLED)))
+        return Certified(chain, None, no_comparison(problem.n_par, Finding(Kind.NOT_SAMPLED)))
     hard = _hard_for_a_chain(problem)
     if marginal or (marginal is None and hard and _integrable(fit)):
         try:
@@ -398,7 +398,7 @@ def _drawn(
         )
     else:
         chain = proposed_chain(density, start, target=target, seed=seed, progress=progress)
-        drawn = Certified(chain, None, no_comparison(fit.names, too_many(problem.n_par, most)))
+        drawn = Certified(chain, None, no_comparison(problem.n_par, too_many(problem.n_par, most)))
     unmet = marginal is None and not hard and not drawn.chain.convergence.met
     if unmet and not start.modes and _integrable(fit):
         # a spread between runs that a formula holds is as hard as one that a key asks for

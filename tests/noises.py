@@ -370,7 +370,9 @@ def lacking() -> Case:
         Shape("force", length, factor, np.log(0.5)) for length, factor in factors.items()
     )
     slopes = np.column_stack([np.ones(N), X, push])
-    deviation = diagonalise(sds**2, shapes, prior_grid(0.1, scales=(0.5, 1.0, 1.6), n_amplitude=4))
+    deviation = diagonalise(
+        root_of(sds**2), shapes, prior_grid(0.1, scales=(0.5, 1.0, 1.6), n_amplitude=4)
+    )
     found = linearise(deviation, Y - line(VALUES), slopes, precision=np.diag([0.0, 0.0, 1.0]))
     mixture = keep_probable(found, columns=push[:, None], lost=0.0)
     parts = [

@@ -21,7 +21,7 @@ from test_positions import Line, line_problem
 
 from estim.calibration.calibration import Calibration, coverage_sentence, findings, run_trials
 from estim.calibration.experiment import CampaignDesign, PointDesign, campaign_design
-from estim.calibration.trial import Engine, TrialPlan, _experiment, _rank, measured_anew, reported
+from estim.calibration.trial import TrialPlan, _experiment, _rank, measured_anew, reported
 from estim.calibration.uniformity import uniformity_band, uniformity_p_value
 from estim.campaign import Campaign, load_campaign
 from estim.campaign.campaign_file import NoiseTable
@@ -34,7 +34,7 @@ from estim.problem.priors import Normal, Uniform
 from estim.reports.calibration import unlike_fit
 from estim.words import tell
 
-QUICK = Engine(ess=500.0, n_round=500, max_step=1000)
+QUICK = 500.0  # effective draws
 CLOCK = 'release_time_s = "0.000(5)"\noffset_m = "0.0000(5)"'
 TEXT = """
 title = "one run"
@@ -90,7 +90,7 @@ def sbc(
     campaign: Campaign, n: int, *, analysed: NoiseTable | None = None, jobs: int = 1
 ) -> Calibration:
     design, fit = designed(campaign, analysed=analysed)
-    return run_trials(design, fit, "sbc", n_trial=n, seed=3, jobs=jobs, engine=QUICK)
+    return run_trials(design, fit, "sbc", n_trial=n, seed=3, jobs=jobs, ess=QUICK)
 
 
 # --- bands and p-values ---
@@ -349,7 +349,7 @@ def test_differences_taken_for_independent_speeds_are_called_too_wide(tmp_path):
 @pytest.mark.statistics
 def test_intervals_cover_the_fitted_values_as_often_as_they_say(tmp_path):
     design, fit = designed(load(tmp_path, "{sigma_x_m = 0.001}"))
-    calibration = run_trials(design, fit, "coverage", n_trial=100, seed=5, engine=QUICK)
+    calibration = run_trials(design, fit, "coverage", n_trial=100, seed=5, ess=QUICK)
     assert np.all(calibration.truth == calibration.truth[0])
     assert findings(calibration) == ()
     assert coverage_sentence(calibration, "gamma[heavy]").startswith(
@@ -363,7 +363,7 @@ def test_intervals_cover_the_fitted_values_as_often_as_they_say(tmp_path):
             return super().simulate(values, self.problem.parameters, rng)
 
     held = Held(design.campaign, design.names, design.problem, design.release)
-    assert run_trials(held, fit, "coverage", n_trial=40, seed=5, engine=QUICK).share("phi")[0] > 0.9
+    assert run_trials(held, fit, "coverage", n_trial=40, seed=5, ess=QUICK).share("phi")[0] > 0.9
 
 
 class OwnLine(Line):
@@ -406,7 +406,7 @@ def test_a_curve_of_ones_own_is_calibrated_at_its_points(rng):
     )
     fit = fit_least_squares(problem, rng=rng, n_start=1)
     right, wrong = (
-        run_trials(design, fit, "sbc", n_trial=150, seed=2, engine=QUICK)
+        run_trials(design, fit, "sbc", n_trial=150, seed=2, ess=QUICK)
         for design in (PointDesign(problem), HalfSigma(problem))
     )
     assert tuple(right.reported) == ("a", "b")
@@ -614,8 +614,8 @@ def test_a_curve_campaign_is_calibrated_and_half_its_errors_are_not(tmp_path):
     problem = campaign.problem(["a"])
     fit = fit_least_squares(problem, rng=np.random.default_rng(1), n_start=2)
     design = campaign_design(campaign, ["a"], fitted=fit.values)
-    right = run_trials(design, fit, "sbc", n_trial=80, seed=3, engine=QUICK)
-    wrong = run_trials(HalfSigma(problem, scale=0.5), fit, "sbc", n_trial=80, seed=3, engine=QUICK)
+    right = run_trials(design, fit, "sbc", n_trial=80, seed=3, ess=QUICK)
+    wrong = run_trials(HalfSigma(problem, scale=0.5), fit, "sbc", n_trial=80, seed=3, ess=QUICK)
     assert findings(right) == ()
     assert {finding.parameters[0].name for finding in findings(wrong)} == {"A", "b"}
 

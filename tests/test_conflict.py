@@ -15,7 +15,7 @@ from scipy import optimize, stats
 from troubles import Disk
 
 from estim.calibration.experiment import campaign_design
-from estim.calibration.trial import Engine, TrialPlan, _experiment
+from estim.calibration.trial import ESS, TrialPlan, _experiment
 from estim.campaign import Campaign, load_campaign
 from estim.checks.conflict import Conflict, check_stated_values
 from estim.cli.commands import cli
@@ -114,12 +114,7 @@ def test_probability_is_uniform_for_disks_from_their_priors_and_not_where_stated
     campaign = load_campaign(project / "data" / "replica" / "campaign.toml")
     fit = fit_least_squares(campaign.problem(["heavy-04"]), rng=np.random.default_rng(1))
     plan = TrialPlan(
-        campaign_design(campaign, ["heavy-04"], fitted=fit.values),
-        "sbc",
-        fit.values,
-        (),
-        Engine(),
-        1,
+        campaign_design(campaign, ["heavy-04"], fitted=fit.values), "sbc", fit.values, (), ESS, 1
     )
     right, wrong = [], []
     for i in range(150):

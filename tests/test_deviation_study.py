@@ -21,6 +21,7 @@ from estim.deviation.grid import FORCE_SCALE, START_SD, prior_grid
 from estim.deviation.inferred_force import find_force
 from estim.deviation.linearised import linearise
 from estim.deviation.mixture import keep_probable
+from estim.problem.roots import root_of
 
 
 def moved(along: Track, fit: WhiteFit) -> Response:
@@ -37,7 +38,7 @@ def with_force(fit: WhiteFit, y: np.ndarray, *, radius: float | None = None):
     along = track(float(np.max(y)))
     response = moved(along, fit)
     deviation = diagonalise(
-        np.full(y.size, SIGMA**2),
+        root_of(np.full(y.size, SIGMA**2)),
         force_shapes(along, response, radius=radius),
         prior_grid(FORCE_SCALE),
     )
@@ -136,7 +137,7 @@ def test_repeated_runs_share_a_profile_and_each_has_some_of_its_own():
 
     def joint(own):
         deviation = diagonalise(
-            np.full(residuals.size, SIGMA**2),
+            root_of(np.full(residuals.size, SIGMA**2)),
             shared_force_shapes(along, responses, own=own),
             prior_grid(FORCE_SCALE),
         )

@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from scipy import stats
 from troubles import TROUBLES, Disk, uniform
 
-from estim.calibration.trial import Engine, posterior_draws
+from estim.calibration.trial import posterior_draws
 from estim.campaign import load_campaign
 from estim.checks.cells import interval_cell, value_cell
 from estim.cli.commands import cli
@@ -67,7 +67,7 @@ def test_truths_from_a_uniform_prior_are_limits_that_hold_and_hardly_ever_a_cont
         )
         on_edge += "k" in fit.at_bound
         contradicted += any(p < PRESSED_BELOW for p in pressed(fit).values())
-        draws = posterior_draws(fit, Engine(ess=300.0), rng)[0][:, fit.names.index("k")]
+        draws = posterior_draws(fit, 300.0, rng)[0][:, fit.names.index("k")]
         limit = limit_of(fit, "k", draws)
         if limit is None:
             for p in held:

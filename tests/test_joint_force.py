@@ -64,7 +64,9 @@ def tied(
         amplitudes=np.array(sizes),
         log_amplitudes=np.zeros(len(sizes)),
     )
-    deviation = diagonalise(np.full(2 * X.size, SD**2), (Shape("force", 1.0, factor, 0.0),), grid)
+    deviation = diagonalise(
+        root_of(np.full(2 * X.size, SD**2)), (Shape("force", 1.0, factor, 0.0),), grid
+    )
     linear = linearise(
         deviation, np.zeros(2 * X.size), np.ones((2 * X.size, 1)), precision=np.zeros((1, 1))
     )
@@ -380,7 +382,7 @@ def one_set(
     grid = prior_grid(FORCE_SCALE, scales=(0.8, 1.0, 1.25), n_amplitude=10)
     shapes = shared_force_shapes(along, tuple(moved(along, fit) for fit in fits), own=own)
     found = linearise(
-        diagonalise(np.full(residuals.size, SIGMA**2), shapes, grid),
+        diagonalise(root_of(np.full(residuals.size, SIGMA**2)), shapes, grid),
         residuals,
         jacobian,
         precision=precision,

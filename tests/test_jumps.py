@@ -20,6 +20,7 @@ from estim.deviation.bad_frame_search import MOST, PRIOR, BadFrames, Frames, fin
 from estim.deviation.components import Shape, diagonalise
 from estim.deviation.grid import prior_grid
 from estim.fitting import fit_problem
+from estim.problem.roots import root_of
 from estim.words import tell
 
 N, SD = 24, 0.5
@@ -40,7 +41,7 @@ def scanned(y: np.ndarray, known: Frames | None = None) -> BadFrames:
     smooth = np.exp(-0.5 * np.square((T[:, None] - T) / 0.5))
     shape = Shape("deviation", 0.5, np.linalg.cholesky(smooth + 1e-9 * np.eye(N)), 0.0)
     deviation = diagonalise(
-        np.full(y.size, SD**2), (shape,), prior_grid(1.0, scales=(1.0, 2.0), n_amplitude=3)
+        root_of(np.full(y.size, SD**2)), (shape,), prior_grid(1.0, scales=(1.0, 2.0), n_amplitude=3)
     )
     precision = np.diag([1e-6, 1e-6, 1e-6])
     return find_bad_frames(

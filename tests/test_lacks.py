@@ -27,6 +27,7 @@ from estim.fitting.discrepancy import fit_discrepancy
 from estim.fitting.optimum import fit_optimum
 from estim.pipeline import analyse, sample_curve
 from estim.problem.observations import Discrepancy
+from estim.problem.roots import root_of
 from estim.reports.curve_figures import phase_figure
 from estim.sampling import Target
 
@@ -291,10 +292,13 @@ def test_a_constant_of_the_curve_takes_the_mean_of_a_deviation():
     jacobian = np.vander(X, 3)
     errors = WAVE - jacobian @ np.linalg.lstsq(jacobian, WAVE, rcond=None)[0]
     plain = tuple(shape.times(0.1) for shape in deviation_shapes(X))
-    without = tuple(replace(shape, factor=root(without_mean(shape.covariance))) for shape in plain)
+    without = tuple(
+        replace(shape, factor=root(without_mean(shape.covariance, np.full(40, 1.0 / 40))))
+        for shape in plain
+    )
     found = [
         linearise(
-            diagonalise(np.full(40, 1e-4), shapes, relative_grid(stated=True)),
+            diagonalise(root_of(np.full(40, 1e-4)), shapes, relative_grid(stated=True)),
             errors,
             jacobian,
             precision=np.zeros((3, 3)),
@@ -323,7 +327,9 @@ def test_what_shows_is_that_of_dense_matrices(folder):
     )
     design, residuals = np.column_stack([np.ones(40), X]), run.y - 0.5 - 1.5 * X
     linear = linearise(
-        diagonalise(np.full(40, 1e-4), (replace(shape.times(0.05), log_prior=0.0),), single),
+        diagonalise(
+            root_of(np.full(40, 1e-4)), (replace(shape.times(0.05), log_prior=0.0),), single
+        ),
         residuals,
         design,
         precision=np.zeros((2, 2)),
@@ -349,7 +355,7 @@ def test_an_unstated_size_is_found_whatever_it_is(rng):
     rms = np.sqrt(np.sum((y - design @ np.linalg.lstsq(design, y, rcond=None)[0]) ** 2) / 38)
     sizes = []
     for unit in (rms, 2.0 * rms):
-        deviation = diagonalise(np.full(40, unit**2), shapes, relative_grid(stated=False))
+        deviation = diagonalise(root_of(np.full(40, unit**2)), shapes, relative_grid(stated=False))
         linear = linearise(deviation, y, design, precision=np.zeros((2, 2)), stated=False)
         sizes.append((unit * linear.size("scale")[1], linear.covariance[0, 0]))
     np.testing.assert_allclose(sizes[0], sizes[1], rtol=0.05)

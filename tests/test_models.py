@@ -414,7 +414,7 @@ def test_data_sets_drawn_again_have_the_mean_and_covariance_of_the_same_deviatio
     factor, push = 0.3 * np.exp(-0.5 * ((x[:, None] - x) / 0.3) ** 2), 0.1 * x[:, None]
     base = 0.05**2 * (np.eye(6) + 0.4 * np.eye(6, k=1) + 0.4 * np.eye(6, k=-1))
     deviation = diagonalise(
-        base,
+        root_of(base),
         (Shape("deviation", 0.3, factor, 0.0),),
         Grid(np.array([2.0]), np.zeros(1), np.ones(1), np.zeros(1)),
     )

@@ -13,6 +13,7 @@ from estim.deviation.components import Shape, diagonalise
 from estim.deviation.grid import prior_grid
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.normal_parts import NormalParts, normal_parts
+from estim.problem.roots import root_of
 from estim.sampling import Target, adapt_proposal, proposed_chain
 from estim.sampling.certified import Optima
 from estim.sampling.importance import kish_ess
@@ -123,7 +124,7 @@ def linearised(
     score: np.ndarray,
 ) -> Linearised:
     deviation = diagonalise(
-        np.full(12, 0.04), shapes, prior_grid(0.7, scales=(1.0,), n_amplitude=4)
+        root_of(np.full(12, 0.04)), shapes, prior_grid(0.7, scales=(1.0,), n_amplitude=4)
     )
     return linearise(
         deviation, residuals, jacobian, precision=precision, pull=np.linalg.solve(precision, score)

@@ -14,7 +14,7 @@ from joint_runs import U_OFFSET, U_TILT, U_Y, readings
 
 from estim import DataSet, fit_curves, load_campaign
 from estim.calibration.experiment import PointDesign
-from estim.calibration.trial import Engine, TrialPlan, _experiment, posterior_draws
+from estim.calibration.trial import ESS, TrialPlan, _experiment, posterior_draws
 from estim.checks.diagnosis import _counting_alike
 from estim.fitting import fit_problem
 from estim.fitting.incidental_parameters import measure_of
@@ -101,14 +101,12 @@ def test_a_chain_in_all_dimensions_has_the_same_measure() -> None:
     problem = readings(4, np.random.default_rng(4))
     (mean, sd), (flat, _) = grids(problem)
     fit = fitted(problem)
-    draws, _, shortfall = posterior_draws(fit, Engine(ess=2000.0), np.random.default_rng(1))
+    draws, _, shortfall = posterior_draws(fit, 2000.0, np.random.default_rng(1))
     assert not shortfall
     assert abs(draws[:, 0].mean() - mean) < (4.0 / np.sqrt(2000.0) + 0.03) * sd
     assert flat - mean > 0.25 * sd
     # samples the plain posterior
-    without, _, _ = posterior_draws(
-        replace(fit, singular=True), Engine(ess=2000.0), np.random.default_rng(1)
-    )
+    without, _, _ = posterior_draws(replace(fit, singular=True), 2000.0, np.random.default_rng(1))
     assert abs(without[:, 0].mean() - flat) < (4.0 / np.sqrt(2000.0) + 0.03) * sd
 
 
@@ -209,7 +207,7 @@ def test_it_is_told_where_flat_weights_would_show() -> None:
 def test_ranks_of_joint_fits_are_those_of_truths_that_are_read_anew() -> None:
     problem = readings(3, np.random.default_rng(1))
     values, posed, _ = _experiment(
-        TrialPlan(PointDesign(problem), "sbc", problem.start(), problem.names, Engine(), 1),
+        TrialPlan(PointDesign(problem), "sbc", problem.start(), problem.names, ESS, 1),
         np.random.default_rng(5),
     )
     for value, before, after in zip(values, problem.parameters, posed.parameters, strict=True):

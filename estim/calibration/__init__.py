@@ -12,5 +12,5 @@ from estim.calibration.calibration import (
     findings,
 )
 from estim.calibration.experiment import campaign_design, curve_at, follow, release_times
-from estim.calibration.trial import Engine, posterior_draws
+from estim.calibration.trial import posterior_draws
 from estim.calibration.uniformity import EDGES, N_RANK, rank_counts, uniformity_band

@@ -40,7 +40,7 @@ import numpy as np
 from estim.arrays import BoolArray, FloatArray, IntArray
 from estim.calibration.experiment import Experiment
 from estim.calibration.trial import (
-    Engine,
+    ESS,
     Trial,
     TrialPlan,
     What,
@@ -100,7 +100,7 @@ class Calibration:
     n_short: int
     failures: Mapping[str, int]
     leaning: tuple[str, ...]
-    engine: Engine
+    ess: float
     seed: int
 
     @property
@@ -143,7 +143,7 @@ def run_trials(
     n_trial: int,
     seed: int,
     jobs: int = 1,
-    engine: Engine | None = None,
+    ess: float = ESS,
     progress: TrialProgress | None = None,
     store: PieceStore | None = None,
 ) -> Calibration:
@@ -159,12 +159,12 @@ def run_trials(
 
     Raises NumericalError where hardly any draw of the priors gives data.
     """
-    engine, truth, reported = engine or Engine(), fit.values.copy(), _varying(fit)
+    truth, reported = fit.values.copy(), _varying(fit)
     if what == "coverage" and fit.at_bound:
-        draws, _, _ = posterior_draws(fit, engine, stream(seed, Stream.CALIBRATION_TRUTH))
+        draws, _, _ = posterior_draws(fit, ess, stream(seed, Stream.CALIBRATION_TRUTH))
         bound = [fit.names.index(name) for name in fit.at_bound]
         truth[bound] = np.median(draws[:, bound], axis=0)
-    plan = TrialPlan(design, what, truth, tuple(reported), engine, seed)
+    plan = TrialPlan(design, what, truth, tuple(reported), ess, seed)
     trial = (
         partial(run_trial, plan)
         if store is None
@@ -184,7 +184,7 @@ def run_trials(
         n_short=sum(bool(t.shortfall) for t in trials),
         failures=Counter(t.failure for t in trials if t.failure),
         leaning=_leaning(fit),
-        engine=engine,
+        ess=ess,
         seed=seed,
     )
 

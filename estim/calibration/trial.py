@@ -1,7 +1,7 @@
 """One simulated campaign with known truth, analysed: where does the truth lie among the posterior
 draws, and in which intervals?
 
-The stages are those of the pipeline, with less demanded of the sampler: `Engine` says how much.
+The stages are those of the pipeline, with less demanded of the sampler: `ESS` says how much.
 """
 
 from __future__ import annotations
@@ -22,22 +22,10 @@ from estim.sampling import InCoordinates, Optima, Target, adapt_proposal, certif
 
 What = Literal["sbc", "coverage"]
 
+# effective sample size, of importance sampling or, where its weights are uneven, of the chain
+ESS = 1000.0
 _MOST_TRIES = 2000  # truths drawn for one simulated campaign
 _KINDS = {"sbc": Stream.RANK_TRIALS, "coverage": Stream.COVERAGE_TRIALS}
-
-
-@dataclass(frozen=True)
-class Engine:
-    """How a simulated campaign is analysed.
-
-    ess : effective sample size, of importance sampling or, where its weights are uneven, of the
-        chain.
-    n_round : draws in each round of adaptation.  max_step : cap of the chain.
-    """
-
-    ess: float = 1000.0
-    n_round: int = 1000
-    max_step: int = 4000
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,20 +33,20 @@ class TrialPlan:
     """What is common to all trials.
 
     truth : (n_par,) the truth of every trial where `what` is "coverage".
-    reported : names of the numbers that are looked at.
+    reported : names of the numbers that are looked at.  ess : effective sample size.
     """
 
     design: Experiment
     what: What
     truth: FloatArray
     reported: tuple[str, ...]
-    engine: Engine
+    ess: float
     seed: int
 
     @property
     def inputs(self) -> tuple[object, ...]:
         """What decides a trial beside the design, in numbers and words."""
-        return self.what, self.truth.tolist(), self.reported, self.engine, self.seed
+        return self.what, self.truth.tolist(), self.reported, self.ess, self.seed
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +77,7 @@ def run_trial(plan: TrialPlan, index: int) -> Trial:
     truth = reported(plan.design.problem, values[None, :], plan.reported)[0]
     n = len(plan.reported)
     try:
-        draws, how, shortfall = posterior_draws(_fit(problem, values, rng), plan.engine, rng)
+        draws, how, shortfall = posterior_draws(_fit(problem, values, rng), plan.ess, rng)
     except NumericalError as error:
         return Trial(
             truth,
@@ -169,23 +157,22 @@ def _fit(problem: Problem, start: FloatArray, rng: np.random.Generator) -> Fit:
         return fit_least_squares(problem, rng=rng)
 
 
-def posterior_draws(
-    fit: Fit, engine: Engine, rng: np.random.Generator
-) -> tuple[FloatArray, str, str]:
+def posterior_draws(fit: Fit, ess: float, rng: np.random.Generator) -> tuple[FloatArray, str, str]:
     """Draws (n_draw, n_par) of the posterior, which engine gave them, and what it did not reach (or
     "").  Raises NumericalError.
     """
     density = InCoordinates(fit.sampled, fit.coordinates)
     at = Optima(fit.values, fit.cov).of(fit.coordinates)
-    for n_round in (engine.n_round, 4 * engine.n_round):
+    # draws in each round of adaptation
+    for n_round in (1000, 4000):
         proposal = adapt_proposal(density, at.value, at.cov, rng=rng, n_round=n_round)
-        n_draw, most = int(2.0 * engine.ess), int(16.0 * engine.ess)
+        n_draw, most = int(2.0 * ess), int(16.0 * ess)
         certificate = certify(
-            density, proposal, rng=rng, n_draw=n_draw, least_ess=engine.ess, max_draw=most
+            density, proposal, rng=rng, n_draw=n_draw, least_ess=ess, max_draw=most
         )
-        if certificate.k_hat < 0.5 and certificate.ess >= engine.ess:
+        if certificate.k_hat < 0.5 and certificate.ess >= ess:
             return fit.coordinates.values(certificate.draws), "importance sampling", ""
-    target = Target(rhat=1.02, ess=engine.ess, n_tau=20.0, max_step=engine.max_step, n_ensemble=2)
+    target = Target(rhat=1.02, ess=ess, n_tau=20.0, max_step=4000, n_ensemble=2)
     chain = sample_posterior(density, at.value, at.cov, target=target, rng=rng, proposal=proposal)
     return (
         fit.coordinates.values(chain.thinned(20_000)),

@@ -88,8 +88,8 @@ class SharedEstimate:
 class Consistency:
     """Whether runs agree about the parameters they share.
 
-    shared : names of the parameters of the curve that more than one run uses; units, labels :
-        theirs, the latter as they are shown.
+    shared : names of the parameters of the curve that more than one run uses; labels : as they are
+        shown.
     used : parameter -> the runs that use it.
     chi2, dof, p_value : Q.
     rows : one `Disagreement` a source, in the order of the runs, stated values last (if there are
@@ -104,7 +104,6 @@ class Consistency:
     """
 
     shared: tuple[str, ...]
-    units: tuple[str, ...]
     labels: tuple[Label, ...]
     used: Mapping[str, tuple[str, ...]]
     chi2: float
@@ -217,7 +216,6 @@ def check_consistency(fit: Fit) -> Consistency:
     alone = {name: _estimate(centre, total_of([of[name].alone(name), prior])) for name in names}
     return Consistency(
         shared=tuple(problem.names[i] for i in shared),
-        units=tuple(problem.parameters[i].unit for i in shared),
         labels=tuple(problem.parameters[i].label for i in shared),
         used={
             problem.names[i]: tuple(

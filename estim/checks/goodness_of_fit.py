@@ -49,7 +49,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 
@@ -394,12 +394,7 @@ def untested(fit: Fit) -> tuple[Goodness, ...]:
 
 
 def _pattern(z: FloatArray) -> float:
-    shapes, _ = np.linalg.qr(
-        np.polynomial.legendre.legvander(
-            np.linspace(-1.0, 1.0, z.size), min(_SLOW_ORDER, z.size - 1)
-        )
-    )
-    return float(z @ z + _SLOW_WEIGHT * np.sum(np.square(z @ shapes)))
+    return float(z @ z + _SLOW_WEIGHT * np.sum(np.square(z @ _slow(z.size, _SLOW_ORDER))))
 
 
 def _raw_and_sd(fit: Fit, named: Mapping[str, FloatArray]) -> list[tuple[FloatArray, FloatArray]]:
@@ -580,10 +575,10 @@ def _growing(f: FloatArray, x: FloatArray) -> FloatArray | None:
     return np.array([w / np.sqrt(np.mean(np.square(w))) for w in centred]) if centred else None
 
 
-@lru_cache(maxsize=8)
-def _slow(n: int) -> FloatArray:
-    """(n, 4) orthonormal polynomials."""
-    return np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, n), 4, increasing=True))[0]
+def _slow(n: int, order: int) -> FloatArray:
+    """(n, n_shape) orthonormal polynomials up to an order."""
+    places = np.linspace(-1.0, 1.0, n)
+    return np.linalg.qr(np.polynomial.legendre.legvander(places, min(order, n - 1)))[0]
 
 
 def _sizes(z: FloatArray, compared: _Compared) -> dict[str, FloatArray]:
@@ -603,7 +598,7 @@ def _statistics(z: FloatArray, compared: _Compared) -> dict[str, FloatArray]:
         "chi2": square,
         "runs": -np.sum(np.signbit(z[:, 1:]) != np.signbit(z[:, :-1]), axis=1).astype(float),
         "autocorrelation": np.einsum("ij,ij->i", z[:, 1:], z[:, :-1]) / size,
-        "trend": np.max(np.abs(z @ _slow(n)), axis=1) / np.sqrt(size / n),
+        "trend": np.max(np.abs(z @ _slow(n, 3)), axis=1) / np.sqrt(size / n),
         "largest": np.max(sizes, axis=1) / np.sqrt(size / n),
     }
     total = np.where(square > 0.0, np.sum(sizes, axis=1), 1.0)

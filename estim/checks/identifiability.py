@@ -66,12 +66,10 @@ class Direction:
 class Identifiability:
     """What data and prior each say about the parameters of a fit.
 
-    names : (n_par,).
     directions : n_par of them, that of least information first.
     sentences : the findings in words, gravest first.
     """
 
-    names: tuple[str, ...]
     directions: tuple[Direction, ...]
     sentences: tuple[str, ...]
 
@@ -90,7 +88,7 @@ def identify(fit: Fit) -> Identifiability:
         for value, vector in zip(values, vectors.T, strict=True)
     )
     n_learnt = float(np.sum(values / (1.0 + values)))
-    return Identifiability(fit.names, directions, _sentences(directions, n_learnt))
+    return Identifiability(directions, _sentences(directions, n_learnt))
 
 
 def _direction(

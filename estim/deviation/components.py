@@ -22,9 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError
 from estim.deviation.grid import Grid
-from estim.problem import Root, root_of
+from estim.problem import Root
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,16 +127,11 @@ class Deviation:
         return np.concatenate(each)
 
 
-def diagonalise(base: FloatArray | Root, shapes: tuple[Shape, ...], grid: Grid) -> Deviation:
-    """The components for a stated covariance `base`, (n_obs,) variances or (n_obs, n_obs), in the
-    square of the unit of the readings, or its root.
+def diagonalise(root: Root, shapes: tuple[Shape, ...], grid: Grid) -> Deviation:
+    """The components for the root of a stated covariance.
 
     Components without a deviation are the same for every shape and stand in the first family alone.
-    Raises InputError where `base` is not positive definite, or where there is no shape.
     """
-    if not shapes:
-        raise InputError("must name at least one shape of deviation", field="shapes")
-    root = _root(base) if isinstance(base, np.ndarray) else base
     amplitude, scale = (
         values.ravel() for values in np.meshgrid(grid.amplitudes, grid.scales, indexing="ij")
     )
@@ -156,15 +150,6 @@ def diagonalise(base: FloatArray | Root, shapes: tuple[Shape, ...], grid: Grid) 
         )
         families.append(held if i == 0 else held.chosen(amplitude > 0.0))
     return Deviation(root, tuple(families))
-
-
-def _root(base: FloatArray) -> Root:
-    if base.ndim == 1 and not np.all(base > 0.0):
-        raise InputError("must be > 0", field="variance", value=float(np.min(base)))
-    try:
-        return root_of(base)
-    except np.linalg.LinAlgError:
-        raise InputError("must be positive definite", field="covariance") from None
 
 
 def _principal(factor: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -18,7 +18,7 @@ import numpy as np
 
 from estim.arrays import FloatArray, diagonal_scale
 from estim.common import PROBABILITIES, phrase
-from estim.deviation.components import Deviation, Shape, diagonalise
+from estim.deviation.components import Shape, diagonalise
 from estim.deviation.generic import (
     DEVIATION,
     LONG,
@@ -29,7 +29,7 @@ from estim.deviation.generic import (
     relative_grid,
     stated_is_conservative,
 )
-from estim.deviation.grid import SPIKE, Grid
+from estim.deviation.grid import SPIKE
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import WithMixture, normal_covariance
@@ -44,7 +44,7 @@ from estim.deviation.with_force import (
     likely_root,
     linear_groups,
 )
-from estim.problem import Discrepancy, Observations, Problem, Wording
+from estim.problem import Discrepancy, Observations, Problem, Root, Wording
 
 _TIMES_NOISE = 2.0  # scale of correlated errors
 Interval = tuple[float, float]
@@ -146,11 +146,11 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
     """
     lacks = run.lacks
     assert lacks is not None, "asked for runs that may lack something"
-    covariance, shift, residuals, jacobian = _measured(run, problem, values, stated=lacks.stated)
+    root, shift, residuals, jacobian = _measured(run, problem, values, stated=lacks.stated)
     precision, pull = _beside(run, problem, values)
-    scales = _scales(lacks, covariance, residuals)
+    scales = _scales(lacks, root, residuals)
     shapes = _shapes(run, lacks, scales)
-    deviation = _diagonalised(covariance, shapes, relative_grid(stated=lacks.stated))
+    deviation = diagonalise(root, shapes, relative_grid(stated=lacks.stated))
     without = _sds(deviation.whiten(jacobian.T), precision)
     linear = linearise(
         deviation, residuals, jacobian, precision=precision, pull=pull, stated=lacks.stated
@@ -171,7 +171,7 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
         kind: _size(linear, kind, scale, LONG[kind] * extents[kind])
         for kind, scale in scales.items()
     }
-    unit = 1.0 if lacks.stated else float(np.sqrt(np.median(np.diag(covariance))))
+    unit = 1.0 if lacks.stated else _typical(root)
     low, middle, high = (unit * quantile for quantile in linear.size("scale"))
     summary = FoundDeviation(
         run=run.name,
@@ -198,17 +198,16 @@ def presence(run: Observations, problem: Problem, values: FloatArray) -> float:
     """Probability that a curve taken as complete lacks something about as large as one error, 1/2
     beforehand; linear about `values` (n_par,).
     """
-    covariance, _, residuals, jacobian = _measured(run, problem, values, stated=run.stated)
+    root, _, residuals, jacobian = _measured(run, problem, values, stated=run.stated)
     precision, pull = _beside(run, problem, values)
     # no slope says anything of the size of the errors, and a flat prior of it neither; nor of what
     # another parameter hides on its limit
     silent = (np.diag(precision) == 0.0) & ~np.any(jacobian, axis=0)
-    size = float(np.sqrt(np.median(np.diag(covariance))))
-    shapes = tuple(shape.times(size) for shape in deviation_shapes(run.x))
+    shapes = tuple(shape.times(_typical(root)) for shape in deviation_shapes(run.x))
     grid = relative_grid(stated=run.stated, spike=SPIKE)
     turned = _apart(jacobian)
     return linearise(
-        _diagonalised(covariance, shapes, grid),
+        diagonalise(root, shapes, grid),
         residuals,
         jacobian @ turned,
         precision=turned.T @ (precision + np.diag(1.0 * silent)) @ turned,
@@ -232,19 +231,18 @@ def _apart(jacobian: FloatArray) -> FloatArray:
 
 def _measured(
     run: Observations, problem: Problem, values: FloatArray, *, stated: bool
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Covariance (n_obs, n_obs) of independent errors, shift and residuals (n_obs,), slopes (n_obs,
-    n_par).  stated : whether their size was.
+) -> tuple[Root, FloatArray, FloatArray, FloatArray]:
+    """The root of the covariance of the errors, shift and residuals (n_obs,), slopes (n_obs,
+    n_par).  stated : whether the size of the errors was; else they are as large as the residuals.
     """
     named = problem.named(values)
     errors = normal_covariance(run.noise, run.points, named)
     residuals = run.y - errors.shift - run.drawn(named)
-    covariance = (
-        errors.covariance
-        if stated
-        else _sized(errors.covariance, residuals, len(run.curve_parameters))
-    )
-    return covariance, errors.shift, residuals, run.points.gradient(named, problem.names)
+    root = errors.root
+    if not stated:
+        squares = float(np.sum(np.square(residuals) / root.variances))
+        root = root.times(np.sqrt(squares / max(1, run.n_obs - len(run.curve_parameters))))
+    return root, errors.shift, residuals, run.points.gradient(named, problem.names)
 
 
 def _sds(slopes: FloatArray, precision: FloatArray) -> FloatArray:
@@ -259,10 +257,9 @@ def _sds(slopes: FloatArray, precision: FloatArray) -> FloatArray:
     )
 
 
-def _sized(covariance: FloatArray, residuals: FloatArray, n_par: int) -> FloatArray:
-    """A covariance (n_obs, n_obs) of unknown size, as large as the residuals (n_obs,)."""
-    squares = float(np.sum(np.square(residuals) / np.diag(covariance)))
-    return covariance * squares / max(1, residuals.size - n_par)
+def _typical(root: Root) -> float:
+    """Standard deviation of a typical reading."""
+    return float(np.sqrt(np.median(root.variances)))
 
 
 def _shapes(
@@ -274,19 +271,13 @@ def _shapes(
     return tuple(shape.times(scales[shape.kind]) for shape in equally_probable(*groups))
 
 
-def _diagonalised(covariance: FloatArray, shapes: tuple[Shape, ...], grid: Grid) -> Deviation:
-    diagonal = np.diag(covariance)
-    return diagonalise(
-        diagonal if np.array_equal(covariance, np.diag(diagonal)) else covariance, shapes, grid
-    )
-
-
-def _scales(lacks: Discrepancy, covariance: FloatArray, residuals: FloatArray) -> dict[str, float]:
+def _scales(lacks: Discrepancy, root: Root, residuals: FloatArray) -> dict[str, float]:
     """Kind -> scale of its amplitude, unit of y."""
-    typical = float(np.sqrt(np.median(np.diag(covariance))))
     seen = _TIMES_NOISE * float(np.sqrt(np.mean(np.square(residuals))))
     scales = {DEVIATION: lacks.deviation} if lacks.deviation else {}
-    return scales | ({TIME: max(seen, _TIMES_NOISE * typical)} if lacks.along is not None else {})
+    return scales | (
+        {TIME: max(seen, _TIMES_NOISE * _typical(root))} if lacks.along is not None else {}
+    )
 
 
 def _beside(run: Observations, problem: Problem, values: FloatArray) -> TrialInformation:

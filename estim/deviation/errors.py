@@ -87,10 +87,7 @@ class MixtureErrors(Likelihood):
         )
 
     def sd(self, named: Named) -> FloatArray:
-        return np.sqrt(self.mixture.variances(self.raw(named)[0]))
-
-    def squared_size(self, vector: FloatArray, named: Named) -> float:
-        return float(np.sum(self.mixture.likely(self.raw(named)[0]).whiten(vector) ** 2))
+        return np.sqrt(self.mixture.likely(self.raw(named)[0]).variances)
 
     def residuals_at(self, named: Named) -> FloatArray:
         """(n_obs,) for single values."""

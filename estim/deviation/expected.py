@@ -23,7 +23,7 @@ from estim.deviation.force import FORCE, OWN, Response, force_kernel, own_kind
 from estim.deviation.joint import Tracked
 from estim.deviation.kernels import without_mean
 from estim.deviation.residuals import stacked
-from estim.problem import Observations, Posterior, Problem, StackedPoints
+from estim.problem import Observations, Posterior, Problem, StackedPoints, covariance_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ def expected_root(
     track, responses = tracked.track, tracked.responses
     lever = Response.stacked(responses).force
     between = size.between() if several else np.zeros(size.lengths.size)
-    covariance = size.noise * block_diag(*(errors.covariance for errors in tracked.stated))
+    covariance = size.noise * block_diag(*(covariance_of(errors.root) for errors in tracked.stated))
     for length, shared, apart in zip(size.lengths, size.shared, between, strict=True):
         kernel = force_kernel(track, float(length), radius=tracked.alongs[0].radian)
         covariance += shared * lever @ without_mean(kernel, track.weights) @ lever.T

@@ -19,7 +19,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError
 
 FORCE_SCALE = 0.02  # of the weight: scale of the half-normal prior of the amplitude of a force
 START_SD = 0.02  # of the weight times the radius: prior sd of the energy at release
@@ -38,7 +37,7 @@ class Grid:
     """Values of amplitude and noise scale with their logarithmic prior probabilities, each
     normalised.
 
-    amplitudes : (n_a,) unit of the deviation; the first is 0 where there is a spike.
+    amplitudes : (n_a,) unit of the deviation; the first is 0.
     scales : (n_s,) of the stated noise.
     """
 
@@ -61,21 +60,12 @@ def prior_grid(
     n_amplitude : 12 make the likelihood of draws twice as fast and move means by at most 0.05
         standard deviations.
     scales : factors of the stated noise, one of them 1; (1,) alone where its size is known, or
-        inferred as a parameter.  Raises InputError for an amplitude or scale that is not positive,
-        scales without 1, or a spike outside [0, 1).
+        inferred as a parameter.
     """
-    if not amplitude > 0.0:
-        raise InputError("must be > 0", field="amplitude", value=amplitude)
-    if not 0.0 <= spike < 1.0:
-        raise InputError("must be a probability below 1", field="spike", value=spike)
-    if 1.0 not in scales or min(scales) <= 0.0:
-        raise InputError("must be > 0 and hold 1", field="scales", value=str(scales))
     sizes = amplitude * np.geomspace(_LOWEST, _HIGHEST, n_amplitude)
     # equal steps of log a: density times a
     slab = _normalised(np.log(sizes) - 0.5 * np.square(sizes / amplitude))
     factors, wide = _noise_scales(scales)
-    if spike == 0.0:
-        return Grid(sizes, slab, factors, wide)
     return Grid(np.r_[0.0, sizes], np.r_[np.log(spike), np.log1p(-spike) + slab], factors, wide)
 
 

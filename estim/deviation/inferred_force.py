@@ -40,7 +40,7 @@ class Force(WithMean):
     part of the rolling resistance).
 
     x : (n_node,) m or rad.
-    mean, sd : (n_node,).
+    mean : (n_node,).
     quantiles : (5, n_node) at `QUANTILES`.  All of the way out, where the body also came back.
     back : quantiles of the way back; None where there is none.
     probability : P(a > 0).
@@ -52,7 +52,6 @@ class Force(WithMean):
 
     x: FloatArray
     mean: FloatArray
-    sd: FloatArray
     quantiles: FloatArray
     back: FloatArray | None
     probability: float
@@ -77,12 +76,10 @@ def find_force(
         (f.amplitude * prior.elsewhere) ** 2 for f, prior in zip(families, priors, strict=True)
     ]
     elsewhere = float(seen.weights @ np.concatenate(sizes)[seen.kept])
-    mean, sd = seen.mean_and_sd()
     quantiles, n = seen.quantiles(), along.nodes.size
     return Force(
         x=along.nodes,
-        mean=mean[:n],
-        sd=sd[:n],
+        mean=seen.mean[:n],
         quantiles=quantiles[:, :n],
         back=quantiles[:, n:] if along.n_way == 2 else None,
         probability=linearised.p_deviation,
@@ -96,13 +93,12 @@ def find_force(
 class OwnForce:
     """What the force of one run adds to the one that runs share, in units of the weight.
 
-    x : (n_node,) m or rad, to the end of the run.  mean, sd : (n_node,).
+    x : (n_node,) m or rad, to the end of the run.  mean : (n_node,).
     """
 
     run: str
     x: FloatArray
     mean: FloatArray
-    sd: FloatArray
 
 
 def find_own_force(
@@ -128,8 +124,7 @@ def find_own_force(
         [ratio**2 * kernels[f.length] for f, ratio in zip(families, ratios, strict=True)],
     )
     reached = along.nodes <= end
-    mean, sd = seen.mean_and_sd()
-    return OwnForce(run, along.nodes[reached], mean[reached], sd[reached])
+    return OwnForce(run, along.nodes[reached], seen.mean[reached])
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,12 +142,10 @@ class Seen:
     means: FloatArray
     sds: FloatArray
 
-    def mean_and_sd(self) -> tuple[FloatArray, FloatArray]:
+    @property
+    def mean(self) -> FloatArray:
         """(n_place,) of the mixture."""
-        mean = self.weights @ self.means
-        return mean, np.sqrt(
-            np.maximum(self.weights @ (np.square(self.sds) + np.square(self.means - mean)), 0.0)
-        )
+        return self.weights @ self.means
 
     def quantiles(self) -> FloatArray:
         """(5, n_place) at `QUANTILES`."""

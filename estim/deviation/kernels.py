@@ -15,7 +15,6 @@ leaves the constant to the parameter, which then *means* the average over this t
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 
@@ -48,14 +47,13 @@ def turning(distance: FloatArray, length: float, *, radius: float) -> FloatArray
     return matern32(distance, length) + np.cos(angle) + np.cos(2.0 * angle)
 
 
-def without_mean(covariance: FloatArray, weights: ArrayLike | None = None) -> FloatArray:
+def without_mean(covariance: FloatArray, weights: FloatArray) -> FloatArray:
     """Covariance (n, n) of a process minus its own mean, M K M^T with M = 1 - 1 w^T.
 
-    weights : (n,) w, of sum 1; None for 1/n each.
+    weights : (n,) w, of sum 1.
     """
-    w = _normalised(weights, covariance.shape[0])
-    row = w @ covariance
-    return covariance - row - row[:, None] + row @ w
+    row = weights @ covariance
+    return covariance - row - row[:, None] + row @ weights
 
 
 def root(covariance: FloatArray) -> FloatArray:
@@ -65,12 +63,6 @@ def root(covariance: FloatArray) -> FloatArray:
     return basis[:, significant] * np.sqrt(spectrum[significant])
 
 
-def sd_of_mean(covariance: FloatArray, weights: ArrayLike | None = None) -> float:
+def sd_of_mean(covariance: FloatArray, weights: FloatArray) -> float:
     """sqrt(w^T K w): standard deviation of the mean of a process over the track."""
-    w = _normalised(weights, covariance.shape[0])
-    return float(np.sqrt(np.maximum(w @ covariance @ w, 0.0)))
-
-
-def _normalised(weights: ArrayLike | None, n: int) -> FloatArray:
-    w = np.ones(n) if weights is None else np.asarray(weights, dtype=float)
-    return w / w.sum()
+    return float(np.sqrt(np.maximum(weights @ covariance @ weights, 0.0)))

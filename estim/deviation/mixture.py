@@ -126,41 +126,25 @@ class Mixture:
         z = self.deviation.whiten(residuals)
         return self.deviation.turned_back(self.pulls(z[None], residuals)[0])
 
-    def variances(self, residuals: FloatArray) -> FloatArray:
-        """(n_obs,) of the errors at residuals (n_obs,): the diagonal of the sum of the C_k by their
-        `shares`, and H H^T.
-        """
-        causes, white = self._causes(residuals)
-        root = self.deviation.root
-        return white * root.variances + np.sum(root.coloured(causes.T) ** 2, axis=0)
-
     def likely(self, residuals: FloatArray) -> Root:
-        """The root of the covariance of which those are the diagonal."""
-        causes, white = self._causes(residuals)
-        return beside(self.deviation.root.times(float(np.sqrt(white))), causes / np.sqrt(white))
-
-    def weighed(self, rows: FloatArray, residuals: FloatArray) -> FloatArray:
-        """Rows (n, n_obs) of whitened observations times the inverse of their covariance."""
-        return inverse_times(rows, *self._causes(residuals))
+        """The root of the covariance of the errors at residuals (n_obs,): the sum of the C_k by
+        their `shares`, and H H^T.
+        """
+        basis, lifted, white = self.lifted(residuals)
+        significant = lifted > _FELT * white
+        causes = np.hstack(
+            [basis[:, significant] * np.sqrt(lifted[significant]), self.columns]
+        ) / np.sqrt(white)
+        return beside(self.deviation.root.times(float(np.sqrt(white))), causes)
 
     def causes(self, family: Family, k: int) -> FloatArray:
         """(n_obs, n_cause) what a deviation of component k does to whitened observations, and H."""
         lifted = family.amplitude[k] * np.sqrt(family.spectrum)
         return np.hstack([lifted * family.basis, self.columns])
 
-    def _causes(self, residuals: FloatArray) -> tuple[FloatArray, float]:
-        """H and what the deviation does, (n_obs, n_cause), and the variance of the noise,
-        whitened.
-        """
-        basis, lifted, white = self.lifted(residuals)
-        significant = lifted > _FELT * white
-        return np.hstack(
-            [basis[:, significant] * np.sqrt(lifted[significant]), self.columns]
-        ), white
-
     def lifted(self, residuals: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-        """What they are made of, but for H: directions (n_obs, n_dir), the variances (n_dir,) that
-        the deviation has there, and that of the noise.
+        """What that covariance is made of, but for H, in whitened observations: directions (n_obs,
+        n_dir), the variances (n_dir,) that the deviation has there, and that of the noise.
         """
         share = self.shares(residuals)
         lifted = [

@@ -27,7 +27,6 @@ from estim.problem import (
     Points,
     Root,
     Wording,
-    covariance_of,
     with_columns,
 )
 
@@ -134,11 +133,6 @@ class StatedErrors:
 
     root: Root
     shift: FloatArray
-
-    @property
-    def covariance(self) -> FloatArray:
-        """(n_obs, n_obs)."""
-        return covariance_of(self.root)
 
 
 def formed_about(

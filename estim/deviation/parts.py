@@ -51,13 +51,13 @@ def _parts(
 ) -> dict[str, FloatArray]:
     """Variances (n_quantity,), for the answer of the points `moved` (n_obs, n_quantity)."""
     mixture, residuals = likelihood.mixture, likelihood.residuals_at(named)
-    deviation = mixture.deviation
-    weighed = mixture.weighed(deviation.whiten(moved.T), residuals).T
+    likely, coloured = mixture.likely(residuals), mixture.deviation.root.coloured
+    weighed = likely.turned_back(likely.whiten(moved.T)).T
     basis, lifted, _ = mixture.lifted(residuals)
     forced = group.runs[0].force > 0.0
     parts = {
         FORCE if forced else DEVIATION: np.sum(
-            lifted[:, None] * np.square(basis.T @ weighed), axis=0
+            lifted[:, None] * np.square(coloured(basis.T) @ weighed), axis=0
         )
     }
     n_start = len(group.runs) if forced else 0
@@ -66,5 +66,5 @@ def _parts(
         (FRAMES, mixture.columns[:, n_start:]),
     ):
         if columns.shape[1]:
-            parts[name] = np.sum(np.square(columns.T @ weighed), axis=0)
+            parts[name] = np.sum(np.square(coloured(columns.T) @ weighed), axis=0)
     return parts

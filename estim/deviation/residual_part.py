@@ -48,4 +48,4 @@ def see_deviation(linear: Linearised, run: Observations, shapes: Sequence[Shape]
     rest = np.eye(run.n_obs) - linear.jacobian @ np.linalg.pinv(slopes.T, rcond=1e-10) @ whitener.T
     kernels = [rest @ shape.covariance for shape in shapes]
     seen = see(linear, [(kernel, np.einsum("ij,ij->i", kernel, rest)) for kernel in kernels])
-    return ResidualPart(run.x, seen.quantiles(), seen.weights @ seen.means, rest @ linear.residuals)
+    return ResidualPart(run.x, seen.quantiles(), seen.mean, rest @ linear.residuals)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from estim.arrays import max_abs
 from estim.checks import NOTE_BELOW, P_POOR_FIT
 from estim.common import PhraseTable, format_p, phrase
-from estim.distributions import student_tail
+from estim.fitting import FEW, coverage_of_sd
 from estim.line.angle_profile import LineData
 
 CONVENTIONS: Mapping[str, str] = PhraseTable(
@@ -46,14 +46,12 @@ def recommendation(data: LineData, chi2: float, dof: int, p_value: float) -> tup
                 "how large the errors are: state u_y"
             )
             return "scaled", reason + none
-        held = 1.0 - 2.0 * float(student_tail(1.0, dof))
         few = phrase(
             "; value ± standard error contains the true value in {held:.0f} % of such "
             "experiments, not in 68 %; the intervals allow for it",
-            held=100 * held,
+            held=100 * coverage_of_sd(dof),
         )
-        # up to which value ± standard error holds less than 66 %
-        return "scaled", reason + (few if dof <= 10 else "")
+        return "scaled", reason + (few if dof <= FEW else "")
     if p_value < P_POOR_FIT:
         return "scaled", phrase(
             "S/dof = {ratio:.3g} ({p}): the stated uncertainties do not explain the "

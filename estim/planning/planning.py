@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.calibration import Engine, posterior_draws
+from estim.calibration import posterior_draws
 from estim.campaign import Campaign, quantity_of_key
 from estim.checks import check_goodness, check_stated_values, failed_tests, stated_values
 from estim.common import Finding, InputError, Stream, later, phrase, split_level, stream, wrong
@@ -140,7 +140,7 @@ def plan(
     possible = sorted(
         (option for option in done if not option.reason), key=lambda option: option.score
     )
-    draws, how, _ = posterior_draws(fit, Engine(ess=1000.0), stream(seed, Stream.PLAN_DRAWS))
+    draws, how, _ = posterior_draws(fit, 1000.0, stream(seed, Stream.PLAN_DRAWS))
     drawn = np.std(draws[:, [fit.names.index(p.name) for p in targets]], axis=0)
     halving = ways_to_halve(basis, here, targets, now, possible)
     along = weigh_places(basis, here, targets) if isinstance(basis, CurveBasis) else ()

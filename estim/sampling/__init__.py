@@ -17,7 +17,7 @@ from estim.sampling.certificate import (
 from estim.sampling.certified import Certified, Optima, certified_chain, proposed_chain
 from estim.sampling.chain import Chain, Progress, Target, sample_posterior
 from estim.sampling.diagnostics import mcse_mean, mixing_of
-from estim.sampling.importance import K_HAT_LIMIT, pareto_smoothed
+from estim.sampling.importance import K_HAT_LIMIT, log_mean_uncertainty, pareto_smoothed
 from estim.sampling.marginal_draws import marginal_chain
 from estim.sampling.proposal import adapt_proposal
 from estim.sampling.protocol import InCoordinates

@@ -33,19 +33,9 @@ from estim.sampling.importance import (
     pareto_smoothed,
     systematic,
 )
-from estim.sampling.proposal import Proposal, adapt_proposal
+from estim.sampling.proposal import Proposal
 from estim.sampling.protocol import Density, log_density_in_batches
 from estim.words import tell
-
-__all__ = [
-    "Agreement",
-    "Certificate",
-    "Proposal",
-    "adapt_proposal",
-    "certify",
-    "compare_with_chain",
-]
-
 
 # of runs that share a force: a chain is all that they have beside importance sampling, no marginal
 # over runs
@@ -108,7 +98,6 @@ class Agreement:
         considered.
     """
 
-    names: tuple[str, ...]
     verdict: str
     told: tuple[Finding, ...]
     differences: FloatArray
@@ -277,7 +266,7 @@ def compare_with_chain(
         if n_par > most
         else _verdict(certificate, differences, z, errors, limit)
     )
-    return Agreement(certificate.names, verdict, (finding,), differences, z, limit)
+    return Agreement(verdict, (finding,), differences, z, limit)
 
 
 def _share(certificate: Certificate, chain: Chain, p: float) -> tuple[FloatArray, FloatArray]:
@@ -296,10 +285,10 @@ def _share(certificate: Certificate, chain: Chain, p: float) -> tuple[FloatArray
     return (p - below) / u, 0.5 * np.diff(ends)[:, 0]
 
 
-def no_comparison(names: tuple[str, ...], *told: Finding) -> Agreement:
+def no_comparison(n_par: int, *told: Finding) -> Agreement:
     """A second opinion that is missing, and why."""
-    unknown = np.full((len(QUANTILES), len(names)), np.nan)
-    return Agreement(names, "missing", told, unknown, unknown, math.nan)
+    unknown = np.full((len(QUANTILES), n_par), np.nan)
+    return Agreement("missing", told, unknown, unknown, math.nan)
 
 
 def too_many(n_par: int, most: int = MAX_PARAMETERS) -> Finding:

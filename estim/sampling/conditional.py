@@ -33,8 +33,7 @@ from estim.problem import LogNormal, NormalErrors, Observations, Posterior, Prio
 _ROWS = 512  # rows of a block: its arrays stay in the cache
 _REACH = 4.0  # standard deviations of s within which the quadratic terms are used
 _N_REFINE, _WIDER = 10, 1.5
-# error of polynomials from which modes are sought at each draw, and by how many steps at most
-_ROUGH, _MOST_STEP = 0.1, 10
+_MOST_STEP = 10  # to a mode, where they are sought at each draw
 # conditional standard deviations: the longest step, steps that are watched, and that end a search
 _LONGEST_STEP, _FROM_AFAR, _WATCHED, _SETTLED = 3.0, 100.0, 1.0, 0.05
 _MOST_HALVING, _LEAST_EIGENVALUE = 8, 1e-12
@@ -247,7 +246,7 @@ class Expansion:
     scale: FloatArray
     coefficients: FloatArray
     n_own: int
-    rough: bool
+    rough: bool = False
 
     def at(self, shared: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Mode (n_draw, n_own) and root (n_draw, n_own, n_own) of the covariance at shared (n_draw,
@@ -309,11 +308,9 @@ def expand(term: RunTerm, shared: FloatArray, start: FloatArray) -> Expansion:
     Points that the run all but excludes are given little weight in the least squares.
     """
     modes = start
-    for _ in range(2):
+    for _ in range(3):
         step, information = _gauss_newton(term, shared, modes)
         modes = term.inside(modes + step)
-    step, information = _gauss_newton(term, shared, modes)
-    modes = term.inside(modes + step)
     k = term.own.size
     root = covariance_roots(information)
     diagonal = np.arange(k)
@@ -332,17 +329,7 @@ def expand(term: RunTerm, shared: FloatArray, start: FloatArray) -> Expansion:
     coefficients = np.linalg.lstsq(
         weight[usable] * features[usable], weight[usable] * out[usable], rcond=None
     )[0]
-    miss = (features @ coefficients - out)[usable, :k] * np.exp(
-        -out[usable][:, k:][:, _diagonal_places(k)]
-    )
-    error = np.sqrt(np.average(miss**2, axis=0, weights=weight[usable, 0] ** 2))
-    # conditional standard deviations, root mean square
-    return Expansion(centre, scale, coefficients, k, bool(np.max(error, initial=0.0) > _ROUGH))
-
-
-def _diagonal_places(k: int) -> IntArray:
-    """Where the diagonal stands among the lower triangle, row by row."""
-    return np.cumsum(np.arange(1, k + 1)) - 1
+    return Expansion(centre, scale, coefficients, k)
 
 
 def _features(z: FloatArray) -> FloatArray:

@@ -89,9 +89,9 @@ def log_mean_uncertainty(log_weights: FloatArray) -> float:
     return math.sqrt(max(1.0 / size - 1.0 / log_weights.size, 0.0)) if size else math.inf
 
 
-def tempered(log_weights: FloatArray, least: float) -> tuple[FloatArray, float]:
+def tempered(log_weights: FloatArray, least: float) -> FloatArray:
     """(n_draw,) normalised weights w^b, tempered by the largest b <= 1 that leaves an effective
-    size of `least`, and b: a far start is approached in steps.
+    size of `least`: a far start is approached in steps.
     """
     finite = np.isfinite(log_weights)
     shifted = np.where(finite, log_weights, 0.0) - np.max(log_weights)
@@ -106,7 +106,7 @@ def tempered(log_weights: FloatArray, least: float) -> tuple[FloatArray, float]:
             low, high = (middle, high) if kish_ess(powered(middle)) >= least else (low, middle)
         high = max(low, 1e-6)
     weights = np.exp(powered(high))
-    return (weights / np.sum(weights)), high
+    return weights / np.sum(weights)
 
 
 def systematic(weights: FloatArray, n: int, rng: np.random.Generator) -> IntArray:

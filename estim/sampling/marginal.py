@@ -65,15 +65,6 @@ class MarginalOptions:
     n_node: int = 1
     wide: bool = False
 
-    def __post_init__(self) -> None:
-        for name, value, least in (
-            ("n_draw", self.n_draw, 100),
-            ("n_check", self.n_check, 100),
-            ("n_node", self.n_node, 1),
-        ):
-            if value < least:
-                raise InputError(f"must be >= {least}", field=name, value=value)
-
 
 @dataclass(frozen=True, eq=False)
 class MarginalPosterior:
@@ -296,7 +287,7 @@ def _adapt(
         target = replace(target, expansions=expansions)
         proposal = adapt_proposal(target, mean, cov, rng=rng, n_round=1000)
     careful = target.with_steps(proposal.widened().draw(rng, _N_TRIED))
-    if [e.rough for e in careful.expansions] != [e.rough for e in target.expansions]:
+    if careful is not target:
         target, proposal = careful, adapt_proposal(careful, mean, cov, rng=rng, n_round=1000)
     return proposal, target
 

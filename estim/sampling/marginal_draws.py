@@ -78,4 +78,4 @@ def _opinion(marginal: MarginalPosterior, n_par: int) -> Agreement:
     disagree = any(finding.kind is Kind.WEIGHTS_MOVE for finding in marginal.told)
     conclusive = marginal.k_hat_all < K_HAT_LIMIT or len(marginal.sampled) == n_par
     verdict = "disagree" if disagree else "agree" if marginal.trusted and conclusive else "missing"
-    return replace(no_comparison(marginal.names, *marginal.told), verdict=verdict)
+    return replace(no_comparison(n_par, *marginal.told), verdict=verdict)

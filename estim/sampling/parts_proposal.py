@@ -45,7 +45,7 @@ def proposal_of_parts(
         if not share > 0.0:
             break
         mixture = _adapted(
-            mixture, heaviest, draws, tempered(log_ratio, least=20.0 * proposal.n_par)[0]
+            mixture, heaviest, draws, tempered(log_ratio, least=20.0 * proposal.n_par)
         )
     return best
 

@@ -202,7 +202,7 @@ def _adapted(
         if not np.any(np.isfinite(log_ratio)):
             break
         quality = _quality(log_ratio)
-        weights, _ = tempered(log_ratio, least=min(0.1 * n_round, 20.0 * proposal.n_par))
+        weights = tempered(log_ratio, least=min(0.1 * n_round, 20.0 * proposal.n_par))
         rounds.append((proposal, quality, draws, weights))
         # from 0.7 on, one more round costs more draws than it can save
         if (len(rounds) > 1 and quality > 0.7) or (

@@ -33,7 +33,14 @@ from estim.explanation import Predicted, predictive_checks
 from estim.fitting import Fit, fit_problem, fit_white, fit_without_force
 from estim.pipeline import Analysis, analyse_fit
 from estim.problem import Prior
-from estim.sampling import K_HAT_LIMIT, Target, adapt_proposal, certify, pareto_smoothed
+from estim.sampling import (
+    K_HAT_LIMIT,
+    Target,
+    adapt_proposal,
+    certify,
+    log_mean_uncertainty,
+    pareto_smoothed,
+)
 from estim.studies.refits import (
     LOO_DRAWS,
     ProgressOf,
@@ -353,12 +360,7 @@ def _width(of: str, factor: float, log_ratio: FloatArray) -> Width:
     log_weights, k_hat, change = pareto_smoothed(log_ratio)
     if k_hat > K_HAT_LIMIT:
         return Width(of, factor, math.nan, math.nan)
-    return Width(
-        of,
-        factor,
-        change,
-        math.sqrt(max(float(np.sum(np.exp(2.0 * log_weights))) - 1.0 / log_weights.size, 0.0)),
-    )
+    return Width(of, factor, change, log_mean_uncertainty(log_weights))
 
 
 def _log_ratio(analysis: Analysis, of: str, factor: float) -> FloatArray:
