@@ -46,6 +46,7 @@ class RangeTable(KeyTable, frozen=True):
 class ComponentTable(KeyTable, frozen=True):
     kind: Literal["zero_y", "scale_y", "zero_x", "scale_x"]
     u: float
+    groups: str | None = None
 
 
 class CountTable(KeyTable, frozen=True, tag_field="model", kw_only=True):

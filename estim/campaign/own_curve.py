@@ -117,6 +117,7 @@ class CurveCampaign(Campaign):
         shared = {
             entry.parameter_name: entry.parameter(x_unit=self.axes.x_unit, y_unit=self.axes.y_unit)
             for entry in components
+            if entry.groups is None
         }
         runs = [self.runs[name] for name in names]
         parameters: dict[str, Parameter] = {}
@@ -360,12 +361,12 @@ class CurveCampaign(Campaign):
         components = []
         for name, written in self.table.errors.items():
             try:
-                kind, u = (
-                    (name, written)
+                kind, u, groups = (
+                    (name, written, None)
                     if isinstance(written, float | int)
-                    else (written.kind, written.u)
+                    else (written.kind, written.u, written.groups)
                 )
-                components.append(Component(kind, float(u), name))
+                components.append(Component(kind, float(u), name, groups))
             except InputError as error:
                 raise self.source.error(
                     f"'{error.field}' {error.rule}", ("curve", "errors", name), value=error.value

@@ -20,6 +20,7 @@ from estim.arrays import BoolArray, FloatArray, IntArray, max_abs
 from estim.campaign.campaign_file import CampaignFile
 from estim.campaign.curve_keys import (
     BinomialTable,
+    ComponentTable,
     CurveRunTable,
     CurveTable,
     EventsTable,
@@ -136,6 +137,11 @@ class RunOfCurve:
             key: written.column
             for key, written in stated.items()
             if isinstance(written, ReadingErrorTable)
+        }
+        columns |= {
+            f"errors[{name}]": error.groups
+            for name, error in self.curve.errors.items()
+            if isinstance(error, ComponentTable)
         }
         if isinstance(noise, PoissonTable) and isinstance(noise.bins, tuple):
             columns |= {"low": noise.bins[0], "bins": noise.bins[1]}
@@ -282,7 +288,12 @@ class RowsOfRun:
                 u_x=_error_of_x(self),
                 bounds={},
                 priors=priors,
-                errors=components,
+                errors=tuple(
+                    one
+                    if one.groups is None
+                    else replace(one, groups=self.column(f"errors[{one.name}]"))
+                    for one in components
+                ),
                 units=units,
                 axes=axes,
                 fixed=exact,

@@ -148,7 +148,8 @@ def fit_curve(
     bounds : name -> (low, high), None for no limit.
     priors : name -> prior (`estim.problem.priors`), text like "9.81(2)", a ufloat, or a frozen
         distribution of scipy.stats (norm, uniform, halfnorm, lognorm, truncnorm, beta).
-    errors : errors common to all points (`Component`), fit as further parameters.
+    errors : errors common to all points (`Component`), fit as further parameters; with `groups`
+        those of a part of the points, in the covariance of y.
     units : name -> unit, for tables.
     axes : names and units of x and y (`AxisNames`), for figures, tables and the units of `errors`.
     deviation : how large a smooth deviation of y from the curve would not surprise you (the scale

@@ -32,7 +32,7 @@ from estim.curves.full_turns import without_full_turns
 from estim.curves.function import PythonCurve, wrap_function
 from estim.curves.models import Limits
 from estim.curves.several_abscissas import OfPoints
-from estim.curves.shared_errors import Component, DistortedCurve
+from estim.curves.shared_errors import Component, DistortedCurve, covariance_in_groups
 from estim.curves.tied import TiedCurve, followed, only_for_ties, read_tied
 from estim.curves.units import AxisNames as AxisNames
 from estim.curves.units import check_units, refuse_degrees
@@ -277,7 +277,9 @@ def pose_curve(
         raise InputError(
             f"must have as many values as x ({n_obs})", field="y", value=points["y"].size
         )
-    dense = cov_y is not None or u_x is not None or cov_x is not None
+    grouped = tuple(component for component in errors if component.groups is not None)
+    errors = tuple(component for component in errors if component.groups is None)
+    dense = cov_y is not None or u_x is not None or cov_x is not None or bool(grouped)
     most = MAX_DENSE if dense else MAX_OBS
     if not 1 <= n_obs <= most:
         cure = (
@@ -299,6 +301,12 @@ def pose_curve(
                 value=f"{100.0 * share:.4g}%",
             )
     relative, cov = _errors_of_y(u_y, cov_y, n_obs)
+    if grouped:
+        if counted is not None or share or (u_y is None and cov is None):
+            rule = "with groups needs u_y (in the unit of y) or cov_y beside it"
+            raise InputError(rule, field=f"errors[{grouped[0].parameter_name}]")
+        cov = covariance_in_groups(grouped, n_obs) + (np.diag(relative**2) if cov is None else cov)
+        relative = sds_of(cov)
     relative_x, of_x = _errors_of_x(
         u_x, cov_x, points["x"], stated=u_y is not None or cov_y is not None
     )
@@ -357,7 +365,11 @@ def pose_curve(
     )
     if further or tails.robust:
         matrices = (("cov_x", cov_x is not None), ("cov_y", cov_y is not None))
-        for field, given_too in (*matrices, ("deviation", deviation != 0.0)):
+        for field, given_too in (
+            *matrices,
+            ("errors", bool(grouped)),
+            ("deviation", deviation != 0.0),
+        ):
             if given_too:
                 raise InputError("cannot be combined with 'jitter' or 'robust'", field=field)
         if correlated is not False:

@@ -17,12 +17,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from estim.arrays import FloatArray, Named
 from estim.common import InputError, PhraseTable
 from estim.curves.binned import BinnedCurve
+from estim.curves.columns import errors_of
 from estim.problem import EXACT, CommonError, Curve, LocalCurve, Normal, Parameter
 
 _SHARE = 0.01  # how far a scale is taken to be off
@@ -44,9 +46,13 @@ class Component:
     kind : "zero_x" or "zero_y", an offset of all x or all y, with u in their unit; "scale_x" or
         "scale_y", a factor 1 + error, with u a pure number, 0.01 for 1 %.
 
+    groups : (n_obs,) labels, where only points with the same label share a zero error of y: of the
+        instrument, the day, the batch.  u may then be (n_obs,), 0 where a point has no part in it.
+
     The error is one more parameter, with a normal prior of mean 0 and standard deviation u, so that
-    more points do not average it out.  Raises InputError for another kind, and for u that is not
-    > 0 or, of a scale, above 0.5.  Source: GUM (JCGM 100:2008), F.1.2.
+    more points do not average it out; with `groups` it stands in the covariance of y.  Raises
+    InputError for another kind, and for u that is not > 0 or, of a scale, above 0.5.  Source: GUM
+    (JCGM 100:2008), F.1.2.
 
     >>> from estim import Component
     >>> Component("scale_y", 0.01, name="gain").parameter_name
@@ -54,12 +60,17 @@ class Component:
     """
 
     kind: str
-    u: float
+    u: Any
     name: str = ""
+    groups: Any = None
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise InputError(f"must be one of {', '.join(KINDS)}", field="kind", value=self.kind)
+        if self.groups is not None:  # u is checked beside the points
+            if self.kind != "zero_y":
+                raise InputError("must be zero_y with groups", field="kind", value=self.kind)
+            return
         if (
             isinstance(self.u, bool)
             or not isinstance(self.u, int | float)
@@ -84,6 +95,21 @@ class Component:
             "1" if self.kind.startswith("scale") else y_unit if self.kind.endswith("y") else x_unit
         )
         return Parameter(self.parameter_name, unit, Normal(0.0, float(self.u)), KINDS[self.kind])
+
+
+def covariance_in_groups(errors: Sequence[Component], n_obs: int) -> FloatArray:
+    """(n_obs, n_obs) of the errors that the points of a group share.  Raises InputError."""
+    total = np.zeros((n_obs, n_obs))
+    for component in errors:
+        field, labels = f"errors[{component.parameter_name}]", np.asarray(component.groups)
+        if labels.shape != (n_obs,):
+            rule = f"must have as many groups as values of x ({n_obs})"
+            raise InputError(rule, field=field, value=labels.shape)
+        if not np.all(labels == labels):
+            raise InputError("must have the group of each point, not nan", field=field)
+        u = errors_of(component.u, n_obs, field, some_exact=True)
+        total += np.outer(u, u) * (labels[:, None] == labels)
+    return total
 
 
 @dataclass(frozen=True, eq=False)
