@@ -28,7 +28,7 @@ from estim.problem.likelihood import Noise, Points
 from estim.problem.noise import Differentiated, Independent, Scale
 from estim.problem.normal import GaussianErrors
 from estim.problem.roots import root_of
-from estim.problem.tails import Mixture, StudentT
+from estim.problem.tails import Mixture, StudentT, TwoPiece
 
 N = 7
 X = np.array([0.0, 0.3, 0.4, 0.9, 1.1, 1.6, 2.0])
@@ -153,6 +153,29 @@ class PointByPoint:
         )
 
 
+class TwoSides(PointByPoint):
+    """Independent y that are normal on either side of the line, of one height there."""
+
+    def __init__(self, minus: np.ndarray, plus: np.ndarray) -> None:
+        below = plus / (minus + plus)
+
+        def pdf(y, named):
+            left, right = (stats.norm(line(named), side).pdf(y) for side in (plus, minus))
+            return 2.0 * np.where(y < line(named), below * left, (1.0 - below) * right)
+
+        def cdf(y, named):
+            left, right = (stats.norm(line(named), side) for side in (plus, minus))
+            above = 1.0 - 2.0 * (1.0 - below) * right.sf(y)
+            return np.where(y < line(named), 2.0 * below * left.cdf(y), above)
+
+        super().__init__(pdf, cdf, reach=6.0)
+        self.variance = plus * minus
+
+    def cov(self, named: Named) -> np.ndarray:
+        """As normal errors would tell as much about the line."""
+        return np.diag(self.variance)
+
+
 class Counted:
     """Counts or fractions y of `trials` with expectations mean(named); law(mean) : a distribution
     of SciPy of trials * y.
@@ -230,7 +253,7 @@ class Case:
 
     mixed : whether errors are normal with one of several covariances, of which readings know one.
     unlike : whether y is no sum of the curve and an error.
-    of_curve : whether errors are a share of the curve.
+    of_curve : whether errors are a share of the curve.  lopsided : whether they are so.
     single : of points one by one where that is another thing than all together (errors of x).
     within : what quadrature in estim may be off.
     """
@@ -245,6 +268,7 @@ class Case:
     points: Points = POINTS
     unlike: bool = False
     of_curve: bool = False
+    lopsided: bool = False
 
     @property
     def y(self) -> np.ndarray:
@@ -495,6 +519,18 @@ CASES = {
         {"scatter": 0.05},
         one_by_one(line, of_curve, lambda named: (stats.norm.pdf, stats.norm.cdf), reach=5.5),
         of_curve=True,
+    ),
+    "another error above than below": Case(
+        Readings(
+            Scale(0.1 * np.sqrt(2.0)),
+            Scale(),
+            np.sqrt(RELATIVE * RELATIVE[::-1]),
+            tails=TwoPiece(skew=np.sqrt(2.0 * RELATIVE[::-1] / RELATIVE)),
+        ),
+        {},
+        TwoSides(0.1 * RELATIVE, 0.2 * RELATIVE[::-1]),
+        points=replace(POINTS, y=Y + 0.01),  # none at the bend
+        lopsided=True,
     ),
     "errors of x": Case(
         Readings(Scale(0.1), Scale(), np.ones(N), sigma_x=Scale(0.2)),

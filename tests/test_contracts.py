@@ -399,7 +399,12 @@ def check_size(case: Case, noise: Likelihood) -> None:
     information = noise.information(here, names, ends)
     assert information == pytest.approx(information.T, rel=1e-9)
     assert (noise.normal is None) == (
-        case.outliers or case.mixed or case.unlike or case.of_curve or case.single is not None
+        case.outliers
+        or case.mixed
+        or case.unlike
+        or case.of_curve
+        or case.lopsided
+        or case.single is not None
     )
     if noise.normal is None:
         if case.single is None:
@@ -538,6 +543,10 @@ WRONG = [
     ("binomial fractions", "information", too_sure),
     ("independent, Student-t", "information", too_sure),
     ("differentiated", "whitened", out_of_order),
+    ("another error above than below", "log_likelihood", without_the_norm),
+    ("another error above than below", "jacobian", too_steep),
+    ("another error above than below", "information", too_sure),
+    ("another error above than below", "whitened", out_of_order),
 ]
 
 

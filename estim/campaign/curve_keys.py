@@ -33,9 +33,13 @@ class ParameterTable(PriorKeys, frozen=True, kw_only=True):
 
 
 class ReadingErrorTable(PriorKeys, frozen=True, kw_only=True):
-    """A standard deviation of y: a column of the runs' files, or a prior (then it is inferred)."""
+    """A standard deviation of y: a column of the runs' files, two where it is another above than
+    below, or a prior (then it is inferred).
+    """
 
     column: str | None = None
+    minus: str | None = None
+    plus: str | None = None
 
 
 class RangeTable(KeyTable, frozen=True):

@@ -81,13 +81,20 @@ def check_words(
         for key, error in (("u_y", level.u_y), ("u_x", level.u_x)):
             if (
                 isinstance(error, ReadingErrorTable)
-                and error.column is not None
+                and (error.column or error.minus or error.plus) is not None
                 and any(
                     getattr(error, attribute) is not None
                     for attribute in PriorKeys.__struct_fields__
                 )
             ):
                 raise source.error("must be a 'column' or have a 'prior', not both", (*path, key))
+            if (
+                isinstance(error, ReadingErrorTable)
+                and (sides := (error.minus, error.plus)) != (None, None)
+                and (None in sides or key == "u_x" or error.column is not None)
+            ):
+                rule = "must be a 'column', or for y both 'minus' and 'plus'"
+                raise source.error(rule, (*path, key))
         for name, entry in level.parameters.items():
             if isinstance(entry, ParameterTable):
                 entry_words = {"unit": entry.unit, "meaning": entry.meaning}

@@ -202,7 +202,7 @@ class CurveCampaign(Campaign):
         """The points of runs whose y are readings with errors of one kind; else nothing."""
         every = [rows_of(run, self.tables[run.table.name]) for run in runs]
         sizes = [rows.size for rows in every]
-        known = all(isinstance(size, float | np.ndarray) for size in sizes)
+        known = all(isinstance(size, float | np.ndarray) and np.ndim(size) < 2 for size in sizes)
         if not (known or all(size is None for size in sizes)) or any(
             rows.run.curve.noise is not None for rows in every
         ):

@@ -134,10 +134,11 @@ class RunOfCurve:
         stated = {key: self.stated(key)[0] for key in ("u_y", "u_x", "correlated")}
         columns: dict[str, object] = {"x": self.x, "y": self.y, "correlated": stated["correlated"]}
         columns |= {
-            key: written.column
+            key: written.column or written.minus
             for key, written in stated.items()
             if isinstance(written, ReadingErrorTable)
         }
+        columns["u_y[plus]"] = getattr(stated["u_y"], "plus", None)
         columns |= {
             f"errors[{name}]": error.groups
             for name, error in self.curve.errors.items()
@@ -181,6 +182,7 @@ class RunOfCurve:
             )
         for key, of, axis in (
             ("u_y", self.y, y_axis(self.curve)),
+            ("u_y[plus]", self.y, y_axis(self.curve)),
             ("u_x", self.x, axis_of(self.curve.x)),
         ):
             if key in self.columns:
@@ -214,7 +216,11 @@ class RunOfCurve:
         columns = [("x", self.x, axes.x_unit), ("y", self.y, axes.y_unit)]
         columns += [
             (key, self.columns[key], unit)
-            for key, unit in (("u_y", axes.y_unit), ("u_x", axes.x_unit))
+            for key, unit in (
+                ("u_y", axes.y_unit),
+                ("u_y[plus]", axes.y_unit),
+                ("u_x", axes.x_unit),
+            )
             if key in self.columns
         ]
         return columns_sentence(columns, table.unread)
@@ -318,6 +324,8 @@ class RowsOfRun:
         run, written = self.run, self.run.stated("u_y")[0]
         if written is None:
             return None
+        if "u_y[plus]" in run.columns:
+            return np.array([self.column("u_y"), self.column("u_y[plus]")])
         if "u_y" in run.columns:
             return self.column("u_y")
         if isinstance(written, str) and "%" in written:
@@ -419,7 +427,8 @@ def _placed(error: InputError, rows: RowsOfRun) -> InputError:
     """
     run, data = rows.run, rows.data
     argument, _, of = (error.field or "").partition("[")
-    column, of = run.columns.get(argument), of.removesuffix("]")
+    column = run.columns.get(error.field or "", run.columns.get(argument))
+    of = of.removesuffix("]")
     if error.file is not None:
         return error
     if column is not None and error.index is not None:

@@ -121,7 +121,9 @@ def curve_figure(
         _draw_curve(upper, curve, inner)
         bars = run.n_obs <= MANY and counts is None
         errors: dict[str, Any] = {
-            "yerr": sd if bars and np.any(sd > 0.0) else None,
+            "yerr": (sd if run.noise.sides is None else run.noise.sides)
+            if bars and np.any(sd > 0.0)
+            else None,
             "xerr": sd_x if bars and np.any(sd_x > 0.0) else None,
         }
         style: dict[str, Any] = {

@@ -133,7 +133,8 @@ def fit_curve(
         needs one for each parameter that is fit.
     u_y : standard uncertainty of y, a number or (n_obs,); or a share, which text says: "15%" is one
         of the curve, sd(y) = 0.15 |f(x)| with its logarithm in the likelihood, and "15% of y" one
-        of each reading, 0.15 |y|, which pulls the curve down.
+        of each reading, 0.15 |y|, which pulls the curve down.  Two rows (2, n_obs) are
+        errors below and above, where they differ (`estim.problem.tails`).
     cov_y, cov_x : (n_obs, n_obs) covariance matrices in place of u_y and u_x.  With either beside
         errors of x the curve is taken as straight within these.
     r_xy : correlation of the errors of x and y of the same point, a number or (n_obs,), beside u_x

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -59,3 +60,18 @@ def errors_of(u: ArrayLike, n_obs: int, field: str, *, some_exact: bool = False)
             "must be > 0", field=field, value=float(sizes[bad]), index=bad if given.ndim else None
         )
     return sizes
+
+
+def skew_of(u: Any, n_obs: int) -> tuple[Any, FloatArray | None]:
+    """Errors of y, and (n_obs,) the root of those above over those below where two rows are given;
+    the first are then their geometric means.  Raises InputError.
+    """
+    if u is None or isinstance(u, str) or np.ndim(given := real_numbers(u, "u_y")) < 2:
+        return u, None
+    if len(given) != 2:
+        rule = "must be one row of errors, or two: those below and those above"
+        raise InputError(rule, field="u_y", value=given.shape)
+    minus, plus = (
+        errors_of(row, n_obs, f"u_y{of}") for row, of in zip(given, ("", "[plus]"), strict=True)
+    )
+    return np.sqrt(minus * plus), np.sqrt(plus / minus)

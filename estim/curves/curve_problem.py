@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray, IntArray, sds_of
 from estim.common import InputError, Notation, Quantity, phrase, read_quantity
-from estim.curves.columns import column, errors_of, share_of
+from estim.curves.columns import column, errors_of, share_of, skew_of
 from estim.curves.count_data import (
     MAX_OBS,
     CountedPoints,
@@ -51,6 +51,7 @@ from estim.problem import (
     Readings,
     Scale,
     Tails,
+    TwoPiece,
     Uniform,
     Unstated,
     as_prior,
@@ -300,6 +301,15 @@ def pose_curve(
                 field="u_y",
                 value=f"{100.0 * share:.4g}%",
             )
+    u_y, skew = skew_of(u_y, n_obs)
+    beside = [one for one in (u_x, cov_x, robust) if one is not None] + [*grouped]
+    plain = deviation == 0.0 and correlated is False and (jitter is None or jitter is False)
+    if skew is not None and (beside or not plain):
+        rule = (
+            "with another error above than below does not go with u_x, cov_x, deviation, "
+            "correlated, jitter, robust, or errors in groups"
+        )
+        raise InputError(rule, field="u_y")
     relative, cov = _errors_of_y(u_y, cov_y, n_obs)
     if grouped:
         if counted is not None or share or (u_y is None and cov is None):
@@ -363,6 +373,7 @@ def pose_curve(
     scatter, tails, further = _errors_inferred(
         jitter, robust, points["y"], axes.y_unit, level=level, stated=u_y is not None
     )
+    tails = tails if skew is None else TwoPiece(skew=skew[order])
     if further or tails.robust:
         matrices = (("cov_x", cov_x is not None), ("cov_y", cov_y is not None))
         for field, given_too in (

@@ -99,7 +99,8 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
         else np.full(len(names), np.inf)
     )
     ended = any(_at_end(run, fixed) for run in fixed.problem.runs)
-    skewed = any(run.noise.counted is not None or run.noise.share for run in fixed.problem.runs)
+    noises = [run.noise for run in fixed.problem.runs]
+    skewed = any(noise.counted or noise.share or noise.sides is not None for noise in noises)
     beside = _within_reach(fixed, np.where(best.at_bound, free, sds_of(cov)), dofs)
     symmetric = _symmetric(names, best.values, sds, dofs)
     bent = vague(fixed, sds)

@@ -78,4 +78,4 @@ from estim.problem.roots import Band, Root, beside, covariance_of, stacked_root,
 from estim.problem.symmetry import TURNS, Symmetry, folded, no_symmetry, same_curves
 from estim.problem.whitened import Linear
 from estim.problem.robust import MOST_REWEIGHTED, errors_widened, shape_of, typical_size
-from estim.problem.tails import Tails
+from estim.problem.tails import Tails, TwoPiece

@@ -47,7 +47,7 @@ class Readings(Independent):
                 size=self.sigma.value * self.relative[0],
                 unit=y_unit,
             ).rstrip()
-        further = "; " + self.tails.describe() if self.tails.robust else ""
+        further = f"; {shape}" if (shape := self.tails.describe()) else ""
         if self.relative_x is not None:
             further = _errors_of_x(self.relative_x, x_unit) + further
         return (

@@ -33,6 +33,9 @@ class RobustErrors(Likelihood):
     def standardised(self, named: Named) -> FloatArray:
         return (self.y - self.points.value(named)) / np.sqrt(self.size.variance(self.weight, named))
 
+    def size_residuals(self, named: Named) -> FloatArray:
+        return self.standardised(named) if self.tails.robust else self.residuals(named)
+
     def residuals(self, named: Named) -> FloatArray:
         return self.tails.deviance_residual(self.standardised(named), named)[0]
 

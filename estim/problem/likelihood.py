@@ -378,6 +378,11 @@ class Noise(ABC):
         return False
 
     @property
+    def sides(self) -> FloatArray | None:
+        """(2, n_obs) stated errors of readings below and above, where they differ."""
+        return None
+
+    @property
     def counted(self) -> Counted | None:
         """How y were counted; None where they are readings, which have errors."""
         return None

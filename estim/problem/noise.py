@@ -95,6 +95,11 @@ class Independent(Noise):
         return tuple(self.tails.parameters)
 
     @property
+    def sides(self) -> FloatArray | None:
+        skew = self.tails.skew
+        return None if skew is None else self.relative * np.array([1.0 / skew, skew])
+
+    @property
     def robust(self) -> bool:
         return self.tails.robust
 
@@ -104,7 +109,7 @@ class Independent(Noise):
             of_x = (Scale(), exact) if self.sigma_x is None else (self.sigma_x, self.x_gain())
             return LatentErrors(points, self.size, exact, self.tails, *of_x, self.share)
         if self.sigma_x is None:
-            if self.tails.robust:
+            if self.tails.robust or self.sides is not None:
                 return RobustErrors(points, self.size, weight, self.tails)
             return GaussianErrors(points, self.size, Diagonal(weight), exact)
         u_x, lean = self.x_gain(), exact

@@ -9,6 +9,7 @@ Which to choose:
   times larger; both are inferred (Hogg, Bovy & Lang 2010, arXiv 1008.4686, eq. 17, with the
   outliers centred on the curve).  For gross outliers, dropouts, a tail of the run that is another
   motion; it names the bad frames.
+- `TwoPiece`: another stated error above than below, as in 1.0 (+0.3, -0.2).
 
 Each works on standardised residuals z = (y - f)/sd, point by point.
 """
@@ -18,7 +19,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -38,9 +39,11 @@ class Tails(ABC):
     z.
 
     robust : whether it leaves room for outliers.
+    skew : (n_obs,) by how much points may lie farther below the curve than above, None: no more.
     """
 
     robust: ClassVar[bool] = True
+    skew: Any = None
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -115,6 +118,46 @@ class Gaussian(Tails):
 
     def describe(self) -> str:
         return ""
+
+
+@dataclass(frozen=True, eq=False)
+class TwoPiece(Gaussian):
+    """Normal on either side and of one height at 0, `skew` (n_obs,) times as wide below and 1/skew
+    times above: of a reading with the errors `minus` and `plus`, skew^2 = plus/minus, where z are
+    counted in sqrt(minus plus), as which one normal error would tell as much.
+
+    The truth may lie `plus` above a reading and `minus` below it: there the log likelihood is lower
+    by 1/2, in two half parabolas (Barlow, arXiv:physics/0406120).  As a density it is the two-piece
+    normal (Wallis, Statist. Sci. 29 (2014) 106), and (y - f)^2 over the square of the error on its
+    side is chi-squared.  Its mode is the curve; the mean of y is not.
+    """
+
+    skew: Any = 1.0
+
+    def _side(self, z: FloatArray) -> FloatArray:
+        return np.where(z < 0.0, self.skew, 1.0 / self.skew)
+
+    def log_density(self, z: FloatArray, values: Named) -> FloatArray:
+        height = np.log(2.0 / (self.skew + 1.0 / self.skew))
+        return normal_log_density(z / self._side(z)) + height
+
+    def deviance_residual(self, z: FloatArray, values: Named) -> tuple[FloatArray, FloatArray]:
+        side = self._side(z)
+        return z / side, 1.0 / side
+
+    def normal_score(self, z: FloatArray, values: Named) -> FloatArray:
+        side = self._side(z)
+        beyond = 2.0 * side / (self.skew + 1.0 / self.skew) * normal_tail(np.abs(z / side))
+        return np.where(z < 0.0, 1.0, -1.0) * normal_quantile(np.maximum(beyond, 1e-300))
+
+    def draw(self, rng: np.random.Generator, size: int, values: Named) -> FloatArray:
+        """Of the points that the errors are stated for."""
+        square = np.square(self.skew)
+        below = rng.random(size) < square / (1.0 + square)
+        return np.where(below, -self.skew, 1.0 / self.skew) * np.abs(rng.standard_normal(size))
+
+    def describe(self) -> str:
+        return phrase("another standard deviation above than below")
 
 
 @dataclass(frozen=True)
