@@ -7,9 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from estim import Component, DataSet, InputError, Poisson, fit_curve, fit_curves
 from estim.campaign import load_campaign
+from estim.cli.commands import cli
 from estim.fitting import fit_problem
 
 RNG = np.random.default_rng(3)
@@ -149,3 +151,13 @@ def test_bad_groups_of_a_campaign_are_refused(
     with pytest.raises(InputError) as refused:
         load_campaign(written(tmp_path, CAMPAIGN.replace(old, new)))
     assert re.search(said, str(refused.value)), str(refused.value)
+
+
+@pytest.mark.slow
+def test_a_plan_has_more_readings_but_no_smaller_errors_of_each(tmp_path: Path) -> None:
+    run = CliRunner().invoke(
+        cli, ["plan", str(written(tmp_path, CAMPAIGN)), "--out", str(tmp_path / "plan")]
+    )
+    report = (tmp_path / "plan" / "report.md").read_text(encoding="utf-8")
+    assert "8 times as many readings" in run.output
+    assert "told from the errors of its group: half the error of a reading" in report

@@ -108,7 +108,10 @@ def _errors_times(
     runs, inferred = [], set[str]()
     for run in problem.runs:
         scale, noise = run.noise.size.sigma, run.noise
-        smaller: Any = noise  # every noise of readings has a `sigma`
+        smaller: Any = noise
+        if not hasattr(noise, "sigma"):
+            rule = later("what a reading has alone cannot be told from the errors of its group")
+            raise InputError(rule, field="error")
         if noise.share:
             noise = replace(smaller, share=factor * noise.share)
         elif scale.parameter is None:
