@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from estim import DataSet, InputError, fit_curve, fit_curves
+from estim import AxisNames, DataSet, InputError, fit_curve, fit_curves
 
 BASE = {
     "min": (60.0, "s"),
@@ -155,3 +155,44 @@ def test_no_number_loses_its_unit_on_the_way_back_or_in_several_data_sets() -> N
             shared=[],
             start=start,
         )
+
+
+class Registry:
+    """A stand-in for a unit registry: it knows metres and seconds."""
+
+    def Quantity(self, number: Any, unit: str) -> tuple[Any, str]:  # noqa: N802
+        if unit not in ("m", "m/s", "1/s"):
+            raise ValueError(f"'{unit}' is not defined")
+        return number, unit
+
+
+def test_results_are_quantities_of_a_registry() -> None:
+    x = np.linspace(0.0, 4.0, 9)
+    wave = 0.01 * np.cos(9.0 * x)
+    axes = AxisNames("t", "s", "s", "m")
+    fit = fit_curve("v*x + c", x, 2.0 * x + 1.0 + wave, u_y=0.01, axes=axes, derived={"k": "v/c"})
+    known = fit.quantities(Registry())
+    assert {name: unit for name, (_, unit) in known.items()} == {"v": "m/s", "c": "m", "k": "1/s"}
+    v, c, k = (known[name][0] for name in ("v", "c", "k"))
+    assert v.nominal_value == fit.values["v"]
+    assert (k - v / c).std_dev < 1e-3 * k.std_dev
+    odd = fit_curve("v*x + c", x, 2.0 * x + wave, u_y=0.01, axes=AxisNames("t", "s", "n", "apples"))
+    with pytest.raises(InputError, match=r"has a unit that the registry does not know: .*apples"):
+        odd.quantities(Registry())
+    with pytest.raises(InputError, match="poor-fit"):
+        fit_curve("v*x + c", x, x**3, u_y=0.01).quantities(Registry())
+
+
+def test_results_are_quantities_of_pint() -> None:
+    pint = pytest.importorskip("pint")
+    registry = pint.UnitRegistry()
+    minutes = np.linspace(0.0, 5.0, 20)
+    volts = 3.0 * np.exp(-minutes / 2.0) + 0.01 * np.cos(9.0 * minutes)
+    fit = fit_curve(
+        "a*exp(-x/tau)", minutes * registry.min, volts * registry.V, u_y=0.01 * registry.V
+    )
+    known = fit.quantities(registry)
+    tau = known["tau"].to("min")
+    assert tau.magnitude.nominal_value == pytest.approx(fit.values["tau"] / 60.0)
+    assert tau.magnitude.std_dev == pytest.approx(fit.sds["tau"] / 60.0)
+    assert known["a"].to("mV").magnitude.nominal_value == pytest.approx(3000.0, rel=0.01)

@@ -351,6 +351,23 @@ class CurveFit:
         numbers = correlated_values([self.values[name] for name in self.names], self.cov)
         return dict(zip(self.names, numbers, strict=True))
 
+    def quantities(self, registry: Any) -> dict[str, Any]:
+        """The same numbers as quantities of a unit registry of the package pint, each in its unit:
+        `fit.quantities(registry)["tau"].to("ms")`.
+
+        Raises InputError where `ufloats` does, and where the registry does not know a unit.
+        """
+        units = {p.name: p.unit for p in self.problem.parameters}
+        units |= {name: found.unit for name, found in self.derived.items()}
+        known = {}
+        for name, value in self.ufloats().items():
+            try:
+                known[name] = registry.Quantity(value, units[name])
+            except Exception as error:  # whatever a registry raises
+                rule = f"has a unit that the registry does not know: {error}"
+                raise InputError(rule, field=name, value=units[name]) from None
+        return known
+
     def to_dict(self) -> dict[str, Any]:
         """The result as numbers, texts, lists and mappings, which `json.dumps` takes: a number that
         there is not is None.
