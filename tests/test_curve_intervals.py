@@ -598,3 +598,11 @@ def test_a_profile_beside_a_limit_follows_curves_that_bend_fast() -> None:
     fit = fit_curve("oscillation", np.linspace(0.0, 1.0, 12), y, u_y=0.105185)
     assert fit.chi2 == pytest.approx(13.98, abs=0.01)
     assert "amplitude is unbounded above" in str(fit)
+
+
+def test_a_width_that_a_profile_does_not_feel_at_0_has_a_limit() -> None:
+    """Where sigma is 0 a Voigt profile does not depend on it to first order: its limit was 1e48."""
+    y = [-0.7897, 0.3006, -0.1934, 0.4487, 0.579, 1.1862, 6.9146, 1.5435, 0.7037, 0.2591]
+    fit = fit_curve("voigt", np.linspace(0.0, 1.0, 10), y, u_y=0.45393)
+    assert fit.values["sigma"] == pytest.approx(0.0, abs=1e-6)
+    assert 0.05 < fit.intervals["sigma"][0.95][1] < 0.07

@@ -308,7 +308,7 @@ def test_of_many_runs_those_are_drawn_that_the_curve_explains_worst():
             np.zeros(2),
             np.zeros(2),
             np.ones(2),
-            {"chi2": Check(0.0, p_value)},
+            {"chi2": Check(0.0, p_value, "")},
             np.nan,
             0.0,
             np.nan,

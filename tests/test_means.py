@@ -343,3 +343,15 @@ def test_one_value_far_better_than_the_others_has_a_dark_uncertainty_by_moments(
     u = np.array([1e-9, 1.0, 1.0, 1.0])
     expected = np.sqrt((14.0 - 3.0) / (2.0 * 3.0))  # sum w - sum w^2/sum w is twice the others
     assert der_simonian_laird(np.arange(1.0, 5.0), u) == pytest.approx(expected, rel=1e-6)
+
+
+def test_two_equal_values_are_no_sign_of_errors_that_are_too_large() -> None:
+    assert "consistent" in estim.mean(["9.81(2)", "9.81(2)"]).reason
+    assert "scatter less" in estim.mean(["9.81(2)"] * 12).reason
+
+
+def test_a_column_of_values_with_their_uncertainties_has_its_name(tmp_path) -> None:
+    table = tmp_path / "periods.csv"
+    for cells in ("1.85(2)\n1.83(2)", "1.85 ± 0.02\n1.83 ± 0.02", "1,85(2)\n1,83(2)"):
+        table.write_text(f"T (s)\n{cells}\n")
+        assert mean_of_table(table).mean.best.value == pytest.approx(1.84)

@@ -1282,3 +1282,10 @@ def test_print_shows_results_of_propagation() -> None:
     assert "[253." in str(sampled)
     curve = estim.propagate_linear(lambda q: q["V"] * np.arange(20.0), [stated["V"]])
     assert len(str(curve).splitlines()) < 20
+
+
+def test_correlated_inputs_that_cancel_have_slopes_all_the_same() -> None:
+    inputs = {"a": "1.0(1)", "b": "2.0(2)"}
+    found = propagate_linear("a - b/2", inputs, correlation={("a", "b"): 1.0})
+    assert float(found.u) == pytest.approx(0.0, abs=1e-9)
+    assert not any("slope" in note or "derivatives" in note for note in found.notes)

@@ -56,6 +56,7 @@ import numpy as np
 from estim.arrays import FloatArray, max_abs
 from estim.fitting import MANY, Fit, chi2_p, no_scatter, spreads_by_runs
 from estim.problem import Linear, Observations, Whitened, reading_sd
+from estim.words import TESTS
 
 P_POOR_FIT = 1e-3  # of each test
 P_TOLD = 5e-3  # of `speed`, below which it is told
@@ -89,12 +90,13 @@ Drawn = tuple[Callable[[], FloatArray], Callable[[], FloatArray]]
 
 @dataclass(frozen=True)
 class Check:
-    """One test: its statistic, and the probabilities of one at least and at most as large under the
-    model.
+    """One test: its statistic, the probability of a value at least as extreme under the model, what
+    failing it means, and the probability of a value at most as large.
     """
 
     statistic: float
     p_value: float
+    meaning: str
     p_below: float = 1.0
 
 
@@ -356,7 +358,7 @@ def _judged(
     among = max(1.0, n_run / MANY)
     empty = run.noise.counted is None and (no_scatter(run, fit) or max_abs(z) < _NO_ERRORS)
     if empty:
-        checks = {"zero": Check(0.0, P_FLOOR / among)}
+        checks = {"zero": Check(0.0, P_FLOOR / among, TESTS["zero"])}
     if not math.isnan(run.noise.outlier_share(named)):
         checks.pop("largest", None)  # the noise says how many may be far off, and how far
     speed = None if empty else checks.pop("speed", None)
@@ -503,17 +505,22 @@ def _checks(
     checked = []
     for run, upper, lower, many, largest in zip(tested, above, below, seen, drift, strict=True):
         checks = {
-            name: Check(run.statistics[name], *((1.0 + n) / (1.0 + many[name]) for n in sides))
-            for name, *sides in ((name, count, lower[name]) for name, count in upper.items())
+            name: Check(
+                run.statistics[name],
+                (1.0 + count) / (1.0 + many[name]),
+                TESTS[name],
+                (1.0 + lower[name]) / (1.0 + many[name]),
+            )
+            for name, count in upper.items()
         }
         if run.dof > 0 and run.stated:
             chi2 = run.statistics["chi2"]
             p = chi2_p(chi2, run.dof)
-            checks["chi2"] = Check(chi2, max(p, P_FLOOR / among), 1.0 - p)
+            checks["chi2"] = Check(chi2, max(p, P_FLOOR / among), TESTS["chi2"], 1.0 - p)
         if largest < _NO_DRIFT:
             # the curve itself can take every slow shape: what is left of them is rounding, or the
             # fit's own criterion
-            checks["trend"] = Check(run.statistics["trend"], 1.0)
+            checks["trend"] = Check(run.statistics["trend"], 1.0, TESTS["trend"])
         checked.append({name: checks[name] for name in run.statistics})
     return checked
 

@@ -10,6 +10,7 @@ from estim.arrays import BoolArray, FloatArray, finite_or, sds_of
 from estim.problem import Posterior, Problem
 
 _ON_LIMIT = 1e-2  # standard deviations
+_SILENT = 1e-24  # part of the information beside a limit, that on it
 _MUCH = 4.0  # of the logarithm of the density, over a standard deviation that should make it 0.5
 _FALLING = np.geomspace(1.0, 1e-12, 121)  # steps, of the farthest
 _ANYWHERE = np.geomspace(1e12, 1e-12, 241)
@@ -47,7 +48,8 @@ def beside_limits(posterior: Posterior, values: FloatArray) -> FloatArray:
         below = values[i] - low[i] < high[i] - values[i]
         room = high[i] - values[i] if below else values[i] - low[i]
         reach = min(room, 1.0 / known[i] if known[i] > 0.0 else np.inf)
-        steps = reach * _FALLING if np.isfinite(reach) else max(1.0, abs(values[i])) * _ANYWHERE
+        anywhere = max(1.0, abs(values[i])) * _ANYWHERE
+        steps = reach * _FALLING if reach < anywhere[0] else anywhere
         places = np.tile(values, (1 + steps.size, 1))
         places[1:, i] += steps if below else -steps
         with np.errstate(all="ignore"):
@@ -67,7 +69,8 @@ def known_from_data(posterior: Posterior, values: FloatArray) -> FloatArray:
     if np.any(moved):
         matrix[moved], matrix[:, moved] = 0.0, 0.0
         alone = np.diag(matrix)
-        own = np.where(alone == 0.0, np.diag(posterior.information(inside)), alone)
+        beside = np.diag(posterior.information(inside))
+        own = np.where(alone <= _SILENT * beside, beside, alone)
         np.fill_diagonal(matrix, own)
     return matrix
 

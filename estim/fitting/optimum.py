@@ -665,9 +665,9 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
         lost = [names[i] for i in free if not all_finite(jacobian[:, i])]
         where = " and ".join(lost) or "any parameter"
         raise InputError(
-            f"leads the search to where the curve has no finite derivatives in {where}: try "
-            "other values, or limits",
-            field="start",
+            f"leads the search to where it has no finite derivatives in {where}, as a step "
+            "with a width of 0: set limits, or try other starting values",
+            field="curve",
         )
     rounded = search.rounding_at(values, jacobian)
     floor = 0.1 * math.sqrt(rounded / max(chi2, 1e-300) * max(1, residual.size - free.size))
@@ -678,8 +678,9 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
     near = near_bound(search, values, jacobian, residual, chi2)
     if np.any(near):
         at_limit = np.where(values - search.low < search.high - values, search.low, search.high)
-        values = np.where(near, at_limit, values)
-        jacobian = search.scoring(values)[0]
+        on_limit = np.where(near, at_limit, values)
+        if all_finite(there := search.scoring(on_limit)[0]):
+            values, jacobian = on_limit, there
         silent = ~np.any(jacobian, axis=0) & np.isin(np.arange(values.size), free)
         if np.any(silent):
             # what another parameter hides on its limit lies anywhere: where it started

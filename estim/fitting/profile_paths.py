@@ -15,9 +15,8 @@ from estim.fitting.profile_search import ProfileSearch
 from estim.levenberg_marquardt import End, Start, Task
 
 _LOST = 16.0  # times the level
-# standard deviations (or times the value at the mode, of a parameter known by its size), and a step
-# in the square root of the objective: no end, but a search that lost its way; and standard
-# deviations at which rounding errors end it
+# standard deviations, and a step in the square root of the objective: no end, but a search that
+# lost its way; and standard deviations at which rounding errors end it
 _FAR, _JUMP, _NOWHERE = 100.0, 0.1, 1e6
 
 
@@ -105,11 +104,9 @@ def crossing(
         math.isfinite(point.objective) and not point.converged for point in (inner, beyond)
     )
     below, above = _height(inner, mode, rise), _height(beyond, mode, rise)
-    far, by_size = abs(float(inner.values[i] - mode.values[i])), search.coordinates.by_size[i]
-    far = math.exp(far) if by_size else far / float(search.scale[i])
-    jump = above - below > _JUMP
-    lost = (far > _FAR and jump) or (far > _NOWHERE and not by_size)
-    if lost or (by_size and unsettled):
+    far = abs(float(inner.values[i] - mode.values[i])) / float(search.scale[i])
+    lost = far > (_FAR if above - below > _JUMP else _NOWHERE)
+    if unsettled if search.coordinates.by_size[i] else lost:
         # the others may make up for any size
         return None, cuts
     share = below / (below - above)

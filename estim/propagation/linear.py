@@ -301,8 +301,9 @@ def _derivative_notes(
         # reported
         rough = ~missing & ~undefined & (u > 0.0) & (error * quantity.u > 1e-3 * u)
         # difference of the slopes to the two sides times u(x), as a part of u(y), from which on it
-        # is reported
-        bent = ~missing & ~undefined & (~np.isfinite(kink) | (np.abs(kink) * quantity.u > 0.05 * u))
+        # is reported; u(y) may be rounding errors, where correlated inputs cancel
+        least = np.maximum(0.05 * u, 1e-6 * np.abs(component))
+        bent = ~missing & ~undefined & (~np.isfinite(kink) | (np.abs(kink) * quantity.u > least))
         for affected, text in (
             (
                 missing,
@@ -333,7 +334,7 @@ def _derivative_notes(
         ):
             if affected.any():
                 notes.append(how_many(affected, scalar=scalar) + text)
-    flat = (u == 0.0) & ~undefined
+    flat = (u == 0.0) & ~undefined & ~np.any(components, axis=0)
     if flat.any() and any(quantity.u > 0.0 for quantity in inputs):
         notes.append(
             how_many(flat, scalar=scalar)

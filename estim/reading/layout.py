@@ -290,9 +290,7 @@ def _is_one_column(lines: Lines, dialect: Dialect) -> bool:
     def has_comma(line: str) -> bool:
         return dialect.decimal != "point" and bool(_DECIMAL_COMMA.fullmatch(line.strip()))
 
-    above = [
-        line for _, line in lines if not (has_comma(line) or looks_like_a_number(line.strip()))
-    ]
+    above = [line for _, line in lines if not (has_comma(line) or says_a_value(line.strip()))]
     last = lines[-1][1]
     if last in above[-1:]:
         return False

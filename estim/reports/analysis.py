@@ -62,7 +62,7 @@ from estim.reports.result import (
 from estim.reports.rolling import friction_cell, rolling_figure
 from estim.sampling import Summary
 from estim.studies.determination import determine
-from estim.words import TESTS, first_step, name_of_test, one_sided
+from estim.words import first_step, name_of_test, one_sided
 
 # parameters, beyond which a figure of directions, or a table of all correlations, is not for
 # reading
@@ -239,7 +239,6 @@ def _text(
         deviation=result.deviation,
         complete=complete_runs([result]),
         name_of_test=name_of_test,
-        tests=TESTS,
         first_step=slip_words(analysis.explanation) or first_step(analysis.diagnosis.findings),
         reasons=first_reasons(result.reasons),
         said=[

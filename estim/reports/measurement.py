@@ -318,7 +318,8 @@ def statement(propagation: Propagation, i: int) -> str:
             )
             if math.isfinite(drawn.u[i])
             else phrase(
-                "{name} has no standard uncertainty (its tails are too heavy);", name=output.name
+                "the draws of {name} show no standard uncertainty (its tails are too heavy);",
+                name=output.name,
             )
         )
         told = phrase(

@@ -185,7 +185,7 @@ WORDS: Table = {
         "solution closest to the starting values is given"
     ),
     Kind.FASTER_CURVES: (
-        "curves of higher frequency pass through the same points ({either}): if "
+        "curves that vary faster between the points pass through them too ({either}): if "
         "one of them is intended, select it by bounds"
     ),
     Kind.VALUES: _equal,
