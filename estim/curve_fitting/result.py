@@ -336,7 +336,8 @@ class CurveFit:
 
     def ufloats(self) -> dict[str, Any]:
         """Name -> `ufloat` of the package uncertainties, correlated as the parameters are, so that
-        what is computed from several of them has the right uncertainty.
+        what is computed from several of them has the right uncertainty; of what is derived or tied
+        too, linear in the parameters.
 
         Raises InputError where the status is not ok or a parameter has no standard deviation.
         """
@@ -349,7 +350,9 @@ class CurveFit:
                 f"need a standard deviation of every parameter ({what})", field="ufloats"
             )
         numbers = correlated_values([self.values[name] for name in self.names], self.cov)
-        return dict(zip(self.names, numbers, strict=True))
+        off = np.array([number - number.nominal_value for number in numbers])
+        following = {name: d.value + d.gradient @ off for name, d in self.derived.items()}
+        return dict(zip(self.names, numbers, strict=True)) | following
 
     def quantities(self, registry: Any) -> dict[str, Any]:
         """The same numbers as quantities of a unit registry of the package pint, each in its unit:
