@@ -242,7 +242,8 @@ def _log_share(search: SeparableSearch, end: End) -> float:
     fall = np.maximum(np.abs(jacobian.T @ residuals), np.linalg.norm(jacobian, axis=0))[pressed]
     width = 1.0 / np.maximum(fall, 1.0 / search.squares.size[pressed])
     volume = 0.5 * float(np.linalg.slogdet(cov)[1]) + float(np.sum(np.log([*cut, *width])))
-    return _height(search, end[1]) + volume
+    share = _height(search, end[1]) + volume
+    return share if math.isfinite(share) else -math.inf
 
 
 def _height(search: SeparableSearch, chi2: float) -> float:
