@@ -284,6 +284,7 @@ def test_a_vertical_line_is_told_in_words():
     assert np.isnan(fit.intercept)
     assert np.isnan(fit.standard_errors["york"].u_slope)
     assert "vertical" in fit.message
+    assert "Quote" not in str(fit)
     assert not np.isfinite(slope_interval(fit).high)
     flat = fit_line([0.0, 1.0, 2.0, 4.0], [1.0, 1.0, 1.0, 1.0], u_x=0.1, u_y=0.1)
     assert flat.slope == pytest.approx(0.0, abs=1e-12)

@@ -129,12 +129,13 @@ class LineFit(Tabled):
             fit = phrase("S = {chi2:.4g}, {dof} degrees of freedom", chi2=self.chi2, dof=self.dof)
             fit += "" if math.isnan(self.p_value) else f", {format_p(self.p_value)}"
         quoted = phrase("Quote {name}: {reason}.", name=self.recommended, reason=self.reason)
+        known = math.isfinite(self.slope)
         return Shown(
             phrase("Line, method {method}: {fit}", method=self.method, fit=fit),
             (phrase("convention"), phrase("intercept"), phrase("slope")),
             rows,
-            [*filter(None, (self.message,)), quoted],
-            self.recommended,
+            [*filter(None, (self.message,)), *([quoted] if known else [])],
+            self.recommended if known else "",
         )
 
 
