@@ -679,14 +679,15 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
     if np.any(near):
         at_limit = np.where(values - search.low < search.high - values, search.low, search.high)
         on_limit = np.where(near, at_limit, values)
-        if all_finite(there := search.scoring(on_limit)[0]):
-            values, jacobian = on_limit, there
-        silent = ~np.any(jacobian, axis=0) & np.isin(np.arange(values.size), free)
-        if np.any(silent):
+        there = search.scoring(on_limit)[0]
+        silent = ~np.any(there, axis=0) & np.isin(np.arange(values.size), free)
+        if all_finite(there) and np.any(silent):
             # what another parameter hides on its limit lies anywhere: where it started
-            beside = search.scoring(beside_limits(search.posterior, values))[0]
+            beside = search.scoring(beside_limits(search.posterior, on_limit))[0]
             hidden = silent & np.any(beside, axis=0)
-            values, near = np.where(hidden, search.held, values), near | hidden
+            near |= hidden
+            if np.any(hidden):
+                values, jacobian = np.where(hidden, search.held, on_limit), there
     moving = free[~near[free]]
     cov, condition = inverse_information(jacobian[:, moving], resolved)
     full = np.zeros((values.size, values.size))
