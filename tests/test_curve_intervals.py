@@ -606,3 +606,46 @@ def test_a_width_that_a_profile_does_not_feel_at_0_has_a_limit() -> None:
     fit = fit_curve("voigt", np.linspace(0.0, 1.0, 10), y, u_y=0.45393)
     assert fit.values["sigma"] == pytest.approx(0.0, abs=1e-6)
     assert 0.05 < fit.intervals["sigma"][0.95][1] < 0.07
+
+
+def test_an_amplitude_known_by_its_size_has_no_end_at_a_jump_decades_away() -> None:
+    """Its 95 % interval ended at 7e9, where a descent lost its way; a line rises by 2.3 only."""
+    y = [0.2368, 0.0791, 0.0202, 0.1631, -0.0221, -0.0767, -0.2172, -0.1908, -0.2419, -0.3163]
+    y += [-0.3804, -0.3961, -0.4592, -0.4874, -0.629, -0.7016, -0.6511, -0.7, -0.6976, -0.7783]
+    fit = fit_curve("oscillation", np.linspace(0.0, 1.0, 20), y, u_y=0.063474)
+    assert fit.status == "not-identified"
+    assert "amplitude is unbounded above" in str(fit)
+
+
+RISING = np.linspace(0.2, 8.0, 20)
+
+
+@pytest.mark.parametrize("seed", [0, 6])
+def test_a_factor_without_bound_is_not_left_alone_at_the_limit_of_the_other(seed: int) -> None:
+    """a = 1e14 and k = 2e-16: put onto the limit of k, the curve lost its term (chi2 of 1880)."""
+    y = 1.0 + 2.0 * (1.0 - np.exp(-0.02 * RISING))
+    sd = 0.06 * float(np.ptp(y))
+    y += sd * np.random.default_rng(seed).standard_normal(20)
+    start = {"a": 1.5, "k": 0.1, "c": 0.5}
+    fit = fit_curve(
+        "c + a*(1 - exp(-k*x))", RISING, y, u_y=sd, start=start, bounds={"k": (0.0, None)}
+    )
+    line = np.polyval(np.polyfit(RISING, y, 1), RISING)
+    assert fit.chi2 < float(np.sum((y - line) ** 2)) / sd**2 + 1e-6
+    assert fit.status in ("not-identified", "not-converged")
+
+
+def test_what_rounding_errors_make_lower_is_no_better_point() -> None:
+    """Where k is 1e-16, 1 - exp(-k x) is a staircase, and chi2 was lower by 0.5 than on the line
+    that it stands for.
+    """
+    y = 2.0 * (1.0 - np.exp(-0.02 * RISING)) / 0.02
+    sd = 0.04 * float(np.ptp(y))
+    y += sd * np.random.default_rng(6).standard_normal(20)
+    start, bounds = {"a": 1.5, "k": 0.1}, {"k": (0.0, None)}
+    plain, exact = (
+        fit_curve(curve, RISING, y, u_y=sd, start=start, bounds=bounds)
+        for curve in ("a*(1 - exp(-k*x))/k", "-a*expm1(-k*x)/k")
+    )
+    assert plain.status == exact.status == "ok"
+    assert plain.chi2 == pytest.approx(exact.chi2, abs=1e-6)

@@ -81,6 +81,8 @@ def test_they_go_with_errors_of_x_and_with_a_zero_of_all() -> None:
             {"u_y": U},
             "the group of each point, not nan",
         ),
+        ({"groups": ["a"] * 19 + [None]}, {"u_y": U}, "the group of each point, not nan"),
+        ({"groups": ["a"] * 19 + [np.nan]}, {"u_y": U}, "the group of each point, not nan"),
         ({"u": -0.1}, {"u_y": U}, r"'errors\[zero_y\]' must be > 0: -0.1"),
         ({"u": [0.1, 0.2]}, {"u_y": U}, r"'errors\[zero_y\]' must be a number or have as many"),
         ({}, {}, r"'errors\[zero_y\]' with groups needs u_y \(in the unit of y\) or cov_y"),

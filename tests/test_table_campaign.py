@@ -871,8 +871,11 @@ def test_times_of_events_and_numbers_of_successes_need_no_campaign(
     alone = fit_curve(logistic, dose, dead, noise=Binomial(shots), start={"m": 0.0, "s": 1.0})
     for name, value in alone.values.items():
         assert fit.named[name] == pytest.approx(value, rel=1e-6)
-    for wrong in (replace(counted, trials=None), replace(counted, noise=None)):
-        with pytest.raises(InputError, match=r"'--trials' goes with --noise binomial"):
+    for wrong, rule in (
+        (replace(counted, trials=None), "must say how many trials"),
+        (replace(counted, noise=None), "goes with --noise binomial"),
+    ):
+        with pytest.raises(InputError, match=f"'--trials' {rule}"):
             campaign_of_table(tmp_path / "doses.csv", wrong)
 
 

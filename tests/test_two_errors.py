@@ -242,3 +242,8 @@ def test_an_error_of_a_row_names_its_own_column(tmp_path: Path) -> None:
     plus = np.where(np.arange(15) == 3, -0.1, PLUS)
     with pytest.raises(InputError, match=r"run.csv:5: 'up' must be > 0: -0.1"):
         load_campaign(written(tmp_path, CAMPAIGN, plus))
+
+
+def test_the_p_value_is_that_of_its_chi2() -> None:
+    fit = fit_curve(CURVE, X, Y, u_y=(MINUS, PLUS))
+    assert fit.p_value == pytest.approx(stats.chi2.sf(fit.chi2, fit.dof))

@@ -189,13 +189,16 @@ def _counted(choices: TableChoices) -> dict[str, object] | None:
     """The table of what was counted.  Raises InputError where the number of trials is missing, or
     goes with nothing.
     """
-    if (choices.trials is None) == (choices.noise == "binomial"):
-        rule = "goes with --noise binomial, which needs it"
-        raise InputError(rule, field="--trials", value=choices.trials)
     if choices.trials is None:
+        if choices.noise == "binomial":
+            raise InputError("must say how many trials there were at each x", field="--trials")
         return {"model": choices.noise} if choices.noise else None
-    number = re.fullmatch(r"\d+", choices.trials)
-    trials: object = float(choices.trials) if number else choices.trials
+    if choices.noise != "binomial":
+        raise InputError("goes with --noise binomial", field="--trials", value=choices.trials)
+    try:
+        trials: object = float(choices.trials)
+    except ValueError:
+        trials = choices.trials
     return {"model": choices.noise, "trials": trials}
 
 

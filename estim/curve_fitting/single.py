@@ -520,7 +520,9 @@ def _concluded(
     tested = dof >= 1 and not perfect and not best.singular
     goodness = check_goodness(fit, rng=rng) if tested else ()
     # chi^2 is only nearly what it is called; of several data sets there is no test of them all
-    unlike = any(item.normal is None for item in fit.posterior.likelihoods)
+    unlike = any(run.noise.sides is None for run in fit.problem.runs) and any(
+        item.normal is None for item in fit.posterior.likelihoods
+    )
     p_below = math.nan if unlike else 1.0 - p_value
     if len(goodness) == 1 and unlike and (check := goodness[0].checks.get("chi2")) is not None:
         p_value, p_below = check.p_value, check.p_below

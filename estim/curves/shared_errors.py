@@ -102,10 +102,11 @@ def covariance_in_groups(errors: Sequence[Component], n_obs: int) -> FloatArray:
     total = np.zeros((n_obs, n_obs))
     for component in errors:
         field, labels = f"errors[{component.parameter_name}]", np.asarray(component.groups)
+        missing = any(one is None or one != one for one in np.ravel(component.groups).tolist())
         if labels.shape != (n_obs,):
             rule = f"must have as many groups as values of x ({n_obs})"
             raise InputError(rule, field=field, value=labels.shape)
-        if not np.all(labels == labels):
+        if missing or "nan" in labels.astype(str):
             raise InputError("must have the group of each point, not nan", field=field)
         u = errors_of(component.u, n_obs, field, some_exact=True)
         total += np.outer(u, u) * (labels[:, None] == labels)

@@ -198,6 +198,7 @@ def fit_least_squares(
     n_start: int = 8,
     start: FloatArray | None = None,
     hopeless: float = math.inf,
+    max_rounds: int = MAX_ROUNDS,
 ) -> Fit:
     """The posterior mode of `problem`, from the best of `n_start` starts.
 
@@ -206,6 +207,7 @@ def fit_least_squares(
         draws of the priors.
     hopeless : mean square of the whitened residuals after the first rounds, beyond which the rest
         of the search is not worth its time.
+    max_rounds : of the last part of the search, of a few runs.
 
     Raises InputError where the problem has no unknowns, NumericalError where the curve is defined
     at no start, has no finite derivatives where the search ends, or stays beyond `hopeless`.
@@ -253,7 +255,7 @@ def fit_least_squares(
         end = settle_by_runs(values, posterior, best=_best, spread=_curved)
         values, posterior, moved, held = end.values, end.posterior, end.moved, end.held
     else:
-        values, posterior, moved = _settle(values, posterior, max_rounds=MAX_ROUNDS)
+        values, posterior, moved = _settle(values, posterior, max_rounds=max_rounds)
     if math.isnan(moved):
         raise _no_curvature(values, posterior)
     level = objective <= objective[best] + 0.5
@@ -266,12 +268,14 @@ def fit_least_squares(
     )
 
 
-def refit(problem: Problem, start: FloatArray) -> Fit:
+def refit(problem: Problem, start: FloatArray, *, max_rounds: int = MAX_ROUNDS) -> Fit:
     """The nearest mode of `problem` to `start` (n_par,), where that is known to be near.  Raises
     NumericalError.
     """
-    # nothing is drawn
-    return fit_least_squares(problem, rng=np.random.default_rng(0), n_start=1, start=start)
+    nothing_drawn = np.random.default_rng(0)
+    return fit_least_squares(
+        problem, rng=nothing_drawn, n_start=1, start=start, max_rounds=max_rounds
+    )
 
 
 def at_mode(problem: Problem, values: FloatArray) -> Fit:

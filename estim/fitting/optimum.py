@@ -75,6 +75,7 @@ _LEVEL = 0.1  # in log share: starts that are as good as the best
 _ALIKE = 0.01  # squared distance of starts that are not worth two searches
 # ratio of singular values, whose square, of the correlations, is lost by rounding
 _FRAIL = 1e-8
+_MOST_ROUNDS = 10  # of a fit that begins at an optimum
 _MOST_REFITTED = 6  # of them by full fits, where the curve is a model of the study
 _AROUND = 8  # of these, descents from points around an optimum where the curve is not finite
 _MOST_DESCENTS = 24  # from the dips of one round of scans
@@ -558,13 +559,14 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
 
 
 def _refitted(fit: Fit, start: FloatArray) -> Fit | None:
-    """The fit from another start; None where it ends without a curvature, as that of a sigmoid does
-    where it has become a step between two readings.
+    """The fit from another optimum; None where it ends without a curvature, as that of a sigmoid
+    does where it has become a step between two readings, or nowhere near.
     """
     try:
-        return refit(fit.problem, start)
+        other = refit(fit.problem, start, max_rounds=_MOST_ROUNDS)
     except NumericalError:
         return None
+    return other if other.success else None
 
 
 def with_other_modes(fit: Fit, best: Optimum) -> Fit:
@@ -685,9 +687,10 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
             # what another parameter hides on its limit lies anywhere: where it started
             beside = search.scoring(beside_limits(search.posterior, on_limit))[0]
             hidden = silent & np.any(beside, axis=0)
-            near |= hidden
-            if np.any(hidden):
-                values, jacobian = np.where(hidden, search.held, on_limit), there
+            begun = np.where(hidden, search.held, on_limit)
+            # not where it is the product of a factor and of one next to 0 that counts
+            if search.chi2(begun) <= equal_to(search, chi2):
+                values, jacobian, near = begun, there, near | hidden
     moving = free[~near[free]]
     cov, condition = inverse_information(jacobian[:, moving], resolved)
     full = np.zeros((values.size, values.size))

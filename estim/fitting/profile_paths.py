@@ -15,9 +15,10 @@ from estim.fitting.profile_search import ProfileSearch
 from estim.levenberg_marquardt import End, Start, Task
 
 _LOST = 16.0  # times the level
-# standard deviations, and a step in the square root of the objective: no end, but a search that
-# lost its way; and standard deviations at which rounding errors end it
-_FAR, _JUMP, _NOWHERE = 100.0, 0.1, 1e6
+# standard deviations or, of the logarithm of a size, a distance, and a step in the square root of
+# the objective: no end, but a search that lost its way; and standard deviations at which rounding
+# errors end it
+_FAR, _DECADES, _JUMP, _NOWHERE = 100.0, math.log(1e8), 0.1, 1e6
 
 
 def walk(
@@ -104,9 +105,12 @@ def crossing(
         math.isfinite(point.objective) and not point.converged for point in (inner, beyond)
     )
     below, above = _height(inner, mode, rise), _height(beyond, mode, rise)
-    far = abs(float(inner.values[i] - mode.values[i])) / float(search.scale[i])
-    lost = far > (_FAR if above - below > _JUMP else _NOWHERE)
-    if unsettled if search.coordinates.by_size[i] else lost:
+    away, jump = abs(float(inner.values[i] - mode.values[i])), above - below > _JUMP
+    if search.coordinates.by_size[i]:
+        lost = unsettled or (jump and away > _DECADES)
+    else:
+        lost = away > (_FAR if jump else _NOWHERE) * search.scale[i]
+    if lost:
         # the others may make up for any size
         return None, cuts
     share = below / (below - above)
