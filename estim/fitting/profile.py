@@ -198,8 +198,15 @@ def _spanning(found: Sequence[ProfileInterval]) -> ProfileInterval:
     for other in others:
         low = {p: min(end, other.low[p]) for p, end in first.low.items()}
         high = {p: max(end, other.high[p]) for p, end in first.high.items()}
-        wider = (low, high) != (first.low, first.high)
-        first = replace(other if wider else first, low=low, high=high)
+        open_low = {p: opened or other.open_low[p] for p, opened in first.open_low.items()}
+        open_high = {p: opened or other.open_high[p] for p, opened in first.open_high.items()}
+        first = replace(
+            other if (low, high) != (first.low, first.high) else first,
+            low=low,
+            high=high,
+            open_low=open_low,
+            open_high=open_high,
+        )
     return first
 
 
