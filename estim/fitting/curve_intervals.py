@@ -214,7 +214,9 @@ def profiled(
             for p in PROBABILITIES
         }
     lowest = max(profiles, key=lambda interval: interval.found_better, default=None)
-    if not left_open and lowest is not None and lowest.found_better > 0.0:
+    # of outliers the highest density may be a narrow one, of a few readings that lie on a curve
+    robust = fit.problem.robust
+    if not (left_open or robust) and lowest is not None and lowest.found_better > 0.0:
         amounts = map(Amount, fit.names, lowest.lowest.tolist())
         left_open.append(
             Finding(Kind.BETTER_ELSEWHERE, size=lowest.found_better, parameters=tuple(amounts))
