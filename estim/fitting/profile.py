@@ -268,6 +268,8 @@ def _intervals(
             explored[k].valleys[:] = minima(
                 search, [Start(dip.values, (), dip) for dip in dips(explored[k].walk)]
             )
+        if fit.problem.robust:  # whose narrow optima hold next to nothing
+            break
         met = [point for side in explored for point in side.points]
         begun = {}
         for k, (i, sign, own) in enumerate(sides):
