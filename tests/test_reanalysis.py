@@ -601,3 +601,8 @@ def test_what_no_body_measures_is_said_once_and_the_rest_after_the_names_of_its_
     common, *own = _lefts(screens).split("; ")
     assert common.startswith("R = (0.15")
     assert own == ["heavy: c_rr < 0.0100 (95 %)", "light: c_rr < 0.0200 (95 %)"]
+    other = replace(radius, summary=summarise(draws + 0.01, unit="m", meaning=""))
+    screens["light"] = replace(screens["light"], estimates=(resistance[1], other))
+    heavy, light = _lefts(screens).split("; ")
+    assert heavy.startswith("heavy: c_rr < 0.0100 (95 %), R = (0.15")
+    assert light.startswith("light: c_rr < 0.0200 (95 %), R = (0.16")

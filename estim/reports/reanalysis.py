@@ -487,8 +487,8 @@ def _all_ok(result: ReanalysisResult) -> str:
 
 
 def _lefts(screens: Mapping[str, Screen]) -> str:
-    """What the joint fits do not measure: first what is the same for all bodies, then the rest,
-    each after the names of its bodies.
+    """What the joint fits do not measure: first what is the same for all bodies, then what is left
+    of each, after its name.
     """
     names = _gathered(
         (name, entry)
@@ -496,9 +496,10 @@ def _lefts(screens: Mapping[str, Screen]) -> str:
         for estimate in screen.estimates
         if (entry := not_measured([estimate]))
     )
+    entries = _gathered((entry, ", ".join(of)) for entry, of in names.items())
+    everyone = ", ".join(screens)
     return "; ".join(
-        entry if len(of) == len(screens) else f"{', '.join(of)}: {entry}"
-        for entry, of in sorted(names.items(), key=lambda pair: -len(pair[1]))
+        [*entries.pop(everyone, []), *(f"{of}: {', '.join(own)}" for of, own in entries.items())]
     )
 
 
