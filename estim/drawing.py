@@ -41,6 +41,7 @@ COLOURS = (BLUE, ORANGE, GREEN, PURPLE, INK, GREY)
 RUN_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, VERMILION, "#56B4E9", "#8C6D31", "#6A3D9A")
 MARKS = ("o", "s", "^", "D", "v", "P")
 WIDTH = 7.2
+MOST_BARS = 150  # points in one panel, beyond which bars hide the points
 STYLE = {
     "axes.labelsize": 9,
     "axes.titlesize": 9,

@@ -59,7 +59,7 @@ def test_of_many_runs_one_that_is_wrong_fails_and_the_others_do_not() -> None:
     fit = fit_least_squares(problem, rng=rng, n_start=1)
     checked = check_goodness(fit, rng=rng)
     assert [run.run for run in checked if run.failed] == ["r31"]
-    assert checked[0].level == pytest.approx(1e-3 * arrowhead.MANY / 100)
+    assert checked[0].level == pytest.approx(1e-3 * arrowhead.MANY_RUNS / 100)
     mean = np.mean([run.checks["chi2"].p_value for run in checked])
     assert abs(mean - 0.5) < 4.0 / np.sqrt(12.0 * 100)
 

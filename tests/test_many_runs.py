@@ -27,7 +27,7 @@ from estim.problem.whitened import Linear
 from estim.reports.curve_figures import MOST_DRAWN, drawn_runs
 
 X = np.linspace(0.0, 1.0, 9)
-MANY = arrowhead.MANY + 4
+MANY = arrowhead.MANY_RUNS + 4
 REPLICA = Path(__file__).parents[1] / "data" / "replica" / "campaign.toml"
 
 

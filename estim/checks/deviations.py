@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from estim.checks.forces import FAR_LARGER, LIKELY
 from estim.common import Finding, Kind
 from estim.deviation import FoundDeviation, presence
-from estim.fitting import MANY, Fit
+from estim.fitting import MANY_RUNS, Fit
 
 SURE = 0.99  # probability of a deviation beyond which it is said to be there
 _FEWEST, _MOST = 20, 300  # points of a run, where it is asked
@@ -60,7 +60,7 @@ def unasked(fit: Fit) -> list[Finding]:
     """How probable it is that a curve of the user's, taken as complete, lacks something: of the run
     where that is most probable.
     """
-    if fit.problem.shared or len(fit.problem.runs) > MANY:
+    if fit.problem.shared or len(fit.problem.runs) > MANY_RUNS:
         return []
     runs = [
         run

@@ -54,7 +54,7 @@ from functools import cached_property
 import numpy as np
 
 from estim.arrays import FloatArray, max_abs
-from estim.fitting import MANY, Fit, chi2_p, no_scatter, spreads_by_runs
+from estim.fitting import MANY_RUNS, Fit, chi2_p, no_scatter, spreads_by_runs
 from estim.problem import Linear, Observations, Whitened, reading_sd
 from estim.words import TESTS
 
@@ -232,7 +232,7 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
             [(run.y, z, *raw_and_sd[run.name]) for run, z in zip(group.runs, whitened, strict=True)]
         )
         simulate = _simulated(response, spread, record, rng)
-        checked = _checks(tested, simulate, max(1.0, n_run / MANY))
+        checked = _checks(tested, simulate, max(1.0, n_run / MANY_RUNS))
         for run, z, checks in zip(group.runs, whitened, checked, strict=True):
             judged[run.name] = _judged(fit, run, z, *raw_and_sd[run.name], checks, named)
     return tuple(judged[run.name] for run in problem.runs)
@@ -355,7 +355,7 @@ def _judged(
 ) -> Goodness:
     """A run with its whitened residuals z (n_obs,) and their tests."""
     n_run = len(fit.problem.runs)
-    among = max(1.0, n_run / MANY)
+    among = max(1.0, n_run / MANY_RUNS)
     empty = run.noise.counted is None and (no_scatter(run, fit) or max_abs(z) < _NO_ERRORS)
     if empty:
         checks = {"zero": Check(0.0, P_FLOOR / among, TESTS["zero"])}

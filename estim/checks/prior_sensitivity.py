@@ -28,7 +28,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import later
-from estim.fitting import MANY
+from estim.fitting import MANY_RUNS
 from estim.problem import Prior, Problem
 from estim.sampling import K_HAT_LIMIT, pareto_smoothed
 
@@ -115,7 +115,7 @@ def power_scaling(
 def _beside(problem: Problem) -> list[list[int]]:
     """For each parameter the places of those whose priors are asked for by themselves."""
     every = range(problem.n_par)
-    if len(problem.groups) <= MANY:
+    if len(problem.groups) <= MANY_RUNS:
         return [list(every) for _ in every]
     neighbours = [{i} for i in every]
     for used in problem.columns:

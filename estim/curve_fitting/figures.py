@@ -11,14 +11,24 @@ import numpy as np
 
 from estim.arrays import FloatArray, all_finite, finite_or
 from estim.common import Label, bracketed, phrase
-from estim.drawing import BLUE, GREY, INK, ORANGE, PALE, Axes, Figure, handed_out, logarithmic
+from estim.drawing import (
+    BLUE,
+    GREY,
+    INK,
+    MOST_BARS,
+    ORANGE,
+    PALE,
+    Axes,
+    Figure,
+    handed_out,
+    logarithmic,
+)
 from estim.fitting import Contour
 from estim.problem import Observations
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
 
-MANY = 150  # points beyond which error bars would hide one another
 _FINE = 201  # points along each axis of a smoothed contour
 _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 181)
 
@@ -119,7 +129,7 @@ def curve_figure(
             upper, lower = own.subplots(2, 1, sharex=True, height_ratios=(3, 1.2))
         counts = run.noise.counted
         _draw_curve(upper, curve, inner)
-        bars = run.n_obs <= MANY and counts is None
+        bars = run.n_obs <= MOST_BARS and counts is None
         errors: dict[str, Any] = {
             "yerr": (sd if run.noise.sides is None else run.noise.sides)
             if bars and np.any(sd > 0.0)
@@ -129,7 +139,7 @@ def curve_figure(
         style: dict[str, Any] = {
             "fmt": "o",
             "color": INK,
-            "ms": 3.5 if run.n_obs <= MANY else 1.8,
+            "ms": 3.5 if run.n_obs <= MOST_BARS else 1.8,
             "elinewidth": 0.9,
             "capsize": 0,
         }

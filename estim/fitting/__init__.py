@@ -2,7 +2,7 @@
 information.  Read `least_squares` first.
 """
 
-from estim.fitting.arrowhead import MANY, descend_by_runs, spreads_by_runs
+from estim.fitting.arrowhead import MANY_RUNS, descend_by_runs, spreads_by_runs
 from estim.fitting.curve_intervals import FEW, Ends, coverage_of_sd, profiled, shown_value, spread
 from estim.fitting.derived import LinearDerived, linear_derived
 from estim.fitting.edges import (

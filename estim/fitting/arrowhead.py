@@ -4,7 +4,7 @@ own.
 No run is widened to the parameters of all others: what it says is added where it belongs, to the
 information of all, or goes as a triangle (QR) of its own into a root of it.
 
-Use it for more than `MANY` independent groups of runs; fewer are fit by lmfit.
+Use it for more than `MANY_RUNS` independent groups of runs; fewer are fit by lmfit.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from estim.arrays import FloatArray, finite_or
 from estim.levenberg_marquardt import bounded_steps
 from estim.problem import Posterior, Problem
 
-MANY = 16
+MANY_RUNS = 16
 _ROUNDING = 1e-13  # of chi^2
 _LEAST_DAMPING, _FIRST_DAMPING, _FACTOR, _MOST_DAMPING = 1e-13, 1e-6, 10.0, 1e12
 _NOTHING = 1e-13  # of the largest singular value
@@ -31,7 +31,7 @@ def many(problem: Problem) -> bool:
     """Whether the problem has so many independent groups of runs that its least squares are solved
     run by run.
     """
-    return len(problem.groups) > MANY
+    return len(problem.groups) > MANY_RUNS
 
 
 def own_columns(columns: Sequence[Indices], n_par: int) -> list[Indices]:

@@ -24,7 +24,7 @@ from estim.common import (
     table,
 )
 from estim.explanation import Explanation, across_runs
-from estim.fitting import MANY, ProfileInterval
+from estim.fitting import MANY_RUNS, ProfileInterval
 from estim.pipeline import Analysis
 from estim.reports.budget import Shares, budget_figure, budget_of, shares_of
 from estim.reports.consistency import consistency_text, forest_figure
@@ -185,7 +185,7 @@ def _text(
     """
     agreement = analysis.consistency
     axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
-    among = max(1.0, len(result.runs) / MANY)
+    among = max(1.0, len(result.runs) / MANY_RUNS)
     told_below = (
         P_TOLD / among if any("speed" in run.checks for run in result.runs.values()) else None
     )

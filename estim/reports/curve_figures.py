@@ -22,6 +22,7 @@ from estim.drawing import (
     GREY,
     INK,
     MARKS,
+    MOST_BARS,
     RUN_COLOURS,
     VERMILION,
     Axes,
@@ -38,7 +39,6 @@ from estim.problem import Observations, Problem, reading_sd
 from estim.sampling import Bands, curve_draws
 from estim.studies.paper_band import PropagatedBand
 
-_MANY = 200  # points in one panel, beyond which bars hide the points
 _BAR: dict[str, Any] = {"fmt": "o", "color": INK, "elinewidth": 0.7, "zorder": 5}
 _RING: dict[str, Any] = {"mfc": "none", "mec": VERMILION, "mew": 1.6, "ls": "", "zorder": 6}
 MOST_DRAWN = 15  # runs
@@ -355,7 +355,7 @@ def draw_points_with_bars(
     that they would hide the curve.
     """
     run, near = residuals.run, ~residuals.far
-    if run.n_obs > _MANY:
+    if run.n_obs > MOST_BARS:
         ax.plot(run.x[near], run.y[near], mark, color=colour, ms=1.5, label=label, zorder=1.9)
     else:
         style = {**_BAR, "fmt": mark, "color": colour}
@@ -371,12 +371,12 @@ def draw_residuals(ax: Axes, residuals: Residuals, bands: Bands | None) -> None:
     if bands is not None:
         _draw_bands(ax, bands, less=bands.median)
     ax.axhline(0.0, color=BLUE, lw=1.0)
-    if run.n_obs > _MANY:
+    if run.n_obs > MOST_BARS:
         ax.plot(run.x[near], rest, "o", color=INK, ms=1.2, alpha=0.6, zorder=1.9)
     else:
         ax.errorbar(run.x[near], rest, sd, ms=2.5, **_BAR)
     top = max(
-        1.15 * float(np.max(np.abs(rest) + (sd if run.n_obs <= _MANY else 0.0))),
+        1.15 * float(np.max(np.abs(rest) + (sd if run.n_obs <= MOST_BARS else 0.0))),
         2.5 * float(np.median(sd)),
     )
     ax.set_ylim(-top, top)

@@ -49,7 +49,7 @@ class CandidateSummary(Record):
 
     name: str
     words: str
-    gain: float  # by how much AIC falls; 10 or more counts, differences below 6 do not
+    gain: float  # by how much AIC falls; 10 or more counts, and so do differences
     found: bool
     numbers: list[EstimatedSummary]
     p_order: float | None  # of the residuals with it, by the worst test of their order
