@@ -31,7 +31,7 @@ from estim.line.regression import confidence_band as confidence_band
 from estim.line.regression import fit_line as fit_line
 from estim.line.regression import inverse_prediction as inverse_prediction
 from estim.line.regression import prediction_band as prediction_band
-from estim.line.series import read_theta_min as read_theta_min
+from estim.line.theta_min_series import read_theta_min as read_theta_min
 from estim.means.averages import Mean as Mean
 from estim.means.averages import mean as mean
 from estim.means.two_values import compare_values as compare_values

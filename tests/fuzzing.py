@@ -19,7 +19,7 @@ from tracker_files import point_mass, stored, trk
 from estim.campaign import Campaign, load_campaign
 from estim.campaign.design import load_design
 from estim.common.errors import EstimError
-from estim.line.series import read_theta_min
+from estim.line.theta_min_series import read_theta_min
 from estim.reading.run import read_run
 from estim.reading.tracker.importing import Choices, import_track
 

@@ -19,6 +19,7 @@ from estim.deviation.linearised import linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import Stated, WithForce
 from estim.deviation.residuals import Residuals
+from estim.problem.correlated_normal import GaussianErrors
 from estim.problem.count_distributions import BINOMIAL, POISSON
 from estim.problem.count_noise import Counts
 from estim.problem.curve_noise import Correlated, Readings
@@ -26,7 +27,6 @@ from estim.problem.differences import covariance_in_bands
 from estim.problem.finite_differences import STENCILS, differentiate
 from estim.problem.likelihood import Noise, Points
 from estim.problem.noise import Differentiated, Independent, Scale
-from estim.problem.normal import GaussianErrors
 from estim.problem.roots import root_of
 from estim.problem.tails import Mixture, StudentT, TwoPiece
 

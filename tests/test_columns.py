@@ -14,9 +14,9 @@ from command_runner import runner
 
 from estim.cli.commands import cli
 from estim.common.errors import InputError
-from estim.reading.csv_table import line_numbers, read_columns
 from estim.reading.dialect import Dialect, name_and_unit
 from estim.reading.layout import read_layout
+from estim.reading.named_columns import line_numbers, read_columns
 
 
 def read(

@@ -17,7 +17,7 @@ from troubles import TROUBLES, Disk, uniform
 
 from estim.calibration.trial import posterior_draws
 from estim.campaign import load_campaign
-from estim.checks.cells import interval_cell, value_cell
+from estim.checks.quoted_results import interval_cell, value_cell
 from estim.cli.commands import cli
 from estim.common.labels import Notation
 from estim.curves.curve_problem import AxisNames, pose_curve

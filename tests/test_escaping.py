@@ -13,7 +13,7 @@ from hostile import LOOKS_LIKE_MARKDOWN, MOVES, STRINGS, outline, raw, seen, sho
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from estim.checks.cells import headline
+from estim.checks.quoted_results import headline
 from estim.common.escaping import Markdown, as_json, code, destination, markdown, mathtext, one_line
 from estim.common.labels import Notation, table
 from estim.drawing import name_ticks, png

@@ -19,7 +19,7 @@ from replica_run import heavy_04
 from report_words import words
 
 from estim.campaign import load_campaign
-from estim.checks.cells import (
+from estim.checks.quoted_results import (
     Estimate,
     is_measured,
     not_measured,

@@ -18,7 +18,7 @@ from estim.deviation.autocorrelated import AutoCorrelated
 from estim.deviation.smoothing import settled
 from estim.fitting import further_optima
 from estim.model import Body, back_and_forth
-from estim.problem import normal, roots
+from estim.problem import correlated_normal, roots
 from estim.problem.roots import LowRankRoot
 from estim.reports.curve_figures import residual_figure
 
@@ -66,7 +66,7 @@ def _posed(path: Path, monkeypatch: pytest.MonkeyPatch, dense: int):
     """Free start, force and bad frames about one point, where more than `dense` points go by
     roots.
     """
-    for module in (normal, roots):
+    for module in (correlated_normal, roots):
         monkeypatch.setattr(module, "DENSE", dense)
     campaign = load_campaign(path)
     problem = campaign.problem(["long"], usual=True)

@@ -398,12 +398,12 @@ def test_the_place_that_is_read_off_a_table_is_reached_when_the_clock_says(phi, 
 
 @by_numpy
 def test_draws_in_blocks_are_the_draws_together(monkeypatch):
-    from estim.model import driven
+    from estim.model import time_integration
 
     body, run = _draws(40, 4.0, 60.0)
     t = np.linspace(-0.1, 2.5, 60)  # back again, and over the release
     whole = back_and_forth(t, body, **run)
-    monkeypatch.setattr(driven, "_BLOCK", 7)
+    monkeypatch.setattr(time_integration, "_BLOCK", 7)
     for one, other in zip(back_and_forth(t, body, **run), whole, strict=True):
         np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-9)
     assert np.any(whole[1] < 0.0)

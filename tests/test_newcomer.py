@@ -22,8 +22,8 @@ from estim.checks.goodness_of_fit import P_FLOOR
 from estim.cli import commands as cli
 from estim.common.errors import EstimError, InputError
 from estim.common.quantity import Quantity
-from estim.reading.csv_table import read_columns
 from estim.reading.dialect import Dialect
+from estim.reading.named_columns import read_columns
 from estim.reading.run import read_run
 from estim.reading.tracker.importing import stated_tilt
 from estim.reports.derived import origin_facts, origin_warnings, speed_facts

@@ -21,7 +21,7 @@ from estim.cli.commands import cli
 from estim.common.errors import EstimError
 from estim.common.lookalikes import first_alike
 from estim.common.storage import read_file, write_whole
-from estim.line.series import read_theta_min
+from estim.line.theta_min_series import read_theta_min
 from estim.studies.reanalysis import _published
 
 SECRET = "hunterpassword"

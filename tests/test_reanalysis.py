@@ -26,7 +26,7 @@ from estim.common.labels import Notation
 from estim.common.quantity import Quantity, e_n
 from estim.fitting.least_squares import fit_least_squares
 from estim.line.analysis import analyse_line
-from estim.line.series import read_theta_min
+from estim.line.theta_min_series import read_theta_min
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal
 from estim.reports.line import line_result
@@ -442,7 +442,7 @@ def test_points_that_hold_no_rising_line_give_no_gamma(
 
 
 def test_uncertainty_of_a_sine_holds_up_to_ninety_degrees(rng: np.random.Generator) -> None:
-    from estim.line.series import _sd_of_sine
+    from estim.line.theta_min_series import _sd_of_sine
 
     for degrees in (10.0, 60.0, 85.0, 90.0):
         angle, u = np.radians(degrees), np.radians(2.0)

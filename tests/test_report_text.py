@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from estim.checks.cells import parameter_cells, value_cell
+from estim.checks.quoted_results import parameter_cells, value_cell
 from estim.common import markdown, spoken
 from estim.common.labels import Notation
 from estim.common.quantity import format_quantity, format_rounded, signed

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from estim.common.errors import InputError
-from estim.reading.csv_table import read_columns
 from estim.reading.dialect import Dialect
 from estim.reading.layout import read_layout
+from estim.reading.named_columns import read_columns
 from estim.reading.table import Table
 
 ROWS = "0,1;1\n0,2;2\n0,3;3\n"

@@ -2,7 +2,7 @@
 first.
 """
 
-from estim.checks.cells import (
+from estim.checks.quoted_results import (
     Estimate,
     estimates_of,
     headline,
@@ -12,7 +12,7 @@ from estim.checks.cells import (
     p_sentence,
     parameter_cells,
 )
-from estim.checks.cells import (
+from estim.checks.quoted_results import (
     best_words,
     lopsided,
     print_lines,

@@ -17,7 +17,7 @@ from estim.curves.dimensions import dimensions_of, factors_of
 from estim.curves.dual_numbers import Dual, plain
 from estim.curves.formula import CONSTANTS, FUNCTIONS, Formula, evaluate
 from estim.curves.models import Limits
-from estim.curves.scales import Scale, places_of, scale_of
+from estim.curves.parameter_sizes import Scale, places_of, scale_of
 from estim.levenberg_marquardt import LeastSquares
 
 

@@ -35,10 +35,10 @@ from estim.fitting.least_squares import (
     refit,
     settled,
 )
+from estim.fitting.multistart import N_START
 from estim.fitting.open_ends import open_sides
 from estim.fitting.optimum import (
     MAX_PARAMETERS,
-    N_START,
     Optimum,
     find_optimum,
     fit_optimum,

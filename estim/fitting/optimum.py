@@ -45,6 +45,7 @@ from estim.fitting.least_squares import (
     refit,
     settled,
 )
+from estim.fitting.multistart import ALIKE, N_START, starts_around
 from estim.fitting.noise_fit import fit_noise
 from estim.fitting.separable import RESOLVED, SeparableSearch, set_apart
 from estim.fitting.solutions import (
@@ -70,9 +71,7 @@ from estim.problem import (
     no_symmetry,
 )
 
-N_START = 8
 _LEVEL = 0.1  # in log share: starts that are as good as the best
-_ALIKE = 0.01  # squared distance of starts that are not worth two searches
 # ratio of singular values, whose square, of the correlations, is lost by rounding
 _FRAIL = 1e-8
 _MOST_ROUNDS = 10  # of a fit that begins at an optimum
@@ -242,7 +241,7 @@ def _found(
     searched = bool(search.nonlinear.size) and n_start > 1
     parameters = search.posterior.problem.parameters
     stated = any(parameters[i].prior.start_stated for i in search.nonlinear)
-    around = _screened(search, start, rng, n_start - 1) if searched and stated else []
+    around = starts_around(search, start, rng, n_start - 1) if searched and stated else []
     starts = [start, *around]
     tried = descended(search, np.array(starts))
     if not tried:
@@ -442,7 +441,7 @@ def _found_near(
     """
     starts = [start]
     for point in (afar.values, *afar.others):
-        if all(distance(search, point, other) > _ALIKE for other in starts):
+        if all(distance(search, point, other) > ALIKE for other in starts):
             starts.append(point)
     tried = descended(search, np.array(starts))
     if not tried:  # fewer than 0 may be expected of what was counted
@@ -596,37 +595,6 @@ def with_other_modes(fit: Fit, best: Optimum) -> Fit:
         aliases=best.aliases,
         unheld=best.unheld,
     )
-
-
-def _screened(
-    search: SeparableSearch, start: FloatArray, rng: np.random.Generator, n: int
-) -> list[FloatArray]:
-    """The best `n` of many points around the start, no two of them alike."""
-    points, heights = search.squares.evaluate(_scattered(search, start, rng, 200))
-    points = points[np.argsort(heights, kind="stable")[: np.isfinite(heights).sum()]]
-    chosen: list[FloatArray] = []
-    while len(points) and len(chosen) < n:
-        chosen.append(points[0])
-        points = points[distance(search, points, points[0]) > _ALIKE]
-    return chosen
-
-
-def _scattered(
-    search: SeparableSearch, start: FloatArray, rng: np.random.Generator, n: int
-) -> FloatArray:
-    """(n, n_par) points around the start: each nonlinear parameter times a factor, or drawn between
-    its limits or from its prior.
-    """
-    points = np.repeat(start[None, :], n, axis=0)
-    for i in search.nonlinear:
-        prior = search.posterior.problem.parameters[i].prior
-        if math.isfinite(prior.sd) and math.isfinite(prior.low) == math.isfinite(prior.high):
-            points[:, i] = prior.draw(rng, n)
-            continue
-        size = start[i] if start[i] != 0.0 else rng.choice([-1.0, 1.0], n)
-        factors = size * 10.0 ** rng.standard_normal(n)
-        points[:, i] = np.clip(factors, search.low[i], search.high[i])
-    return points
 
 
 def _at_kink(search: SeparableSearch, values: FloatArray, tolerance: float) -> FloatArray | None:

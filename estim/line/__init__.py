@@ -8,7 +8,7 @@ from estim.line.analysis import LineAnalysis, analyse_line
 from estim.line.conventions import CONVENTIONS
 from estim.line.findings import line_goodness
 from estim.line.regression import LineFit, confidence_band
-from estim.line.series import ThetaMinSeries, read_theta_min
+from estim.line.theta_min_series import ThetaMinSeries, read_theta_min
 from estim.line.stated_errors import Correlated, commons
 from estim.line.table_line import Columns, PredictedPoint, StraightLine, straight_line
 from estim.line.release_likelihood import effective_start

@@ -39,7 +39,7 @@ from estim.line.regression import (
     inverse_prediction,
     standard_error,
 )
-from estim.line.series import ThetaMinSeries
+from estim.line.theta_min_series import ThetaMinSeries
 from estim.sampling import Chain, Progress, Target, adapt_proposal, sample_posterior, summarise
 from estim.words import advice_for, tell
 

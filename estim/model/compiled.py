@@ -1,5 +1,5 @@
-"""What `estim.model.driven` finds of a body that rolls back and forth without further forces, in
-machine code, draw by draw: numba, the extra `fast`.
+"""What `estim.model.time_integration` finds of a body that rolls back and forth without further
+forces, in machine code, draw by draw: numba, the extra `fast`.
 
 The time of a way from rest is t = integral of dx/v, singular at the release and at a turning point.
 Two substitutions remove it:
@@ -14,8 +14,8 @@ release at -theta_t with tilt -phi.
 
 All that is linear in the pace at the Chebyshev points (clock, pace and its slope at the knots, the
 clock half way between some of them, the last Chebyshev coefficients) is one matrix.  Draws that
-this does not settle are left to `estim.model.driven`: a series that has not died away, a table that
-is off half way, more than 16 ways, numbers that are not finite.
+this does not settle are left to `estim.model.time_integration`: a series that has not died away, a
+table that is off half way, more than 16 ways, numbers that are not finite.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ the axle, v = R u':
 
 The curved ramp is exact, not a small correction: the axle moves by R dtheta whatever the curvature,
 if x is its path and theta is counted from the vertical.  Without k_1, k_2 and c_N the equation
-integrates to `work`; with them `model.driven` does it.
+integrates to `work`; with them `model.time_integration` does it.
 """
 
 from __future__ import annotations

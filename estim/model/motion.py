@@ -1,7 +1,7 @@
 """Motion in time from rest or a push: travel time, position and velocity at given times.
 
-`estim.model.driven` follows the motion by series in time, under any forces.  Where numba is there,
-positions back and forth of a body that starts from rest under no further force come from
+`estim.model.time_integration` follows the motion by series in time, under any forces.  Where numba
+is there, positions back and forth of a body that starts from rest under no further force come from
 `estim.model.compiled`, which leaves to it the draws that it does not settle.  Everything is
 vectorised over draws: parameters as scalars or (n_draw, 1).
 """
@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from estim.model.body import Body
-from estim.model.driven import driven_motion, driven_passage
 from estim.model.forces import Forces
 from estim.model.phase_curve import STANDARD_GRAVITY
+from estim.model.time_integration import driven_motion, driven_passage
 
 FloatArray = NDArray[Any]
 

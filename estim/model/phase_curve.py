@@ -28,8 +28,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from estim.model.body import Body
 from estim.model.bracketed_newton import zero_between
-from estim.model.driven import driven_passage
 from estim.model.forces import Forces, energy_series, inertia, work
+from estim.model.time_integration import driven_passage
 
 FloatArray = NDArray[np.float64]
 
@@ -141,7 +141,7 @@ def energy_ratio(
 
     release_energy : E0, weights x R, added to W; negative: what a body at rest lacks there.
     forces : what else acts.  With drag or resistance by load, by series to 1e-9 m/s
-        (`model.driven`): 0 where it never gets.
+        (`model.time_integration`): 0 where it never gets.
     g : m/s^2, matters only beside viscous drag.
     """
     if forces is not None:

@@ -45,7 +45,7 @@ from estim.problem.noise import (
     NoiseVariance,
     differentiate,
 )
-from estim.problem.normal import GaussianErrors
+from estim.problem.correlated_normal import GaussianErrors
 from estim.problem.observations import (
     MAX_LACKING,
     Discrepancy,

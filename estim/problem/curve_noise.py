@@ -15,11 +15,11 @@ from estim.arrays import FloatArray, Named, all_finite, sds_of
 from estim.common import InputError, phrase
 from estim.given_numbers import real_numbers
 from estim.problem.abscissas import correlated_abscissas
+from estim.problem.correlated_normal import GaussianErrors
 from estim.problem.curve import Wording
 from estim.problem.likelihood import Noise, Points
 from estim.problem.noise import Independent, scatter_words
 from estim.problem.noise_variance import NoiseVariance, Scale
-from estim.problem.normal import GaussianErrors
 from estim.problem.roots import root_of
 
 

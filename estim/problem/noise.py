@@ -36,6 +36,7 @@ from scipy.sparse import csr_array, diags_array
 from estim.arrays import FloatArray, IntArray, Named
 from estim.common import InputError, phrase
 from estim.problem.abscissas import true_abscissas
+from estim.problem.correlated_normal import Diagonal, GaussianErrors
 from estim.problem.curve import SpeedCurve, Wording
 from estim.problem.differences import in_rows
 from estim.problem.errors_in_x import LatentErrors
@@ -46,7 +47,6 @@ from estim.problem.independent import RobustErrors
 from estim.problem.likelihood import Likelihood, Noise, Points
 from estim.problem.noise_variance import NoiseVariance as NoiseVariance
 from estim.problem.noise_variance import Scale as Scale
-from estim.problem.normal import Diagonal, GaussianErrors
 from estim.problem.tails import GAUSSIAN, Gaussian, Tails
 
 

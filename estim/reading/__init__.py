@@ -5,7 +5,7 @@ Read `run` first.  Imports `common` alone.
 """
 
 from estim.reading.cells import is_missing
-from estim.reading.csv_table import (
+from estim.reading.named_columns import (
     columns_sentence,
     place_of,
     read_columns,

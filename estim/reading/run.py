@@ -16,8 +16,8 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import InputError, Quantity
-from estim.reading.csv_table import read_known_columns
 from estim.reading.dialect import PLAIN, Dialect
+from estim.reading.named_columns import read_known_columns
 from estim.reading.source import reader_of
 from estim.reading.table import Table
 from estim.reading.tracker.importing import (

@@ -1,5 +1,5 @@
-"""What every source of a table gives, a CSV file (`estim.reading.csv_table`) or a track: columns of
-numbers, their units, and the line of each row.
+"""What every source of a table gives, a CSV file (`estim.reading.named_columns`) or a track:
+columns of numbers, their units, and the line of each row.
 
 `#` starts a comment line; a column whose name starts with `_` is left unread.
 """

@@ -22,6 +22,7 @@ from estim.common import one_line, shorten
 _WORKER = Path(__file__).with_name("worker.py")
 _BYTES = 4 * 1024**3  # address space: libraries are mapped whole
 _MOST_LINES = 300
+_MOST_WAITING = 100  # jobs
 _ENVIRONMENT = {
     "ESTIM_PROGRESS": "json",
     "PYTHONSAFEPATH": "1",
@@ -112,9 +113,10 @@ class Job:
 
 
 class JobQueue:
-    """So many processes at once, and a queue of so many jobs."""
+    """So many processes at once, one for each core unless stated, and a queue of so many jobs."""
 
-    def __init__(self, count: int, queue: int) -> None:
+    def __init__(self, count: int | None = None, queue: int = _MOST_WAITING) -> None:
+        count = count or os.cpu_count() or 1
         self._pool = ThreadPoolExecutor(count)
         self._most = count + queue
         self._under_way = dict[Job, Future[None]]()

@@ -4,7 +4,6 @@ imported only once it starts.
 
 from __future__ import annotations
 
-import os
 import secrets
 import socket
 import webbrowser
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     from estim.web.gate import Gate
 
 _NEEDED = ("starlette", "uvicorn", "python_multipart")
-_QUEUE = 100  # questions that may wait
 
 
 def missing_packages() -> list[str]:
@@ -70,8 +68,7 @@ def application(at: At, token: str) -> Iterator[tuple[Gate, socket.socket, str]]
     from estim.web.pages import Pages
     from estim.web.store import Store
 
-    cores = os.cpu_count() or 1
-    fits, previews = JobQueue(cores, _QUEUE), JobQueue(cores, _QUEUE)
+    fits, previews = JobQueue(), JobQueue()
     listener, address = listening(at)
     try:
         app = Pages(Store(at.folder), fits, previews).app()

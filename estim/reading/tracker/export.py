@@ -4,7 +4,7 @@ names, in every dialect.
 Tabs, semicolons, commas, bars or blanks separate the cells; decimals have a point or a comma, never
 both.  Columns may come in any order; v and a are magnitudes and are not used as speeds.  An export
 does not say its unit of length unless the column's name does (`x (cm)`).  Where the columns are is
-found here; their cells are read as those of any table (`estim.reading.csv_table`).
+found here; their cells are read as those of any table (`estim.reading.named_columns`).
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ import numpy as np
 from estim.arrays import BoolArray, FloatArray
 from estim.common import InputError, in_its_file, listed, phrase
 from estim.reading.cells import Row, is_comment, is_missing, looks_like_a_number
-from estim.reading.csv_table import table_of
 from estim.reading.dialect import Decimal, Dialect, shown_delimiter
 from estim.reading.input_file import lines_of, read_text
+from estim.reading.named_columns import table_of
 from estim.reading.table import (
     DECIMAL_COMMAS,
     Layout,

@@ -10,7 +10,7 @@ import pytest
 
 from estim.common.errors import InputError
 from estim.reading.cells import is_comment
-from estim.reading.csv_table import read_columns
+from estim.reading.named_columns import read_columns
 from estim.reading.run import read_run
 from estim.reading.tracker.export import read_export
 

@@ -7,26 +7,16 @@ cure (`dialect`).  Rows without a value in one of the columns are left out, and 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import (
-    EXTREME,
-    InputError,
-    extreme,
-    in_file,
-    in_its_file,
-    listed,
-    phrase,
-    read_number,
-    same_numbers,
-)
-from estim.reading.cells import Row, is_missing, is_spreadsheet_error, looks_like_a_number
-from estim.reading.dialect import PLAIN, Dialect, bare_name, cell_name, names_and_units
+from estim.common import InputError, in_file, in_its_file, listed, phrase, same_numbers
+from estim.reading.cells import Row, is_missing
+from estim.reading.decimal_mark import decimal_mark, number_in, row_refused
+from estim.reading.dialect import PLAIN, Dialect, bare_name, names_and_units
 from estim.reading.layout import Layout, cells_differ, numeric_columns, read_layout
 from estim.reading.table import (
     DECIMAL_COMMAS,
@@ -37,8 +27,6 @@ from estim.reading.table import (
     own_name,
     row_of,
 )
-
-_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)  # one comma: 1,234 may be 1234
 
 
 def read_columns(
@@ -73,16 +61,16 @@ def _columns(layout: Layout, needed: Sequence[str], min_rows: int, complete: boo
         and may_be_decimal_commas(row.line for row in layout.rows)
     ):
         rule = f'{DECIMAL_COMMAS}, or say --decimal point (decimal = "point" in a campaign)'
-        raise _refused(layout.rows[0], rule, "row", layout.rows[0].line)
+        raise row_refused(layout.rows[0], rule, "row", layout.rows[0].line)
     rows = [row._replace(cells=_whole(row, layout)) for row in layout.rows]
-    mark = _decimal_mark(layout, rows, places)
+    mark = decimal_mark(layout, rows, places)
     numbers, values, left_out = [], [], dict[str, list[int]]()
     lines, copies = dict[tuple[str, ...], int](), dict[int, int]()
     for row in rows:
         cells = {name: row.cells[place] for name, place in zip(needed, places, strict=True)}
         blank = next((name for name, cell in cells.items() if is_missing(cell)), None)
         if blank is not None and complete:
-            raise _refused(row, "must be a number", blank, cells[blank])
+            raise row_refused(row, "must be a number", blank, cells[blank])
         if blank is not None:
             left_out.setdefault(blank, []).append(row.number)
             continue
@@ -91,7 +79,7 @@ def _columns(layout: Layout, needed: Sequence[str], min_rows: int, complete: boo
         numbers.append(row.number)
         values.append(
             [
-                _value(row, name, cells[name], mark, _named(row, place, layout))
+                number_in(row, name, cells[name], mark, _named(row, place, layout))
                 for name, place in zip(needed, places, strict=True)
             ]
         )
@@ -174,10 +162,6 @@ def read_known_columns(
     return table.with_columns({called[name]: column for name, column in table.columns.items()})
 
 
-def _refused(row: Row, rule: str, field: str, value: object, cell: str = "") -> InputError:
-    return InputError(rule, field=field, value=value, line=row.number, quoted=cell)
-
-
 def place_of(name: str, names: Sequence[str], line: int | None = None) -> int:
     """Where among `names`, on this line, the column `name` is: called just so, or so before its
     unit.  Raises InputError listing what there is.
@@ -213,73 +197,10 @@ def _whole(row: Row, layout: Layout) -> list[str]:
     return cells
 
 
-def _decimal_mark(layout: Layout, rows: Sequence[Row], places: Sequence[int]) -> str:
-    """The decimal mark of the numbers in the columns at `places`.
-
-    Raises InputError where points and commas are mixed, or commas may part thousands.
-    """
-    if layout.dialect.decimal is not None:
-        return {"point": ".", "comma": ","}[layout.dialect.decimal]
-    first: dict[str, tuple[Row, str]] = {}
-    for row in rows:
-        for place in places:
-            cell = row.cells[place]
-            mark = next((m for m in ",." if m in cell), None)
-            if mark is not None and mark not in first and looks_like_a_number(cell):
-                first[mark] = row, cell
-    if len(first) == 2:
-        row, cell = max(first.values(), key=lambda entry: (entry[0].number, entry[1]))
-        rule = (
-            "has numbers with decimal points and others with commas: write them alike, or "
-            "state which of the two is the decimal mark (--decimal point or comma; "
-            "decimal = ... in a campaign)"
-        )
-        raise _refused(row, rule, "row", cell)
-    if "," in first and not any(
-        looks_like_a_number(cell) and "," in cell and not _GROUPED.fullmatch(cell)
-        for row in rows
-        for cell in row.cells
-    ):
-        rule = (
-            "may part thousands or be a decimal comma, in every number that has one: say "
-            '--decimal comma (decimal = "comma" in a campaign), or write the numbers without '
-            "thousands"
-        )
-        raise _refused(first[","][0], rule, "comma", first[","][1])
-    return "," if "," in first else "."
-
-
 def _named(row: Row, place: int, layout: Layout) -> tuple[int, int] | None:
     """Line and column of a cell of a spreadsheet."""
     first = layout.first_column
     return None if first is None else (row.number, first + place)
-
-
-def _value(row: Row, name: str, cell: str, mark: str, place: tuple[int, int] | None) -> float:
-    """The number in a cell that is not missing.  place : of the cell in a spreadsheet.  Raises
-    InputError.
-    """
-    named = f"cell {cell_name(*place)}" if place else ""
-    if looks_like_a_number(cell) and ("," if mark == "." else ".") not in cell:
-        value = read_number(cell.replace(",", "."))
-        if not np.isfinite(value) or extreme(value):
-            rule = EXTREME if np.isfinite(value) else "must be finite"
-            raise _refused(row, rule, name, cell, named)
-        return value
-    hint = ""
-    if looks_like_a_number(cell):
-        hint = (
-            " with a decimal point, not a comma"
-            if mark == "."
-            else " with a decimal comma, not a point"
-        )
-    elif re.fullmatch(r"[+-]?\d{1,3}([., ']\d{3})+([.,]\d*)?", cell, re.ASCII):
-        hint = " without marks between thousands"
-    elif is_spreadsheet_error(cell):
-        hint = " (leave the row out where there is none)"
-    elif cell.startswith("="):
-        hint = ": the file holds a formula without its value (open it in a spreadsheet and save it)"
-    raise _refused(row, f"must be a number{hint}", name, cell, named)
 
 
 def _left_out(name: str, lines: Sequence[int]) -> str:
