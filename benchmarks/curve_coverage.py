@@ -28,10 +28,10 @@ from estim.checks.goodness_of_fit import (
     _share_of_means,
     _statistics,
 )
-from estim.deviation.components import diagonalise
-from estim.deviation.generic import LONG, correlated_shapes, deviation_shapes, relative_grid
-from estim.deviation.grid import SPIKE
-from estim.deviation.linearised import linearise
+from estim.discrepancy.grid import SPIKE
+from estim.discrepancy.linearised import linearise
+from estim.discrepancy.own_curve import LONG, correlated_shapes, deviation_shapes, relative_grid
+from estim.discrepancy.scale_mixture import diagonalise
 from estim.problem.roots import root_of
 
 N_OBS = 60

@@ -33,8 +33,8 @@ from estim.campaign import Campaign, NewRun, load_campaign, with_own_gamma, with
 from estim.common import NumericalError, Quantity
 from estim.fitting import Fit, fit_least_squares, fit_problem
 from estim.fitting.forces import fit_with_forces
+from estim.planning.candidate_measurements import sds_with
 from estim.planning.changes import BETTER, MORE, OTHERWISE, Change, Readings, measured_better
-from estim.planning.options import sds_with
 from estim.planning.own_curve import CurveBasis
 from estim.planning.planning import targets_of
 from estim.planning.rolling import Outlook, RollingBasis, rolling_basis

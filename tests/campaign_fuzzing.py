@@ -33,7 +33,7 @@ import fuzzing
 from estim import campaign as campaigns
 from estim import line as lines_page
 from estim.cli import commands as cli
-from estim.fitting import mode
+from estim.fitting import posterior_mode
 from estim.studies import reanalysis
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -624,8 +624,8 @@ def trial(seed: int, folder: Path) -> Outcome:
     with contextlib.ExitStack() as stack:
         stack.enter_context(mock.patch.object(campaigns, "load_campaign", remembered))
         if not case.full:
-            stack.enter_context(mock.patch.object(mode, "fit_least_squares", _stop))
-            stack.enter_context(mock.patch.object(mode, "fit_optimum", _stop))
+            stack.enter_context(mock.patch.object(posterior_mode, "fit_least_squares", _stop))
+            stack.enter_context(mock.patch.object(posterior_mode, "fit_optimum", _stop))
             for module in (lines_page, reanalysis):
                 stack.enter_context(mock.patch.object(module, "analyse_line", _stop))
         stack.enter_context(mock.patch.object(sys, "argv", ["estim", *case.words]))

@@ -12,13 +12,13 @@ from scipy import stats
 
 from estim.curves.count_data import EventTimes, counted_points
 from estim.curves.formula import read_formula
-from estim.deviation.bad_frame_search import BadFrames
-from estim.deviation.components import Shape, diagonalise
-from estim.deviation.grid import prior_grid
-from estim.deviation.linearised import linearise
-from estim.deviation.mixture import keep_probable
-from estim.deviation.noise import Stated, WithForce
-from estim.deviation.residuals import Residuals
+from estim.discrepancy.bad_frame_search import BadFrames
+from estim.discrepancy.grid import prior_grid
+from estim.discrepancy.linearised import linearise
+from estim.discrepancy.mixture_likelihood import keep_probable
+from estim.discrepancy.noise_with_discrepancy import Stated, WithForce
+from estim.discrepancy.residuals import Residuals
+from estim.discrepancy.scale_mixture import Shape, diagonalise
 from estim.problem.correlated_normal import GaussianErrors
 from estim.problem.count_distributions import BINOMIAL, POISSON
 from estim.problem.count_noise import Counts

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from estim.deviation.force import Response, Track, work_along
+from estim.discrepancy.force import Response, Track, work_along
 
 
 def fine_places(along: Track, first: float) -> np.ndarray:

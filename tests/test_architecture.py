@@ -385,7 +385,7 @@ SEARCHES = {
 SEARCHES |= {"match", "search", "fullmatch", "findall", "sub"}
 OF_OTHERS = {  # words that are not estim's, or that stand in a file
     "estim.campaign.campaign_file",  # messages of msgspec
-    "estim.campaign.mismatch",
+    "estim.campaign.type_mismatch",
     "estim.reading.toml",  # messages of tomllib
     # the head of a CSV file that `estim import` made, of any version
     "estim.reading.tracker.importing",
@@ -447,7 +447,7 @@ def test_no_sentence_is_read_back():
 
 
 def test_one_place_knows_to_which_status_a_finding_leads():
-    assert {m for m in FILES if "estim.common.kinds.LEADS_TO" in imports()[m]} == {
+    assert {m for m in FILES if "estim.common.finding_kinds.LEADS_TO" in imports()[m]} == {
         "estim.common.statuses"
     }
 

@@ -15,7 +15,7 @@ from command_runner import runner
 from estim import InputError, load_campaign
 from estim.campaign.binding import gamma_of_body, gamma_origin, total_mass
 from estim.campaign.campaign_file import read_campaign_file
-from estim.campaign.levels import body_levels
+from estim.campaign.lookup_levels import body_levels
 from estim.cli.commands import cli
 from estim.common import format_quantity
 from estim.model import Body, trajectory

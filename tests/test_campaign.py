@@ -16,7 +16,7 @@ from estim import InputError, load_campaign
 from estim.campaign.campaign_file import RunTable
 from estim.campaign.curve_keys import CurveRunTable
 from estim.campaign.dialect_table import TRACK_KEYS
-from estim.campaign.selection import Window, select
+from estim.campaign.row_selection import Window, select
 from estim.common import Kind
 from estim.model import Body, trajectory, turning_point
 from estim.problem.noise import Differentiated, Independent

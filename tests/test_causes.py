@@ -13,7 +13,7 @@ import pytest
 
 from estim.campaign import Campaign, load_campaign
 from estim.checks import check_goodness
-from estim.common.kinds import Kind
+from estim.common.finding_kinds import Kind
 from estim.common.labels import Notation
 from estim.common.statuses import Status
 from estim.explanation import (

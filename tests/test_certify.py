@@ -24,8 +24,8 @@ from estim.sampling import proposal
 from estim.sampling.certificate import Certificate, certify, compare_with_chain
 from estim.sampling.chain import Chain, Convergence, Target, sample_posterior
 from estim.sampling.importance import pareto_smoothed
+from estim.sampling.log_density import Density, log_density_in_batches
 from estim.sampling.proposal import Proposal, adapt_proposal
-from estim.sampling.protocol import Density, log_density_in_batches
 from estim.studies.reanalysis import Reanalysis
 
 TARGETS = {

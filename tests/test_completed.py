@@ -14,10 +14,10 @@ from scipy.special import ndtri
 
 from estim import fit_curve
 from estim.campaign import load_campaign
-from estim.deviation import Completed
-from estim.deviation.force import force_kernel, work_along
-from estim.deviation.grid import START_SD
-from estim.deviation.kernels import without_mean
+from estim.discrepancy import Completed
+from estim.discrepancy.force import force_kernel, work_along
+from estim.discrepancy.grid import START_SD
+from estim.discrepancy.kernels import without_mean
 from estim.pipeline import Analysis, analyse
 from estim.problem.roots import covariance_of
 from estim.sampling import Target, posterior_bands

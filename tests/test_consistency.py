@@ -16,7 +16,7 @@ from estim.campaign import load_campaign
 from estim.checks.consistency import PRIORS, Consistency, check_consistency
 from estim.checks.run_information import each_without_one
 from estim.common.errors import InputError
-from estim.deviation.joint import sharing_runs
+from estim.discrepancy.joint_runs import sharing_runs
 from estim.drawing import VERMILION, png
 from estim.fitting import fit_problem
 from estim.fitting.least_squares import Fit, fit_least_squares

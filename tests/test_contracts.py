@@ -15,7 +15,7 @@ from estim.campaign import load_campaign
 from estim.curves.formula import read_formula
 from estim.curves.function import wrap_function
 from estim.curves.rolling import MotionCurve, PhaseCurve, Place, RollingMotion, Setting
-from estim.curves.shared_errors import DistortedCurve
+from estim.curves.systematic_errors import DistortedCurve
 from estim.fitting import Fit, fit_problem
 from estim.problem.count_noise import CountErrors
 from estim.problem.curve import POINTS as PLAIN
@@ -23,7 +23,7 @@ from estim.problem.curve import Motion, SpeedCurve
 from estim.problem.likelihood import Likelihood, reading_sd
 from estim.problem.posterior import Problem
 from estim.problem.roots import covariance_of
-from estim.problem.whitened import Linear
+from estim.problem.whitened_residuals import Linear
 
 X = np.linspace(0.05, 0.30, 6)
 BODY = {

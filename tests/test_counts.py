@@ -27,7 +27,7 @@ from estim import (
     sample_curve,
 )
 from estim.common import spoken
-from estim.common.kinds import Kind
+from estim.common.finding_kinds import Kind
 from estim.curves.count_data import counted_points
 from estim.curves.curve_problem import AxisNames, pose_curve
 from estim.curves.formula import read_formula

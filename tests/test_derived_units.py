@@ -13,7 +13,7 @@ from estim import fit_curve
 from estim.campaign import load_campaign
 from estim.common import InputError, same_unit
 from estim.curves import in_units, seek, unit_that_follows
-from estim.measurement.model_file import read_model
+from estim.measurement_model.model_file import read_model
 
 KNOWN = {
     "tau": "s", "T": "s", "p": "deg", "q": "°", "r": "rad", "L": "m", "d": "mm", "v": "m/s",

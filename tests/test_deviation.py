@@ -12,18 +12,10 @@ from scipy import stats
 from scipy.special import softmax
 
 from estim.common.errors import InputError
-from estim.deviation import mixture
-from estim.deviation.components import Shape, diagonalise
-from estim.deviation.force import force_kernel, speed_response, track
-from estim.deviation.generic import (
-    correlated_shapes,
-    deviation_shapes,
-    equally_probable,
-    relative_grid,
-    stated_is_conservative,
-)
-from estim.deviation.grid import prior_grid, track_lengths
-from estim.deviation.kernels import (
+from estim.discrepancy import mixture_likelihood
+from estim.discrepancy.force import force_kernel, speed_response, track
+from estim.discrepancy.grid import prior_grid, track_lengths
+from estim.discrepancy.kernels import (
     distances,
     exponential,
     matern32,
@@ -32,8 +24,16 @@ from estim.deviation.kernels import (
     turning,
     without_mean,
 )
-from estim.deviation.linearised import linearise, mixture_quantiles
-from estim.deviation.mixture import keep_probable
+from estim.discrepancy.linearised import linearise, mixture_quantiles
+from estim.discrepancy.mixture_likelihood import keep_probable
+from estim.discrepancy.own_curve import (
+    correlated_shapes,
+    deviation_shapes,
+    equally_probable,
+    relative_grid,
+    stated_is_conservative,
+)
+from estim.discrepancy.scale_mixture import Shape, diagonalise
 from estim.problem.roots import covariance_of, root_of
 
 SMALL = prior_grid(0.7, scales=(0.8, 1.0, 1.4), n_amplitude=5)
@@ -182,7 +182,7 @@ def _moved_by(found, r, monkeypatch, *, roughness, **choices):
     shifts = found.mean + np.sqrt(found.covariance[0]) * np.linspace(-5.0, 5.0, 401)[:, None]
     moments = []
     for kept, left in (({"lost": 0.0}, 0.0), (choices, roughness)):
-        monkeypatch.setattr("estim.deviation.mixture._ROUGHNESS", left)
+        monkeypatch.setattr("estim.discrepancy.mixture_likelihood._ROUGHNESS", left)
         logs = keep_probable(found, **kept).log_likelihood(r - shifts)
         density = np.exp(logs - np.max(logs)) * np.exp(-0.5 * np.square(shifts[:, 0]))
         mean = np.average(shifts[:, 0], weights=density)
@@ -200,7 +200,7 @@ def test_what_is_left_out_moves_no_result(rng, monkeypatch, missing):
     deviation = diagonalise(root_of(np.full(n, 0.04)), two_shapes(n), prior_grid(2.0))
     r = rng.standard_normal(n) * 0.2 + missing * np.sin(np.linspace(0.0, 6.0, n))
     found = linearise(deviation, r, np.ones((n, 1)), precision=np.eye(1))
-    usual = _moved_by(found, r, monkeypatch, roughness=mixture._ROUGHNESS)
+    usual = _moved_by(found, r, monkeypatch, roughness=mixture_likelihood._ROUGHNESS)
     assert np.all(usual < 4000.0**-0.5)
     assert np.any(_moved_by(found, r, monkeypatch, roughness=1e3, lost=0.5) > 0.03)
 

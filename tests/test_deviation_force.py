@@ -12,18 +12,18 @@ from one_way import fine_places, position_response, through
 from scipy import stats
 from wheels import G_R, Wheel
 
-from estim.deviation.components import diagonalise
-from estim.deviation.force import (
+from estim.discrepancy.force import (
     force_kernel,
     force_shapes,
     shared_force_shapes,
     speed_response,
     track,
 )
-from estim.deviation.grid import FORCE_SCALE, START_SD, Grid, prior_grid
-from estim.deviation.inferred_force import find_force
-from estim.deviation.kernels import without_mean
-from estim.deviation.linearised import linearise
+from estim.discrepancy.grid import FORCE_SCALE, START_SD, Grid, prior_grid
+from estim.discrepancy.inferred_force import find_force
+from estim.discrepancy.kernels import without_mean
+from estim.discrepancy.linearised import linearise
+from estim.discrepancy.scale_mixture import diagonalise
 from estim.problem.roots import root_of
 
 

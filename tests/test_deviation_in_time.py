@@ -14,8 +14,8 @@ import pytest
 from scipy.optimize import least_squares
 
 from estim.curves.rolling import MotionCurve, RollingMotion
-from estim.deviation.force import force_priors, track_with_ways
-from estim.deviation.trajectory import Along, Trajectory
+from estim.discrepancy.force import force_priors, track_with_ways
+from estim.discrepancy.trajectory import Along, Trajectory
 from estim.problem.likelihood import Points
 from estim.problem.noise import Independent, Scale
 

@@ -15,12 +15,12 @@ from scipy.linalg import block_diag
 from test_deviation import innovations
 from wheels import FINE, FIRST, G_R, PHI, SIGMA, Wheel, WhiteFit, places, white_fit
 
-from estim.deviation.components import diagonalise
-from estim.deviation.force import Response, Track, force_shapes, shared_force_shapes, track
-from estim.deviation.grid import FORCE_SCALE, START_SD, prior_grid
-from estim.deviation.inferred_force import find_force
-from estim.deviation.linearised import linearise
-from estim.deviation.mixture import keep_probable
+from estim.discrepancy.force import Response, Track, force_shapes, shared_force_shapes, track
+from estim.discrepancy.grid import FORCE_SCALE, START_SD, prior_grid
+from estim.discrepancy.inferred_force import find_force
+from estim.discrepancy.linearised import linearise
+from estim.discrepancy.mixture_likelihood import keep_probable
+from estim.discrepancy.scale_mixture import diagonalise
 from estim.problem.roots import root_of
 
 

@@ -21,8 +21,8 @@ from estim.checks.quoted_results import interval_cell, value_cell
 from estim.cli.commands import cli
 from estim.common.labels import Notation
 from estim.curves.curve_problem import AxisNames, pose_curve
-from estim.fitting.edges import PRESSED_BELOW, Limit, limit_cell, limit_of, pressed
 from estim.fitting.least_squares import Fit, fit_least_squares
+from estim.fitting.prior_limits import PRESSED_BELOW, Limit, limit_cell, limit_of, pressed
 from estim.problem.priors import HalfNormal, Normal, Prior, Uniform
 from estim.sampling.summary import summarise_parameter
 

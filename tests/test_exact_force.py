@@ -12,7 +12,7 @@ from exact_force import NAMES, SIGMA, G, Posterior, R, exact_posterior
 
 from estim.arrays import FloatArray
 from estim.campaign import Campaign, load_campaign
-from estim.deviation.grid import prior_grid
+from estim.discrepancy.grid import prior_grid
 from estim.pipeline import Analysis, analyse
 from estim.sampling import Target
 

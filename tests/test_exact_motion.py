@@ -15,8 +15,8 @@ from test_exact_force import CAMPAIGN, GAMMA, KAPPA
 
 from estim.arrays import FloatArray
 from estim.campaign import Campaign, load_campaign
-from estim.deviation.grid import prior_grid
-from estim.deviation.residuals import Residuals
+from estim.discrepancy.grid import prior_grid
+from estim.discrepancy.residuals import Residuals
 from estim.pipeline import Analysis, analyse
 
 # gamma, kappa, theta0 and phi of the runs below, by their seeds: `exact_posterior` with n_draw =

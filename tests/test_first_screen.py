@@ -32,16 +32,16 @@ from estim.cli.commands import cli
 from estim.common import Finding, Kind
 from estim.common.errors import InputError
 from estim.common.labels import Notation
-from estim.common.quantity import format_p, p_digits, percentage, significant, with_unit
-from estim.fitting.edges import Limit
+from estim.common.quantity_text import format_p, p_digits, percentage, significant, with_unit
+from estim.fitting.prior_limits import Limit
 from estim.pipeline import Analysis
 from estim.problem.priors import HalfNormal, Normal, Uniform
 from estim.reports.analysis import analysis_report
 from estim.reports.copying import _symbol, _unit, copies_of
-from estim.reports.line import evidence_words
 from estim.reports.pages import unbroken
 from estim.reports.rendering import folded
 from estim.reports.result import Result, first_reasons, first_screen, opened_by, result_of
+from estim.reports.theta_min_line import evidence_words
 from estim.sampling.chain import Convergence, Target, _percent
 from estim.sampling.summary import Summary, summarise
 from estim.words import first_step

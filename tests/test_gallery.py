@@ -21,7 +21,7 @@ import gallery
 
 from estim.campaign import load_campaign
 from estim.cli import commands as cli
-from estim.common.quantity import Quantity
+from estim.common.quantity_text import Quantity
 
 pytestmark = pytest.mark.usefixtures("reports")
 STEPS = {step["name"]: step for experiment in gallery.experiments() for step in experiment["step"]}

@@ -16,8 +16,8 @@ from estim import DataSet, fit_curves
 from estim.checks.conflict import _pulls_at_once
 from estim.checks.goodness_of_fit import check_goodness
 from estim.fitting import arrowhead, relaxation
-from estim.fitting.edges import around
 from estim.fitting.least_squares import fit_least_squares
+from estim.fitting.prior_limits import around
 from estim.fitting.relaxation import settle_by_runs
 from estim.pipeline import Analysis
 from estim.problem.posterior import Problem

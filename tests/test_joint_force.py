@@ -21,15 +21,15 @@ from wheels import FINE, FIRST, PHI, SIGMA, Wheel, places, white_fit
 from estim.campaign import Campaign, load_campaign
 from estim.checks import check_consistency, check_goodness
 from estim.common import InputError
-from estim.deviation.components import Shape, diagonalise
-from estim.deviation.force import shared_force_shapes, track
-from estim.deviation.grid import FORCE_SCALE, START_SD, prior_grid
-from estim.deviation.joint import Together, sharing_runs
-from estim.deviation.linearised import linearise
-from estim.deviation.mixture import keep_probable
-from estim.deviation.noise import formed_about
-from estim.deviation.residuals import Residuals
-from estim.deviation.trajectory import Trajectory
+from estim.discrepancy.force import shared_force_shapes, track
+from estim.discrepancy.grid import FORCE_SCALE, START_SD, prior_grid
+from estim.discrepancy.joint_runs import Together, sharing_runs
+from estim.discrepancy.linearised import linearise
+from estim.discrepancy.mixture_likelihood import keep_probable
+from estim.discrepancy.noise_with_discrepancy import formed_about
+from estim.discrepancy.residuals import Residuals
+from estim.discrepancy.scale_mixture import Shape, diagonalise
+from estim.discrepancy.trajectory import Trajectory
 from estim.fitting import fit_problem
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.posterior import Problem
@@ -326,7 +326,7 @@ def test_the_level_of_the_key_says_which_runs_share(tmp_path: Path) -> None:
 def test_so_many_points_that_it_takes_too_long_are_refused_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("estim.campaign.forced.MOST_POINTS", 100)
+    monkeypatch.setattr("estim.campaign.unmodelled_force.MOST_POINTS", 100)
     every = campaign(tmp_path)
     with pytest.raises(
         InputError,

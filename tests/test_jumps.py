@@ -16,9 +16,9 @@ from test_unmodelled_force import KEY, body, nearby
 from estim.campaign import Campaign, load_campaign
 from estim.checks.outliers import bad_frames_found, too_many_bad_frames
 from estim.common import InputError
-from estim.deviation.bad_frame_search import MOST, PRIOR, BadFrames, Frames, find_bad_frames
-from estim.deviation.components import Shape, diagonalise
-from estim.deviation.grid import prior_grid
+from estim.discrepancy.bad_frame_search import MOST, PRIOR, BadFrames, Frames, find_bad_frames
+from estim.discrepancy.grid import prior_grid
+from estim.discrepancy.scale_mixture import Shape, diagonalise
 from estim.fitting import fit_problem
 from estim.problem.roots import root_of
 from estim.words import tell

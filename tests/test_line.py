@@ -18,7 +18,6 @@ from scipy import optimize, stats
 
 from estim.common.errors import InputError
 from estim.line.conventions import CONVENTIONS
-from estim.line.interval import slope_interval
 from estim.line.regression import (
     confidence_band,
     coverage_factor,
@@ -27,6 +26,7 @@ from estim.line.regression import (
     line_values,
     prediction_band,
 )
+from estim.line.slope_interval import slope_interval
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "tests" / "reference"

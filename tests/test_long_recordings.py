@@ -13,9 +13,9 @@ import pytest
 
 from estim import fit_curve, load_campaign
 from estim.checks.goodness_of_fit import Goodness
-from estim.deviation import BadFrames, FreeStart, Trajectory, bad_frames, pose_forces, trajectory
-from estim.deviation.autocorrelated import AutoCorrelated
-from estim.deviation.smoothing import settled
+from estim.discrepancy import BadFrames, FreeStart, Trajectory, bad_frames, pose_forces, trajectory
+from estim.discrepancy.autocorrelated import AutoCorrelated
+from estim.discrepancy.smoothing import settled
 from estim.fitting import further_optima
 from estim.model import Body, back_and_forth
 from estim.problem import correlated_normal, roots

@@ -23,7 +23,7 @@ from estim.fitting.least_squares import _fit_curve, _inverse, fit_least_squares
 from estim.problem.noise import Independent, Scale
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal, Uniform
-from estim.problem.whitened import Linear
+from estim.problem.whitened_residuals import Linear
 from estim.reports.curve_figures import MOST_DRAWN, drawn_runs
 
 X = np.linspace(0.0, 1.0, 9)

@@ -18,13 +18,13 @@ from scipy.special import logsumexp
 from estim.campaign import load_campaign
 from estim.campaign.campaign_file import NoiseTable
 from estim.common.errors import InputError
-from estim.curve_fitting.several import fit_curves
+from estim.curve_fitting.joint_fit import fit_curves
 from estim.curves.joining import DataSet
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.pipeline import _hard_for_a_chain, _integrable, analyse_fit
-from estim.problem.independent import RobustErrors
 from estim.problem.posterior import Posterior, Problem
 from estim.problem.priors import HalfNormal, LogNormal, Normal, Uniform
+from estim.problem.robust_likelihood import RobustErrors
 from estim.problem.tails import StudentT
 from estim.sampling import conditional
 from estim.sampling.chain import Target, sample_posterior

@@ -13,7 +13,7 @@ from estim import pipeline
 from estim.arrays import log_sum_exp
 from estim.campaign import load_campaign
 from estim.common import NumericalError, Status
-from estim.curve_fitting.several import fit_curves
+from estim.curve_fitting.joint_fit import fit_curves
 from estim.curves.joining import DataSet
 from estim.fitting import Fit, fit_problem
 from estim.pipeline import analyse_fit
@@ -21,9 +21,9 @@ from estim.problem.priors import HalfNormal, LogNormal, Normal
 from estim.sampling import Optima, marginal_draws
 from estim.sampling.chain import Chain, Target, sample_posterior
 from estim.sampling.importance import difference
+from estim.sampling.log_density import Density
 from estim.sampling.marginal import MarginalOptions, MarginalPosterior, sample_marginal
 from estim.sampling.marginal_density import Marginal
-from estim.sampling.protocol import Density
 
 LEVELS = """title = "levels of several days"
 kind = "synthetic"

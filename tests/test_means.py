@@ -19,7 +19,7 @@ from scipy import integrate, stats
 import estim
 from estim.cli.commands import cli
 from estim.common.errors import InputError
-from estim.common.quantity import Quantity, difference
+from estim.common.quantity_text import Quantity, difference
 from estim.means.dark_uncertainty import der_simonian_laird, hierarchical
 from estim.means.table_mean import mean_of_table
 from estim.reports.mean import mean_figure

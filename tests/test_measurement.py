@@ -33,10 +33,10 @@ from estim.cli.commands import cli
 from estim.cli.terminal import exit_code
 from estim.common import rounded
 from estim.common.errors import InputError
-from estim.measurement.coverage_regions import ellipse
-from estim.measurement.input_tables import InputTable
-from estim.measurement.model_file import _OutputTable, _TopTable, read_model
-from estim.measurement.propagating import propagate
+from estim.measurement_model.coverage_regions import ellipse
+from estim.measurement_model.input_tables import InputTable
+from estim.measurement_model.model_file import _OutputTable, _TopTable, read_model
+from estim.measurement_model.propagating import propagate
 from estim.propagation import propagate_linear, propagate_monte_carlo
 from estim.propagation.scores import Distribution
 from estim.reports.measurement import measurement_report

@@ -24,12 +24,12 @@ from estim.campaign import Campaign, load_campaign
 from estim.cli.commands import cli
 from estim.common import InputError, Stream, stream
 from estim.curves import RollingMotion
-from estim.deviation import MixtureErrors, Trajectory, pose_without_force, replicas
-from estim.deviation.components import Shape, diagonalise
-from estim.deviation.grid import SCALES, Grid, noise_grid
-from estim.deviation.linearised import linearise
-from estim.deviation.mixture import keep_probable
-from estim.deviation.residuals import Residuals
+from estim.discrepancy import MixtureErrors, Trajectory, pose_without_force, replicas
+from estim.discrepancy.grid import SCALES, Grid, noise_grid
+from estim.discrepancy.linearised import linearise
+from estim.discrepancy.mixture_likelihood import keep_probable
+from estim.discrepancy.residuals import Residuals
+from estim.discrepancy.scale_mixture import Shape, diagonalise
 from estim.explanation import predictive_checks
 from estim.fitting import fit_problem
 from estim.fitting.least_squares import fit_least_squares

@@ -14,7 +14,7 @@ from targets import COV, Known, banana, bimodal, chain_errors, half_normal, norm
 
 from estim.sampling.chain import Chain, Convergence, Target, sample_posterior
 from estim.sampling.ensembles import Apart, sampler_of
-from estim.sampling.independence import IndependenceMoves, Moves
+from estim.sampling.independence_moves import IndependenceMoves, Moves
 from estim.sampling.proposal import Proposal, adapt_proposal
 
 

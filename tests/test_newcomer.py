@@ -17,11 +17,11 @@ from test_noise import CAMPAIGN, POSITIONS, TIMES
 
 from estim import fit_curve
 from estim.campaign import Campaign, load_campaign
-from estim.campaign.selection import way_back
+from estim.campaign.row_selection import way_back
 from estim.checks.goodness_of_fit import P_FLOOR
 from estim.cli import commands as cli
 from estim.common.errors import EstimError, InputError
-from estim.common.quantity import Quantity
+from estim.common.quantity_text import Quantity
 from estim.reading.dialect import Dialect
 from estim.reading.named_columns import read_columns
 from estim.reading.run import read_run

@@ -22,8 +22,8 @@ from estim.line import analyse_line, read_theta_min
 from estim.pipeline import analyse, sample_curve
 from estim.reports.analysis import analysis_report
 from estim.reports.curve import curve_report
-from estim.reports.line import line_report
 from estim.reports.rendering import render
+from estim.reports.theta_min_line import line_report
 from estim.sampling import Target
 
 IMAGE = re.compile(r"!\[[^\]]*\]\((\S+)\)\n(?:\n\*(?:[^*]|\*(?!\n\n))+\*\n)?")  # with its caption

@@ -75,7 +75,7 @@ def place(project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Pat
         import_module(f"estim.{file.parent.name}.{file.stem}")
     for name in (
         "estim.pipeline.analyse",
-        "estim.measurement.propagate",
+        "estim.measurement_model.propagate",
         "estim.planning.plan",
         "estim.studies.bodies.weigh",
         "estim.line.straight_line",

@@ -16,11 +16,11 @@ from report_words import first_screen, words
 from estim.campaign import NewRun, load_campaign
 from estim.cli.commands import cli
 from estim.common import InputError, Quantity
-from estim.deviation import force_sizes
+from estim.discrepancy import force_sizes
 from estim.fitting import expected_information, fit_problem, information
+from estim.planning.candidate_measurements import sds_with, weigh
 from estim.planning.changes import MORE, OTHERWISE, Change, Readings, measured_better
 from estim.planning.halving import ways_to_halve
-from estim.planning.options import sds_with, weigh
 from estim.planning.own_curve import CurveBasis
 from estim.planning.planning import plan, targets_of
 from estim.planning.rolling import RollingBasis, rolling_basis

@@ -10,7 +10,7 @@ import pytest
 from uncertainties import ufloat_fromstr
 
 from estim import InputError
-from estim.common.quantity import (
+from estim.common.quantity_text import (
     Quantity,
     format_quantity,
     format_rounded,

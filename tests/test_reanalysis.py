@@ -23,15 +23,15 @@ from estim.campaign import Campaign, gamma_of_body, load_campaign
 from estim.checks import Estimate
 from estim.common.errors import InputError
 from estim.common.labels import Notation
-from estim.common.quantity import Quantity, e_n
+from estim.common.quantity_text import Quantity, e_n
 from estim.fitting.least_squares import fit_least_squares
 from estim.line.analysis import analyse_line
 from estim.line.theta_min_series import read_theta_min
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal
-from estim.reports.line import line_result
 from estim.reports.reanalysis import _lefts, reanalysis_report
 from estim.reports.result import Screen
+from estim.reports.theta_min_line import line_result
 from estim.sampling import Progress
 from estim.sampling.chain import Target
 from estim.sampling.summary import summarise

@@ -10,7 +10,7 @@ import pytest
 from estim.checks.quoted_results import parameter_cells, value_cell
 from estim.common import markdown, spoken
 from estim.common.labels import Notation
-from estim.common.quantity import format_quantity, format_rounded, signed
+from estim.common.quantity_text import format_quantity, format_rounded, signed
 from estim.problem.observations import Parameter
 from estim.problem.priors import HalfNormal
 from estim.reports.derived import derived_rows

@@ -13,7 +13,7 @@ from targets import COV, banana, bimodal, half_normal, normal
 from estim.campaign import load_campaign
 from estim.fitting import fit_least_squares
 from estim.problem import folded
-from estim.sampling.protocol import Density, Support
+from estim.sampling.log_density import Density, Support
 from estim.sampling.ridges import (
     coordinates_at_modes,
     expanded,

@@ -23,8 +23,8 @@ from scipy import stats
 from estim.campaign import TableChoices, campaign_of_table
 from estim.cli.commands import cli
 from estim.common.errors import InputError
-from estim.common.kinds import Status
-from estim.common.quantity import Quantity
+from estim.common.finding_kinds import Status
+from estim.common.quantity_text import Quantity
 from estim.line.table_line import Columns, straight_line
 from estim.reports.straight_line import straight_line_figure
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import estim
-from estim.common.kinds import LEADS_TO, Kind, Status
+from estim.common.finding_kinds import LEADS_TO, Kind, Status
 from estim.common.labels import Notation
 from estim.common.phrases import spoken
 from estim.common.statuses import Amount, Finding, decide, gravest, wrong

@@ -1,23 +1,23 @@
 """A campaign file bound to curves: levels, windows, noise, designs, variations.  Read `bodies`
-first, `levels` for what runs share.
+first, `lookup_levels` for what runs share.
 """
 
 from estim.campaign.binding import gamma_of_body, gamma_origin, parted_bodies, resistance_of_body
 from estim.campaign.campaign import Campaign
 from estim.campaign.campaign_file import CampaignFile, Kind, NoiseTable, checked, read_campaign_file
 from estim.campaign.design import load_design, simulate_campaign
-from estim.campaign.forced import as_complete
+from estim.campaign.unmodelled_force import as_complete
 from estim.campaign.key_table import KeyTable
-from estim.campaign.levels import body_levels
+from estim.campaign.lookup_levels import body_levels
 from estim.campaign.loading import load_campaign
 from estim.campaign.curve_models import CurveModel
 from estim.campaign.curve_tables import variable_of
 from estim.campaign.new_campaign import columns_of, drafted_campaign
-from estim.campaign.selection import way_back
+from estim.campaign.row_selection import way_back
 from estim.campaign.table_campaign import TableChoices, campaign_of_table, pairs, window_of
-from estim.campaign.parts import OUTPUTS, PartedBody, correlations, known_to, notes_of
+from estim.campaign.body_parts import OUTPUTS, PartedBody, correlations, known_to, notes_of
 from estim.campaign.quantities import EFFECTS
-from estim.campaign.variation import (
+from estim.campaign.planned_campaign import (
     NewRun,
     axis_columns,
     otherwise,

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from estim.campaign.campaign_file import RunTable
-from estim.campaign.levels import Levels
+from estim.campaign.lookup_levels import Levels
 from estim.campaign.quantities import QuantityKind
 from estim.common import Notation, phrase
 from estim.problem import HalfNormal, Normal, Observations, Parameter, shift_of, spread_of

@@ -1,7 +1,8 @@
 """What a campaign file says of the quantities of a run or a body: where each is found, its prior or
 exact value, whether it can be.
 
-A quantity that stands nowhere may follow from the masses, or from the parts (`parts`), of the body.
+A quantity that stands nowhere may follow from the masses of the body, or from its parts
+(`body_parts`).
 """
 
 from __future__ import annotations
@@ -13,9 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.campaign.campaign_file import CampaignFile
-from estim.campaign.levels import Level, Levels, body_levels
-from estim.campaign.parts import (
+from estim.campaign.body_parts import (
     OF_PARTS,
     OUTPUTS,
     PartedBody,
@@ -25,6 +24,8 @@ from estim.campaign.parts import (
     spread_apart,
     weighed,
 )
+from estim.campaign.campaign_file import CampaignFile
+from estim.campaign.lookup_levels import Level, Levels, body_levels
 from estim.campaign.quantities import EFFECTS, GRIP, QUANTITIES, QuantityKind
 from estim.common import Quantity, format_quantity, phrase, signed
 from estim.model import Body

@@ -12,7 +12,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.campaign.campaign_file import NoiseTable
-from estim.campaign.levels import Levels, StatedNoise, stated_noise
+from estim.campaign.lookup_levels import Levels, StatedNoise, stated_noise
 from estim.common import Notation, phrase
 from estim.curves import size_with_blur
 from estim.explanation import Cause, Estimated

@@ -22,7 +22,13 @@ from estim.campaign.campaign_file import NoiseTable
 from estim.campaign.causes import Sketch, Surroundings, sketches
 from estim.campaign.curve_models import ADDED, CurveModel, Outline, outlines
 from estim.campaign.effects import ramp_of, setting_of, with_full_curves
-from estim.campaign.forced import (
+from estim.campaign.lookup_levels import Levels, run_levels, stated_noise
+from estim.campaign.noise_models import NoiseModel, noise_candidates
+from estim.campaign.plausible import check_speeds
+from estim.campaign.points import Observed, observe
+from estim.campaign.quantities import EFFECTS
+from estim.campaign.unit_slips import unit_slips
+from estim.campaign.unmodelled_force import (
     Circumstances,
     Stance,
     force_scale,
@@ -31,12 +37,6 @@ from estim.campaign.forced import (
     refuse_force,
     track_of,
 )
-from estim.campaign.levels import Levels, run_levels, stated_noise
-from estim.campaign.noise_models import NoiseModel, noise_candidates
-from estim.campaign.plausible import check_speeds
-from estim.campaign.points import Observed, observe
-from estim.campaign.quantities import EFFECTS
-from estim.campaign.unit_slips import unit_slips
 from estim.common import InputError, later, phrase, split_level
 from estim.curves import MotionCurve, PhaseCurve, RollingMotion, Setting
 from estim.explanation import Cause, Suspects

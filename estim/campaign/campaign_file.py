@@ -21,12 +21,12 @@ import msgspec
 from estim.campaign.curve_keys import CurveRunTable, CurveTable
 from estim.campaign.effect_table import EffectTable
 from estim.campaign.key_table import KeyTable
-from estim.campaign.mismatch import hint, located, meant, mismatch, of_table
 from estim.campaign.name_rules import check_body_names, check_run_names
 from estim.campaign.part_table import AnyPart
 from estim.campaign.plan_table import PlanTable, check_plan
 from estim.campaign.prior_table import Finite, Positive, Stated
 from estim.campaign.trial_table import Degrees, OfReading, TrialsTable
+from estim.campaign.type_mismatch import hint, located, meant, mismatch, of_table
 from estim.common import EXTREME, InputError, extreme, phrase
 from estim.reading import (
     TOML_BYTES,

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 from estim.campaign.causes import Sketch
 from estim.common import PhraseTable, phrase
-from estim.deviation import START_SD
+from estim.discrepancy import START_SD
 from estim.problem import Prior, Problem
 
 GROUPS: Mapping[str, tuple[str, ...]] = {
@@ -63,7 +63,7 @@ class CurveModel:
     lines : what a campaign must say for it, beside what it says; empty where it says so already.
     forced : whether it has an unmodelled force.
     roomy : whether its noise has the room that it has beside a force
-        (`estim.deviation.without_force`).
+        (`estim.discrepancy.without_force`).
     """
 
     name: str

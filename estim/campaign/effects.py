@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from estim.campaign.levels import Levels
+from estim.campaign.lookup_levels import Levels
 from estim.campaign.quantities import EFFECTS
 from estim.common import InputError
 from estim.curves import MotionCurve, PhaseCurve, Place, RollingMotion, Setting, energy_of_speed

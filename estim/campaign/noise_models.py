@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from estim.campaign.campaign_file import NoiseTable
-from estim.campaign.levels import Levels, stated_noise
+from estim.campaign.lookup_levels import Levels, stated_noise
 from estim.common import phrase
 from estim.problem import Noise
 from estim.reading import Run

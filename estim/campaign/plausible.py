@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from estim.arrays import FloatArray, max_abs
-from estim.campaign.levels import StatedNoise
+from estim.campaign.lookup_levels import StatedNoise
 from estim.common import InputError
 from estim.problem import Observations, Prior, Scale, centre_of
 from estim.reading import Run

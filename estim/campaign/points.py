@@ -16,10 +16,10 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.campaign.blur import relative_blur
 from estim.campaign.campaign_file import NoiseTable
-from estim.campaign.levels import Levels, StatedNoise, stated_noise
+from estim.campaign.lookup_levels import Levels, StatedNoise, stated_noise
 from estim.campaign.plausible import check_reading_error
 from estim.campaign.prior_table import read_source
-from estim.campaign.selection import MAX_OBS, Selection, Window, check_count, select
+from estim.campaign.row_selection import MAX_OBS, Selection, Window, check_count, select
 from estim.common import Finding, InputError, Kind, Notation, phrase
 from estim.curves import MAX_DENSE
 from estim.problem import (

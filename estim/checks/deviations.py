@@ -11,7 +11,7 @@ from collections.abc import Iterable
 
 from estim.checks.forces import FAR_LARGER, LIKELY
 from estim.common import Finding, Kind
-from estim.deviation import FoundDeviation, presence
+from estim.discrepancy import FoundDeviation, presence
 from estim.fitting import MANY_RUNS, Fit
 
 SURE = 0.99  # probability of a deviation beyond which it is said to be there

@@ -13,7 +13,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.checks.conflict import Conflict, stated_values
 from estim.checks.consistency import Consistency
-from estim.checks.counts import counts_as_readings
+from estim.checks.counts_as_readings import counts_as_readings
 from estim.checks.deviations import deviation_remarks, unasked, wrong_curves
 from estim.checks.forces import beyond_their_priors, force_remarks
 from estim.checks.goodness_of_fit import P_FLOOR, P_POOR_FIT, P_TOLD, SCATTER_LIMIT, Goodness

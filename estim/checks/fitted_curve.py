@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from estim.checks.counts import counts_as_readings
+from estim.checks.counts_as_readings import counts_as_readings
 from estim.checks.diagnosis import failed_tests, marginal_tests, tolerated_pattern
 from estim.checks.goodness_of_fit import P_FLOOR, P_POOR_FIT, Goodness
 from estim.common import Amount, Finding, Kind

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from estim.common import Finding, Kind
-from estim.deviation import SCALES, FoundForce
+from estim.discrepancy import SCALES, FoundForce
 
 FAR_LARGER = 2.5  # times the scale of its prior: an amplitude that one force in 80 exceeds
 # probability of a force beyond which it is said to be there; none of 300 simulated clean runs came

@@ -3,7 +3,7 @@
 A residual vector with covariance C = L L^T is whitened in the order of the observations, z = L^-1
 (y - f): if model and noise are right, z is nearly unit white noise.  Nearly, because the fit has
 pulled the residuals towards zero; the null distribution of each statistic is therefore simulated
-with that projection in it (`estim.problem.whitened`).
+with that projection in it (`estim.problem.whitened_residuals`).
 
 What each test sees: `chi2` the size of the residuals (only where the size of the noise was stated);
 `runs` too few changes of sign; `autocorrelation` neighbours alike; `trend` a slow drift along the

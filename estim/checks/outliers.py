@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.checks.forces import LIKELY
 from estim.common import Finding, Kind
-from estim.deviation import FoundForce, Jump
+from estim.discrepancy import FoundForce, Jump
 from estim.problem import Likelihood, Posterior, Problem
 
 _KINDS = MappingProxyType(

@@ -127,7 +127,7 @@ def _fit_line_and_trials(campaign: Path, folder: Path, *, seed: int, figures: Fi
     """The theta_min series and the trials of release of a campaign, in one report."""
     from estim.campaign import gamma_of_body, load_campaign, resistance_of_body
     from estim.line import analyse_line, analyse_trials, read_theta_min, read_trials
-    from estim.reports.line import line_lines, line_report
+    from estim.reports.theta_min_line import line_lines, line_report
     from estim.reports.trials import trials_lines, trials_report
     from estim.sampling import Target
 

@@ -26,8 +26,8 @@ def propagate(
     L="0.85(1) m" T="1.851(3) s".
     """
     from estim.campaign import pairs
-    from estim.measurement import model_of_formula, read_model
-    from estim.measurement import propagate as propagate_model
+    from estim.measurement_model import model_of_formula, read_model
+    from estim.measurement_model import propagate as propagate_model
     from estim.reports.measurement import measurement_report, statement
 
     given = pairs(values, "NAME")

@@ -28,7 +28,7 @@ from estim.common.escaping import (
 )
 from estim.common.interruption import ended_by_signals
 from estim.common.jobs import run_parallel
-from estim.common.kinds import Kind, Status
+from estim.common.finding_kinds import Kind, Status
 from estim.common.labels import (
     FIGURE_CHOICES,
     FigureChoice,
@@ -63,7 +63,7 @@ from estim.common.phrases import (
 )
 from estim.common.checkpoints import PieceStore, key_of
 from estim.common.ownership import REPORT_FILES, remove_own, replace_own, require_own, require_room
-from estim.common.quantity import (
+from estim.common.quantity_text import (
     EXTREME,
     Quantity,
     difference,
@@ -78,7 +78,7 @@ from estim.common.quantity import (
     raised,
     rounded,
 )
-from estim.common.quantity import (
+from estim.common.quantity_text import (
     read_number,
     read_quantity,
     read_with_unit,
@@ -97,5 +97,5 @@ from estim.common.storage import (
     remove_files,
     write_whole,
 )
-from estim.common.streams import Stream, stream
+from estim.common.random_streams import Stream, stream
 from estim.common.record_table import Shown, Tabled

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from estim.common.kinds import LEADS_TO, Kind, Status
+from estim.common.finding_kinds import LEADS_TO, Kind, Status
 from estim.common.labels import Label
 
 PROBABILITIES = (0.68, 0.95)

@@ -31,7 +31,7 @@ from estim.common import (
 )
 from estim.curve_fitting.figures import Prediction, Region, curve_figure, region_of
 from estim.curves import are_places, at_places, refuse_quantities
-from estim.deviation import FoundDeviation
+from estim.discrepancy import FoundDeviation
 from estim.distributions import student_quantile
 from estim.fitting import (
     FEW,

@@ -157,7 +157,7 @@ def fit_curve(
         of a half-normal prior, unit of y); 0 for none.
     correlated : whether errors of points that follow each other may be alike: True in the order
         given, or their times (n_obs,).  With either, values, sds and intervals are those of a
-        mixture over its size and length, linear in the parameters (`estim.deviation`).
+        mixture over its size and length, linear in the parameters (`estim.discrepancy`).
     noise : what y counts, in place of u_y: "poisson", or `Poisson(bins=...)`,
         `Binomial(trials=...)`, `EventTimes(low, high)` with y = None (`estim.curves.count_data`).
         Intervals are then profiles of the likelihood, and chi2 is the deviance.

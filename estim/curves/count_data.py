@@ -22,7 +22,7 @@ from estim.arrays import FloatArray, all_finite
 from estim.common import InputError, later
 from estim.curves.binned import BinnedCurve
 from estim.curves.columns import column
-from estim.curves.shared_errors import Component
+from estim.curves.systematic_errors import Component
 from estim.given_numbers import real_number, real_numbers
 from estim.problem import BINOMIAL, POISSON, Counts, Curve, Events, Wording, counted_words
 

@@ -32,7 +32,7 @@ from estim.curves.full_turns import without_full_turns
 from estim.curves.function import PythonCurve, wrap_function
 from estim.curves.models import Limits
 from estim.curves.several_abscissas import OfPoints
-from estim.curves.shared_errors import Component, DistortedCurve, covariance_in_groups
+from estim.curves.systematic_errors import Component, DistortedCurve, covariance_in_groups
 from estim.curves.tied import TiedCurve, followed, only_for_ties, read_tied
 from estim.curves.units import AxisNames as AxisNames
 from estim.curves.units import check_units, refuse_degrees

@@ -24,7 +24,7 @@ from scipy.sparse import eye_array
 
 from estim.arrays import FloatArray, Named
 from estim.common import Notation, phrase
-from estim.deviation import Pattern, Shifts
+from estim.discrepancy import Pattern, Shifts
 from estim.explanation.candidates import Cause
 from estim.fitting import Fit
 from estim.problem import Curve, Flat, LocalCurve, Parameter, Problem, Root, SpeedCurve

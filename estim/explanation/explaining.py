@@ -29,7 +29,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.checks import P_POOR_FIT, check_goodness
 from estim.common import Notation, NumericalError, Status, later, phrase
-from estim.deviation import AutoCorrelated
+from estim.discrepancy import AutoCorrelated
 from estim.explanation.bad_frames import frame_causes
 from estim.explanation.candidates import Cause, Estimated, Suspects
 from estim.fitting import Fit, fit_least_squares, refit

@@ -2,7 +2,7 @@
 was measured (posterior predictive checks).
 
 For each draw of the parameters the readings are made again, with what the curve lacks as the data
-leave it and with new noise (`estim.deviation.repetition`); each statistic T of them is compared
+leave it and with new noise (`estim.discrepancy.repetition`); each statistic T of them is compared
 with T of the data:
 
     p = 2 min{P(T_again >= T), P(T_again <= T)}        ties shared evenly
@@ -30,7 +30,7 @@ import numpy as np
 
 from estim.arrays import FloatArray, Named
 from estim.common import Label, Notation, p_digits, phrase
-from estim.deviation import MixtureErrors, replicas
+from estim.discrepancy import MixtureErrors, replicas
 from estim.problem import Likelihood, Observations, Points, Posterior, n_draws
 
 P_NOT_BROUGHT_BACK = 0.01

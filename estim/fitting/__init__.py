@@ -5,7 +5,7 @@ information.  Read `least_squares` first.
 from estim.fitting.arrowhead import MANY_RUNS, descend_by_runs, spreads_by_runs
 from estim.fitting.curve_intervals import FEW, Ends, coverage_of_sd, profiled, shown_value, spread
 from estim.fitting.derived import LinearDerived, linear_derived
-from estim.fitting.edges import (
+from estim.fitting.prior_limits import (
     ALONE,
     Limit,
     around,
@@ -14,7 +14,7 @@ from estim.fitting.edges import (
     limit_of,
     pressed_edges,
 )
-from estim.fitting.edges import Quadratic as Quadratic
+from estim.fitting.prior_limits import Quadratic as Quadratic
 from estim.fitting.fisher_information import information, known_from_data, prior_sds
 from estim.fitting.forces import (
     FORCE_KEY,
@@ -24,7 +24,7 @@ from estim.fitting.forces import (
     taken_as_complete,
 )
 from estim.fitting.discrepancy import fit_discrepancy, sds_near_limits
-from estim.fitting.mode import fit_problem, fit_white
+from estim.fitting.posterior_mode import fit_problem, fit_white
 from estim.fitting.jeffreys import jeffreys_prior
 from estim.fitting.least_squares import (
     Fit,
@@ -36,7 +36,7 @@ from estim.fitting.least_squares import (
     settled,
 )
 from estim.fitting.multistart import N_START
-from estim.fitting.open_ends import open_sides
+from estim.fitting.unbounded_sides import open_sides
 from estim.fitting.optimum import (
     MAX_PARAMETERS,
     Optimum,

@@ -16,9 +16,9 @@
 - Where an edge (of bounds or of a prior) is within reach of any interval: profiles
   (`estim.fitting.profile`) with the same quantiles.  An interval then ends at the edge.  A side
   without an edge that nothing closes has no end, and the parameter no interval: a flat prior leaves
-  the posterior improper (`estim.fitting.open_ends`).  The quantile stays the two-sided one there,
-  so that intervals hold at least what they say wherever the truth lies (a one-sided one beside
-  edges only would cover less: Feldman and Cousins, Phys. Rev. D 57 (1998) 3873).
+  the posterior improper (`estim.fitting.unbounded_sides`).  The quantile stays the two-sided one
+  there, so that intervals hold at least what they say wherever the truth lies (a one-sided one
+  beside edges only would cover less: Feldman and Cousins, Phys. Rev. D 57 (1998) 3873).
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ from estim.common import (
 from estim.distributions import student_quantile, student_tail
 from estim.fitting.degrees_of_freedom import ErrorSizes, held
 from estim.fitting.derived import LOPSIDED
-from estim.fitting.edges import edge_of
 from estim.fitting.least_squares import Fit
-from estim.fitting.open_ends import bending, side_left_open, vague
 from estim.fitting.optimum import Optimum
+from estim.fitting.prior_limits import edge_of
 from estim.fitting.profile import profile_intervals
+from estim.fitting.unbounded_sides import bending, side_left_open, vague
 from estim.problem import Observations
 
 Ends = Mapping[float, tuple[float, float]]

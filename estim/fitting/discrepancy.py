@@ -8,9 +8,9 @@ import numpy as np
 
 from estim.arrays import FloatArray, sds_of
 from estim.common import Amount, Finding, Kind
-from estim.deviation import FoundDeviation, pose_deviation
-from estim.fitting.edges import edge_of
+from estim.discrepancy import FoundDeviation, pose_deviation
 from estim.fitting.least_squares import Fit, refit
+from estim.fitting.prior_limits import edge_of
 from estim.problem import Problem
 
 

@@ -2,7 +2,7 @@
 it: the same points, noise and bad frames.
 
 Two fits: one with white errors and a free start, which follows the data; one with the noise that
-`estim.deviation` makes at it.
+`estim.discrepancy` makes at it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Finding, InputError, Kind, NumericalError, later, phrase
-from estim.deviation import (
+from estim.discrepancy import (
     BadFrames,
     ForceSize,
     FreeStart,

@@ -18,7 +18,7 @@ import numpy as np
 
 from estim.arrays import FloatArray, all_finite, diagonal_scale, finite_or, max_abs, sds_of
 from estim.common import Finding, InputError, NumericalError, phrase
-from estim.deviation import FoundDeviation, FoundForce, NormalParts
+from estim.discrepancy import FoundDeviation, FoundForce, NormalParts
 from estim.distributions import chi2_tail
 from estim.fitting.arrowhead import descend_by_runs, many
 from estim.fitting.fisher_information import information, known_from_data, on_limit
@@ -37,7 +37,7 @@ _EXACT, _ROUGH = 1e-12, 1e-6
 WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
 _FINE = 1e-2
 # of -2 log density without a parameter, beyond which its sign is known and it is sampled by size;
-# as high as where the ends of counts count as none (`estim.fitting.open_ends`)
+# as high as where the ends of counts count as none (`estim.fitting.unbounded_sides`)
 _ONE_SIGN = 30.0
 _ILL = 1e12  # condition of the information, columns of unit length
 
@@ -68,7 +68,8 @@ class Fit:
     aliases : other curves through the same points.
     singular : whether some combination of parameters is not determined at all, not even by the
         priors.
-    forces, deviations : what the curve of each run lacks, where that was asked (`estim.deviation`).
+    forces, deviations : what the curve of each run lacks, where that was asked
+        (`estim.discrepancy`).
     success, message : whether the search settled, in words.
     moved : standard deviations that its last round still moved a parameter.
     parts : of a joint fit with forces, the normal distributions that the linearised posterior is

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.fitting.distinct_optima import distance
 from estim.fitting.separable import SeparableSearch
-from estim.fitting.solutions import distance
 
 N_START = 8
 ALIKE = 0.01  # squared distance of starts that are not worth two searches

@@ -25,6 +25,19 @@ from numpy.typing import NDArray
 
 from estim.arrays import BoolArray, FloatArray, Named, all_finite, sds_of
 from estim.common import Amount, Finding, InputError, Kind, NumericalError, phrase
+from estim.fitting.distinct_optima import (
+    MOST_OTHERS,
+    PLACE,
+    SAME,
+    chi2_limit,
+    choose,
+    distance,
+    distinct_ends,
+    equal_to,
+    is_at,
+    is_one,
+    repeats,
+)
 from estim.fitting.fisher_information import beside_limits
 from estim.fitting.further_optima import far_places, further_optima
 from estim.fitting.gauss_newton import (
@@ -48,19 +61,6 @@ from estim.fitting.least_squares import (
 from estim.fitting.multistart import ALIKE, N_START, starts_around
 from estim.fitting.noise_fit import fit_noise
 from estim.fitting.separable import RESOLVED, SeparableSearch, set_apart
-from estim.fitting.solutions import (
-    MOST_OTHERS,
-    PLACE,
-    SAME,
-    chi2_limit,
-    choose,
-    distance,
-    distinct_ends,
-    equal_to,
-    is_at,
-    is_one,
-    repeats,
-)
 from estim.fitting.symmetry_search import find_symmetry
 from estim.problem import (
     MOST_REWEIGHTED,

@@ -29,7 +29,6 @@ from estim.common import (
 )
 from estim.line.findings import line_findings
 from estim.line.intercept_evidence import InterceptEvidence, intercept_evidence
-from estim.line.interval import SlopeInterval, slope_interval
 from estim.line.posterior import LinePosterior, line_posterior
 from estim.line.regression import (
     InversePrediction,
@@ -39,6 +38,7 @@ from estim.line.regression import (
     inverse_prediction,
     standard_error,
 )
+from estim.line.slope_interval import SlopeInterval, slope_interval
 from estim.line.theta_min_series import ThetaMinSeries
 from estim.sampling import Chain, Progress, Target, adapt_proposal, sample_posterior, summarise
 from estim.words import advice_for, tell

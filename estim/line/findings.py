@@ -11,8 +11,8 @@ import numpy as np
 from estim.checks import Goodness, check_linear, failed_tests, sampling_findings
 from estim.common import Finding, Kind, Stream, stream, wrong
 from estim.line.angle_profile import scaled_points
-from estim.line.interval import SlopeInterval
 from estim.line.regression import LineFit
+from estim.line.slope_interval import SlopeInterval
 from estim.sampling import Chain
 
 

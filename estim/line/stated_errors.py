@@ -14,9 +14,9 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase, read_number
-from estim.line.interval import SlopeInterval
 from estim.line.joint_covariance import MOST_POINTS, Common, joint_covariance, with_zeros
 from estim.line.regression import LineFit, StandardError
+from estim.line.slope_interval import SlopeInterval
 from estim.reading import Dialect, read_columns
 
 

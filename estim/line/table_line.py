@@ -17,7 +17,6 @@ from estim.common import Finding, InputError, Kind, Quantity, Status, listed, ph
 from estim.curves import AxisNames, read_formula, units_of
 from estim.line.conventions import is_exact
 from estim.line.findings import points_findings
-from estim.line.interval import SlopeInterval, slope_interval
 from estim.line.regression import (
     LineFit,
     coverage_factor,
@@ -26,6 +25,7 @@ from estim.line.regression import (
     line_values,
     standard_error,
 )
+from estim.line.slope_interval import SlopeInterval, slope_interval
 from estim.line.stated_errors import Correlated, slope_with_scales, stated_covariance, with_scales
 from estim.reading import (
     PLAIN,

@@ -10,6 +10,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import phrase
+from estim.planning.candidate_measurements import Option, sds_with, weigh
 from estim.planning.changes import (
     MORE,
     OTHERWISE,
@@ -18,7 +19,6 @@ from estim.planning.changes import (
     by_quantity,
     measured_better,
 )
-from estim.planning.options import Option, sds_with, weigh
 from estim.planning.own_curve import Basis
 from estim.planning.rolling import Outlook
 from estim.planning.suggestions import again

@@ -12,8 +12,8 @@ same campaign with each change made:
 
 Everything is taken at the fit, without the errors of the data at hand, so that all rows of the
 table are alike.  C has the free start and the unmodelled force of a default analysis
-(`estim.deviation.expected`).  Linear theory knows no edges and no bends: the present posterior,
-drawn, says how far it is to be trusted.
+(`estim.discrepancy.unmeasured_runs`).  Linear theory knows no edges and no bends: the present
+posterior, drawn, says how far it is to be trusted.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from estim.campaign import Campaign, quantity_of_key
 from estim.checks import check_goodness, check_stated_values, failed_tests, stated_values
 from estim.common import Finding, InputError, Stream, later, phrase, split_level, stream, wrong
 from estim.fitting import Fit, fit_problem
+from estim.planning.candidate_measurements import Option, sds_with, weigh
 from estim.planning.changes import (
     BETTER,
     MORE,
@@ -41,10 +42,9 @@ from estim.planning.changes import (
     measured_otherwise,
     which_place,
 )
+from estim.planning.further_reading import Along, more_readings, weigh_places
 from estim.planning.halving import Halving, ways_to_halve
-from estim.planning.options import Option, sds_with, weigh
 from estim.planning.own_curve import Basis, CurveBasis
-from estim.planning.places import Along, more_readings, weigh_places
 from estim.planning.rolling import Outlook, posed, rolling_basis
 from estim.planning.suggestions import more_runs, planned_runs
 from estim.problem import Parameter, Problem, n_uses

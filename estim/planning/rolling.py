@@ -22,7 +22,7 @@ from estim.campaign import (
     with_tables,
 )
 from estim.common import InputError, later, phrase, split_level
-from estim.deviation import ForceSize, force_sizes
+from estim.discrepancy import ForceSize, force_sizes
 from estim.fitting import Fit, expected_information
 from estim.planning.changes import Change
 from estim.problem import Observations, Problem

@@ -25,7 +25,7 @@ from estim.problem.differences import covariance_in_bands, used_columns
 from estim.problem.likelihood import Ends, Likelihood, Points, n_draws
 from estim.problem.noise_variance import NoiseVariance, Scale
 from estim.problem.roots import DENSE, Band, Dense, Root
-from estim.problem.whitened import Linear
+from estim.problem.whitened_residuals import Linear
 
 KNOWN = NoiseVariance(Scale(1.0))
 

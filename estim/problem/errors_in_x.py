@@ -50,7 +50,7 @@ from estim.problem.curve import EXACT
 from estim.problem.likelihood import Ends, Likelihood, Points, n_draws, some_draws
 from estim.problem.noise_variance import NoiseVariance, Scale
 from estim.problem.tails import Tails
-from estim.problem.whitened import Tabled
+from estim.problem.whitened_residuals import Tabled
 
 _BLOCK = 1_000_000  # values of the curve computed at once
 _FAREST = 5.0

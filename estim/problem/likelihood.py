@@ -5,9 +5,9 @@
 - `Likelihood`: what it makes of the points of a run and of their curve, with all that depends only
   weakly on the parameters (the slope of the curve inside a covariance, the truncation of a stencil)
   taken at one set of values.  The posterior is a sum of these over the groups of runs
-  (`estim.problem.group`), most of which hold one run.
+  (`estim.problem.correlated_runs`), most of which hold one run.
 
-`estim.problem.correlated_normal`, `independent`, `errors_in_x` and `count_noise`
+`estim.problem.correlated_normal`, `robust_likelihood`, `errors_in_x` and `count_noise`
 have the likelihoods; nobody else knows which of them a run has.  What only some have is asked for
 and may be None: `Likelihood.normal`.
 """
@@ -28,7 +28,7 @@ from estim.problem.count_distributions import Counted
 from estim.problem.curve import Curve, LocalCurve, SquaredCurve, Wording
 from estim.problem.noise_variance import NoiseVariance
 from estim.problem.roots import Root
-from estim.problem.whitened import Linear
+from estim.problem.whitened_residuals import Linear
 
 Ends = Mapping[str, tuple[Named, Named, float]]
 """Noise parameter -> values below, values above, their distance: for differences."""

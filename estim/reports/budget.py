@@ -12,12 +12,12 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Label, behind, format_rounded, number, phrase, signed, split_level
-from estim.deviation import DEVIATION, FORCE, FRAMES, START
+from estim.discrepancy import DEVIATION, FORCE, FRAMES, START
 from estim.drawing import BLUE, INK, Figure, grid, name_ticks
 from estim.pipeline import Analysis
 from estim.reports.derived import derived_labels
 from estim.reports.records import DRAWS, Labels, Record
-from estim.studies.budget import PRIOR, READINGS, STATED, Budget, Source, uncertainty_budget
+from estim.studies.fit_budget import PRIOR, READINGS, STATED, Budget, Source, uncertainty_budget
 
 
 class UncertaintySource(Record):

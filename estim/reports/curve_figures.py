@@ -15,7 +15,7 @@ from estim.arrays import BoolArray, FloatArray
 from estim.campaign import way_back
 from estim.checks import Goodness, Outliers
 from estim.common import bracketed, later, phrase
-from estim.deviation import FoundForce
+from estim.discrepancy import FoundForce
 from estim.distributions import normal_log_density
 from estim.drawing import (
     BLUE,

@@ -11,7 +11,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.checks import deviation_finding, force_finding, noise_finding
 from estim.common import OF_BODY, number, phrase
-from estim.deviation import DeviationSize, FoundDeviation, FoundForce
+from estim.discrepancy import DeviationSize, FoundDeviation, FoundForce
 from estim.drawing import GREY, INK, ORANGE, RUN_COLOURS, Figure, draw_bands, grid, legend_below
 from estim.pipeline import Analysis
 from estim.problem import Observations

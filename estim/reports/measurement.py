@@ -23,7 +23,7 @@ from estim.common import (
 )
 from estim.distributions import student_log_density, student_quantile
 from estim.drawing import BLUE, GREEN, INK, ORANGE, PALE, Axes, Figure, grid, legend_below
-from estim.measurement import Propagation, Region, ellipse
+from estim.measurement_model import Propagation, Region, ellipse
 from estim.reports.budget import budget_figure
 from estim.reports.corner_figures import density_of
 from estim.reports.pages import Drawers, page

@@ -43,14 +43,6 @@ from estim.reports.energy import (
     summarise_drift,
     summarise_energy,
 )
-from estim.reports.line import (
-    LINE_WORDS,
-    LineResult,
-    line_estimate,
-    line_figure,
-    line_lines,
-    line_result,
-)
 from estim.reports.pages import Drawers, page
 from estim.reports.records import Record, Report
 from estim.reports.rendering import shown
@@ -62,6 +54,14 @@ from estim.reports.result import (
     first_screen,
     provenance,
     result_of,
+)
+from estim.reports.theta_min_line import (
+    LINE_WORDS,
+    LineResult,
+    line_estimate,
+    line_figure,
+    line_lines,
+    line_result,
 )
 from estim.studies.limits import Narrowing
 from estim.studies.published import Claim

@@ -15,7 +15,7 @@ import numpy as np
 from estim.arrays import FloatArray, IntArray
 from estim.checks import Check, bad_frames_found, is_measured, upper_limit
 from estim.common import Label, number, phrase, split_level
-from estim.deviation import FoundForce
+from estim.discrepancy import FoundForce
 from estim.pipeline import Analysis
 from estim.problem import Observations, Parameter, Problem
 from estim.sampling import Summary

@@ -94,8 +94,8 @@ from estim.reports.records import (
 )
 from estim.reports.rolling import RollingSummary, rolling_summaries
 from estim.sampling import summarise, trusted
-from estim.studies.budget import PRIOR, READINGS, STATED, Budget
 from estim.studies.determination import Determination
+from estim.studies.fit_budget import PRIOR, READINGS, STATED, Budget
 from estim.versions import engine_versions, version
 from estim.words import Choice, advice_for, choices_for, common_error, tell
 

@@ -20,5 +20,5 @@ from estim.sampling.diagnostics import mcse_mean, mixing_of
 from estim.sampling.importance import K_HAT_LIMIT, log_mean_uncertainty, pareto_smoothed
 from estim.sampling.marginal_draws import marginal_chain
 from estim.sampling.proposal import adapt_proposal
-from estim.sampling.protocol import InCoordinates
+from estim.sampling.log_density import InCoordinates
 from estim.sampling.summary import Summary, summarise, summarise_parameter, trusted

@@ -18,7 +18,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import PROBABILITIES
-from estim.deviation import Completed, FoundForce
+from estim.discrepancy import Completed, FoundForce
 from estim.problem import Observations, Problem, reading_sd
 
 

@@ -33,8 +33,8 @@ from estim.sampling.importance import (
     pareto_smoothed,
     systematic,
 )
+from estim.sampling.log_density import Density, log_density_in_batches
 from estim.sampling.proposal import Proposal
-from estim.sampling.protocol import Density, log_density_in_batches
 from estim.words import tell
 
 # of runs that share a force: a chain is all that they have beside importance sampling, no marginal

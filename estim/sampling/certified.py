@@ -16,14 +16,14 @@ import numpy as np
 
 from estim.arrays import FloatArray, all_finite
 from estim.common import Kind, Stream, phrase, stream
-from estim.deviation import NormalParts
+from estim.discrepancy import NormalParts
 from estim.problem import Coordinates
 from estim.sampling.certificate import Agreement, Certificate, compare_with_chain
 from estim.sampling.chain import Chain, Progress, Target, sample_posterior
 from estim.sampling.independent_check import second_opinion
+from estim.sampling.log_density import Density, InCoordinates, Support
 from estim.sampling.parts_proposal import proposal_of_parts
 from estim.sampling.proposal import Proposal, adapt_proposal
-from estim.sampling.protocol import Density, InCoordinates, Support
 
 
 @dataclass(frozen=True, eq=False)

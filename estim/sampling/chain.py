@@ -20,12 +20,12 @@ import numpy as np
 
 from estim.arrays import FloatArray, IntArray
 from estim.common import Finding, Kind, NumericalError, phrase
+from estim.sampling.cholesky import lower_factor
 from estim.sampling.diagnostics import Mixing, autocorrelation_time, mixing_of
-from estim.sampling.factors import lower_factor
 from estim.sampling.importance import K_HAT_LIMIT, kish_ess, pareto_smoothed
-from estim.sampling.independence import STEPS_AHEAD, IndependenceMoves
+from estim.sampling.independence_moves import STEPS_AHEAD, IndependenceMoves
+from estim.sampling.log_density import Density, log_density_in_batches
 from estim.sampling.proposal import Proposal
-from estim.sampling.protocol import Density, log_density_in_batches
 from estim.words import tell
 
 _FIRST_CHECK = 60  # steps

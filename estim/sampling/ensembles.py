@@ -11,8 +11,8 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import NumericalError
-from estim.sampling.independence import IndependenceMoves, Moves
-from estim.sampling.protocol import Density
+from estim.sampling.independence_moves import IndependenceMoves, Moves
+from estim.sampling.log_density import Density
 
 _RUNAWAY = (
     "the walkers run away to infinity: neither the data nor a prior hold every parameter, "

@@ -14,8 +14,8 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.sampling.certificate import Certificate, certify
+from estim.sampling.log_density import Density, Support, log_density_in_batches
 from estim.sampling.proposal import Proposal, mixture_of_draws
-from estim.sampling.protocol import Density, Support, log_density_in_batches
 from estim.sampling.ridges import ridge_proposal
 
 _RIDGE_SHARE = 0.2

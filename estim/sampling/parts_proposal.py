@@ -13,11 +13,11 @@ from dataclasses import replace
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.deviation import NormalParts
-from estim.sampling.factors import lower_factor
+from estim.discrepancy import NormalParts
+from estim.sampling.cholesky import lower_factor
 from estim.sampling.importance import kish_ess, tempered
+from estim.sampling.log_density import Density, log_density_in_batches
 from estim.sampling.proposal import Proposal
-from estim.sampling.protocol import Density, log_density_in_batches
 
 _DOF = 20  # of parts that are nearly normal
 # more of the draws for the light parts; share and width of one around all

@@ -22,9 +22,9 @@ import numpy as np
 
 from estim.arrays import FloatArray, log_sum_exp
 from estim.common import NumericalError
-from estim.sampling.factors import lower_factor
+from estim.sampling.cholesky import lower_factor
 from estim.sampling.importance import kish_ess, pareto_smoothed, tempered
-from estim.sampling.protocol import Density, log_density_in_batches
+from estim.sampling.log_density import Density, log_density_in_batches
 
 DOF = 5  # tails heavier than those of most posteriors
 _N_COMPONENT = 8  # of a mixture fitted to draws from elsewhere

@@ -24,9 +24,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, IntArray, log_sum_exp, squared_rows
-from estim.sampling.factors import lower_factor
+from estim.sampling.cholesky import lower_factor
+from estim.sampling.log_density import Density, Support, log_density_in_batches
 from estim.sampling.proposal import Proposal
-from estim.sampling.protocol import Density, Support, log_density_in_batches
 
 _DEPTH = 10.0  # of a path, in log marginal density
 # standard deviations; a path whose steps collapse ends before a jump of the density

@@ -28,7 +28,7 @@ from estim.arrays import FloatArray
 from estim.campaign import Campaign, CurveModel
 from estim.checks import difference
 from estim.common import InputError, PieceStore, Stream, later, phrase, stream
-from estim.deviation import BadFrames, MixtureErrors, log_rescaled, log_restarted
+from estim.discrepancy import BadFrames, MixtureErrors, log_rescaled, log_restarted
 from estim.explanation import Predicted, predictive_checks
 from estim.fitting import Fit, fit_problem, fit_white, fit_without_force
 from estim.pipeline import Analysis, analyse_fit

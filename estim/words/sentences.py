@@ -17,13 +17,13 @@ from estim.words import (
     draws,
     forces,
     frames,
-    lines,
     parameters,
     regimes,
     releases,
     residuals,
     rolling,
     rows,
+    theta_min_line,
     trials,
 )
 from estim.words.table import Table, filled
@@ -106,7 +106,7 @@ WORDS: Table = {
     **causes.WORDS,
     **frames.WORDS,
     **agreement.WORDS,
-    **lines.WORDS,
+    **theta_min_line.WORDS,
     **trials.WORDS,
     **rows.WORDS,
     **rolling.WORDS,

@@ -1,0 +1,334 @@
+"""From a fit of a user's own curve with independent errors to noise with what the curve lacks, made
+once and held.
+
+    fit with independent errors -> linearise -> which deviations are how probable
+        -> `WithDeviation`, and the deviation for a reader
+
+The scale of a smooth deviation is the user's, who knows what y may be off by.  That of correlated
+errors is twice the residuals' standard deviation, or the stated one where that is larger: the prior
+is flat over all smaller sizes in any case.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from estim.arrays import FloatArray, diagonal_scale
+from estim.common import PROBABILITIES, phrase
+from estim.discrepancy.grid import SPIKE
+from estim.discrepancy.linearised import Linearised, linearise
+from estim.discrepancy.mixture_likelihood import keep_probable
+from estim.discrepancy.noise_with_discrepancy import WithMixture, normal_covariance
+from estim.discrepancy.own_curve import (
+    DEVIATION,
+    LONG,
+    TIME,
+    correlated_shapes,
+    deviation_shapes,
+    equally_probable,
+    relative_grid,
+    stated_is_conservative,
+)
+from estim.discrepancy.residual_part import ResidualPart, see_deviation
+from estim.discrepancy.residuals import Residuals
+from estim.discrepancy.scale_mixture import Shape, diagonalise
+from estim.discrepancy.with_force import (
+    TrialInformation,
+    as_prior,
+    growth_over,
+    information_of_run,
+    likelihood_information,
+    likely_root,
+    linear_groups,
+)
+from estim.problem import Discrepancy, Observations, Problem, Root, Wording
+
+_TIMES_NOISE = 2.0  # scale of correlated errors
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class WithDeviation(WithMixture):
+    """Readings whose errors are a mixture that stays as it is.  lacks : what the user asked for."""
+
+    lacks: Discrepancy
+
+    def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
+        stated = self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)
+        if not self.lacks.stated:
+            stated = phrase(
+                "errors of {what}, marginalised over their size", what=phrase(words.what)
+            )
+        beside = [phrase("a smooth deviation from the curve")] if self.lacks.deviation else []
+        beside += (
+            [phrase("errors that are correlated between successive readings")]
+            if self.lacks.along is not None
+            else []
+        )
+        return phrase(
+            "{stated}; in addition, {what}", stated=stated, what=phrase(" or ").join(beside)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class DeviationSize:
+    """One way to read what the curve lacks.
+
+    share : probability that it is there.
+    long : that it is there and changes as slowly as a trend (`generic.LONG`).
+    scale : of the prior of its amplitude, unit of y.
+    amplitude, length : quantiles 0.16, 0.5, 0.84 if it is there, in the units of y and of x (of a
+        step where errors follow each other in order).
+    """
+
+    share: float
+    long: float
+    scale: float
+    amplitude: tuple[float, float, float]
+    length: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class FoundDeviation:
+    """What the curve of one run lacks.
+
+    lacks : what was asked for.
+    probability : P(amplitude > 0).  smooth, correlated : how it is read; None where it was not
+        asked for.
+    visible : what of it the curve cannot make up for, with the points.
+    noise : quantiles 0.16, 0.5, 0.84 of the standard deviation of the noise beside it, in units of
+        the stated one, or in the unit of y.
+    conservative : whether the readings scatter by far less than stated.
+    growth : parameter -> its standard deviation over that with independent errors alone, both
+        linearised.
+    mean, cov : (n_par,), (n_par, n_par) of the linearised posterior.
+    about, told : (n_par,) the point of linearisation, and what all data say there as one normal
+        distribution, whatever the size of the deviation.
+    intervals : parameter -> probability (0.68, 0.95) -> its ends.
+    means, covs : (n, n_par), (n, n_par, n_par) of normal distributions that make it up, the
+        narrowest first.
+    """
+
+    run: str
+    lacks: Discrepancy
+    probability: float
+    smooth: DeviationSize | None
+    correlated: DeviationSize | None
+    visible: ResidualPart
+    noise: tuple[float, float, float]
+    conservative: bool
+    growth: Mapping[str, float]
+    mean: FloatArray
+    cov: FloatArray
+    about: FloatArray
+    told: TrialInformation
+    intervals: Mapping[str, Mapping[float, Interval]]
+    means: FloatArray
+    covs: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class PosedDeviation:
+    """noise : of the run, with what its curve lacks.  found : that, for a reader."""
+
+    noise: WithDeviation
+    found: FoundDeviation
+
+
+def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> PosedDeviation:
+    """What the curve of `run` lacks, linear about `values` (n_par,), those of a fit with
+    independent errors.
+
+    Where other runs share parameters, what they say counts as theirs without a deviation.
+    """
+    lacks = run.lacks
+    assert lacks is not None, "asked for runs that may lack something"
+    root, shift, residuals, jacobian = _measured(run, problem, values, stated=lacks.stated)
+    precision, pull = _beside(run, problem, values)
+    scales = _scales(lacks, root, residuals)
+    shapes = _shapes(run, lacks, scales)
+    deviation = diagonalise(root, shapes, relative_grid(stated=lacks.stated))
+    without = _sds(deviation.whiten(jacobian.T), precision)
+    linear = linearise(
+        deviation, residuals, jacobian, precision=precision, pull=pull, stated=lacks.stated
+    )
+    noise = WithDeviation(
+        run.noise,
+        keep_probable(linear),
+        likely_root(linear, stated=lacks.stated),
+        Residuals(shift),
+        lacks,
+    )
+    means, covs = linear_groups(linear, problem.n_par)
+    extents = {
+        kind: float(np.ptp(run.x if kind == DEVIATION or lacks.along is None else lacks.along))
+        for kind in scales
+    }
+    sizes = {
+        kind: _size(linear, kind, scale, LONG[kind] * extents[kind])
+        for kind, scale in scales.items()
+    }
+    unit = 1.0 if lacks.stated else _typical(root)
+    low, middle, high = (unit * quantile for quantile in linear.size("scale"))
+    summary = FoundDeviation(
+        run=run.name,
+        lacks=lacks,
+        probability=linear.p_deviation,
+        smooth=sizes.get(DEVIATION),
+        correlated=sizes.get(TIME),
+        visible=see_deviation(linear, run, shapes),
+        noise=(low, middle, high),
+        conservative=lacks.stated and stated_is_conservative(linear),
+        growth=growth_over(problem, linear, without),
+        mean=values + linear.mean,
+        cov=linear.covariance,
+        about=values,
+        told=likelihood_information(linear, _prior(problem, values)),
+        intervals=_intervals(linear, problem, values),
+        means=values + means,
+        covs=covs,
+    )
+    return PosedDeviation(noise, summary)
+
+
+def presence(run: Observations, problem: Problem, values: FloatArray) -> float:
+    """Probability that a curve taken as complete lacks something about as large as one error, 1/2
+    beforehand; linear about `values` (n_par,).
+    """
+    root, _, residuals, jacobian = _measured(run, problem, values, stated=run.stated)
+    precision, pull = _beside(run, problem, values)
+    # no slope says anything of the size of the errors, and a flat prior of it neither; nor of what
+    # another parameter hides on its limit
+    silent = (np.diag(precision) == 0.0) & ~np.any(jacobian, axis=0)
+    shapes = tuple(shape.times(_typical(root)) for shape in deviation_shapes(run.x))
+    grid = relative_grid(stated=run.stated, spike=SPIKE)
+    turned = _apart(jacobian)
+    return linearise(
+        diagonalise(root, shapes, grid),
+        residuals,
+        jacobian @ turned,
+        precision=turned.T @ (precision + np.diag(1.0 * silent)) @ turned,
+        pull=np.linalg.solve(turned, pull),
+        stated=run.stated,
+    ).p_deviation
+
+
+def _apart(jacobian: FloatArray) -> FloatArray:
+    """(n_par, n_par) combinations of the parameters whose slopes are orthogonal: terms that all but
+    cancel leave no inverse of their information.
+    """
+    n_par = jacobian.shape[1]
+    sizes = np.linalg.norm(jacobian, axis=0)
+    sizes = np.where(sizes > 0.0, sizes, 1.0)
+    upper = np.linalg.qr(np.vstack([jacobian / sizes, np.zeros((n_par, n_par))]), mode="r")
+    # what the slopes say nothing of stays as it is
+    upper += np.diag(1.0 * (np.abs(np.diag(upper)) < 1e-12))
+    return np.asarray(np.linalg.inv(upper)) / sizes[:, None]
+
+
+def _measured(
+    run: Observations, problem: Problem, values: FloatArray, *, stated: bool
+) -> tuple[Root, FloatArray, FloatArray, FloatArray]:
+    """The root of the covariance of the errors, shift and residuals (n_obs,), slopes (n_obs,
+    n_par).  stated : whether the size of the errors was; else they are as large as the residuals.
+    """
+    named = problem.named(values)
+    errors = normal_covariance(run.noise, run.points, named)
+    residuals = run.y - errors.shift - run.drawn(named)
+    root = errors.root
+    if not stated:
+        squares = float(np.sum(np.square(residuals) / root.variances))
+        root = root.times(np.sqrt(squares / max(1, run.n_obs - len(run.curve_parameters))))
+    return root, errors.shift, residuals, run.points.gradient(named, problem.names)
+
+
+def _sds(slopes: FloatArray, precision: FloatArray) -> FloatArray:
+    """(n_par,) standard deviations from whitened slopes (n_par, n_obs) and the precision of all
+    else.
+    """
+    information = slopes @ slopes.T + precision
+    scale = diagonal_scale(information)
+    return (
+        np.sqrt(np.diag(np.linalg.pinv(information / np.outer(scale, scale), hermitian=True)))
+        / scale
+    )
+
+
+def _typical(root: Root) -> float:
+    """Standard deviation of a typical reading."""
+    return float(np.sqrt(np.median(root.variances)))
+
+
+def _shapes(
+    run: Observations, lacks: Discrepancy, scales: Mapping[str, float]
+) -> tuple[Shape, ...]:
+    """What was asked for, each in units of the scale of its amplitude."""
+    groups = [deviation_shapes(run.x)] if lacks.deviation else []
+    groups += [correlated_shapes(lacks.along)] if lacks.along is not None else []
+    return tuple(shape.times(scales[shape.kind]) for shape in equally_probable(*groups))
+
+
+def _scales(lacks: Discrepancy, root: Root, residuals: FloatArray) -> dict[str, float]:
+    """Kind -> scale of its amplitude, unit of y."""
+    seen = _TIMES_NOISE * float(np.sqrt(np.mean(np.square(residuals))))
+    scales = {DEVIATION: lacks.deviation} if lacks.deviation else {}
+    return scales | (
+        {TIME: max(seen, _TIMES_NOISE * _typical(root))} if lacks.along is not None else {}
+    )
+
+
+def _beside(run: Observations, problem: Problem, values: FloatArray) -> TrialInformation:
+    """Precision and pull of what priors and other runs say."""
+    others = [other for other in problem.runs if other is not run]
+    return as_prior(
+        [_prior(problem, values), *(information_of_run(o, problem, values) for o in others)]
+    )
+
+
+def _prior(problem: Problem, values: FloatArray) -> TrialInformation:
+    """What the priors say at `values`."""
+    priors = list(zip(problem.parameters, values, strict=True))
+    slope = np.array([p.prior.residual_slope(float(v)) for p, v in priors])
+    off = np.array([p.prior.residual(float(v)) for p, v in priors])
+    return np.diag(slope**2), -slope * off
+
+
+def _size(linear: Linearised, kind: str, scale: float, long: float) -> DeviationSize:
+    mine = np.concatenate(
+        [np.where(f.amplitude > 0.0, f.kind == kind, False) for f in linear.deviation.families]
+    )
+    share = float(linear.weights[mine].sum())
+    if not share > 0.0:
+        return DeviationSize(0.0, 0.0, scale, (np.nan, np.nan, np.nan), (np.nan, np.nan, np.nan))
+    alone = replace(linear, weights=np.where(mine, linear.weights, 0.0) / share)
+    low, middle, high = (scale * quantile for quantile in alone.size("amplitude"))
+    slow = float(linear.weights[mine & (linear.deviation.lengths() > long)].sum())
+    return DeviationSize(share, slow, scale, (low, middle, high), alone.size("length"))
+
+
+def _intervals(
+    linear: Linearised, problem: Problem, values: FloatArray
+) -> dict[str, dict[float, Interval]]:
+    """Equal-tailed, each inside the support of the parameter's prior."""
+    intervals = {}
+    for parameter, value, direction in zip(
+        problem.parameters, values, np.eye(problem.n_par), strict=True
+    ):
+        low, high = parameter.prior.low, parameter.prior.high
+        below, above = (
+            linear.probability_below(direction, edge - value)
+            if np.isfinite(edge)
+            else float(edge > 0)
+            for edge in (low, high)
+        )
+        ends = {}
+        for p in PROBABILITIES:
+            places = below + (above - below) * np.array([0.5 - 0.5 * p, 0.5 + 0.5 * p])
+            ends[p] = tuple(
+                np.clip(value + linear.quantiles(direction, places), low, high).tolist()
+            )
+        intervals[parameter.name] = ends
+    return intervals

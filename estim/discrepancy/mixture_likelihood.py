@@ -1,0 +1,282 @@
+"""The likelihood of many draws under a deviation that is summed over: one product of matrices a
+length, then a few numbers a component.
+
+    log L(r) = log sum_k w_k N(r | 0, C_k + H H^T)
+
+`keep_probable` makes it from the posterior of the components.  H holds small systematic effects
+that are linear in the observations (a push at release, the clock, the scale of length), each column
+times the standard deviation of its cause: they cost no sampled dimension.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from estim.arrays import FloatArray, log_sum_exp
+from estim.discrepancy.linearised import Linearised
+from estim.discrepancy.scale_mixture import Deviation, Family
+from estim.discrepancy.terms import Terms, Weight, terms_of
+from estim.problem import Root, beside
+
+# what the directions left out of a basis may add to the variances, relative to the noise and summed
+_ROUGHNESS = 1e-3
+
+_FELT = 1e-13  # share of a component below which rounding hides it
+_AT_ONCE = 50  # draws at once of the density of each point
+
+
+@dataclass(frozen=True, eq=False)
+class Mixture:
+    """A normal mixture in the observations.
+
+    deviation : the components that are kept, in bases of the directions that matter.
+    columns : (n_obs, n_column) H, whitened.
+    """
+
+    deviation: Deviation
+    columns: FloatArray
+
+    @cached_property
+    def terms(self) -> tuple[Terms, ...]:
+        """What every draw needs, one for each family."""
+        return tuple(terms_of(family, self.columns) for family in self.deviation.families)
+
+    @cached_property
+    def highest(self) -> float:
+        """The log likelihood where all residuals are 0."""
+        return float(self.log_likelihood(np.zeros((1, self.deviation.n_obs)))[0])
+
+    def log_likelihood(self, residuals: FloatArray, *, weight: Weight | None = None) -> FloatArray:
+        """(n_draw,) of residuals (n_draw, n_obs), data minus curve.  weight : of the draws, where
+        it is not that of the fit.
+        """
+        return log_sum_exp(self.log_components(residuals, weight=weight), axis=0)
+
+    def log_components(self, residuals: FloatArray, *, weight: Weight | None = None) -> FloatArray:
+        """(n_component, n_draw) logarithm of each w_k N(r | 0, C_k + H H^T)."""
+        z = np.ascontiguousarray(self.deviation.whiten(np.atleast_2d(residuals)).T)
+        square, along = np.einsum("ij,ij->j", z, z), self.columns.T @ z
+        logs = np.concatenate(
+            [
+                terms.log_density(square, family.basis.T @ z, along, weight)
+                for family, terms in zip(self.deviation.families, self.terms, strict=True)
+            ]
+        )
+        logs -= self.deviation.root.log_volume
+        logs -= 0.5 * z.shape[0] * np.log(2.0 * np.pi)
+        return logs
+
+    def drawn(
+        self, residuals: FloatArray, rng: np.random.Generator
+    ) -> Iterator[tuple[Family, int, NDArray[np.int64]]]:
+        """Each component, a place in its family, with those of the residuals (n_draw, n_obs) that
+        drew it, by its probability there.
+        """
+        logs = self.log_components(residuals)
+        chosen = np.argmax(logs + rng.gumbel(size=logs.shape[::-1]).T, axis=0)
+        for family, members in self.deviation.each(np.arange(logs.shape[0])):
+            for k, member in enumerate(members):
+                rows = np.flatnonzero(chosen == member)
+                if rows.size:
+                    yield family, k, rows
+
+    def shares(self, residuals: FloatArray) -> FloatArray:
+        """(n_component,) probability of each component at residuals (n_obs,)."""
+        logs = self.log_components(residuals)[:, 0]
+        return np.exp(logs - np.logaddexp.reduce(logs))
+
+    @cached_property
+    def _directions(self) -> FloatArray:
+        """(n_obs, n_dir) the bases of all families side by side."""
+        return np.hstack([family.basis for family in self.deviation.families])
+
+    def _precisions(self, residuals: FloatArray) -> Iterator[tuple[float, FloatArray, FloatArray]]:
+        """white, D (n_obs, n), M (n, n) of each family: of whitened observations, its precision
+        white + D M D^T weighed by the shares of its components at residuals (n_obs,).
+        """
+        shares = self.deviation.each(self.shares(residuals))
+        for (family, share), terms in zip(shares, self.terms, strict=True):
+            *gain, white, _ = -2.0 * share @ terms.gain
+            middle = -np.einsum("k,kqi,kqj->ij", share, terms.cross, terms.cross, optimize=True)
+            middle[np.diag_indices(len(gain))] += gain
+            yield float(white), np.hstack([family.basis, self.columns]), middle
+
+    def pulls(self, rows: FloatArray, residuals: FloatArray) -> FloatArray:
+        """Rows (n, n_obs) of whitened observations times Q with d log L/dr = -Q r at residuals
+        (n_obs,).
+
+        Least squares weighted by Q, taken anew at its own result until nothing moves, ends at a
+        maximum of the likelihood.
+        """
+        pulls = np.zeros_like(rows)
+        for white, directions, middle in self._precisions(residuals):
+            pulls += white * rows + rows @ directions @ middle @ directions.T
+        return pulls
+
+    def pull(self, residuals: FloatArray) -> FloatArray:
+        """(n_obs,) Q r of the same Q at residuals (n_obs,), in the unit of the observations: minus
+        the slope of `log_likelihood`.
+        """
+        z = self.deviation.whiten(residuals)
+        return self.deviation.turned_back(self.pulls(z[None], residuals)[0])
+
+    def likely(self, residuals: FloatArray) -> Root:
+        """The root of the covariance of the errors at residuals (n_obs,): the sum of the C_k by
+        their `shares`, and H H^T.
+        """
+        basis, lifted, white = self.lifted(residuals)
+        significant = lifted > _FELT * white
+        causes = np.hstack(
+            [basis[:, significant] * np.sqrt(lifted[significant]), self.columns]
+        ) / np.sqrt(white)
+        return beside(self.deviation.root.times(float(np.sqrt(white))), causes)
+
+    def causes(self, family: Family, k: int) -> FloatArray:
+        """(n_obs, n_cause) what a deviation of component k does to whitened observations, and H."""
+        lifted = family.amplitude[k] * np.sqrt(family.spectrum)
+        return np.hstack([lifted * family.basis, self.columns])
+
+    def lifted(self, residuals: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        """What that covariance is made of, but for H, in whitened observations: directions (n_obs,
+        n_dir), the variances (n_dir,) that the deviation has there, and that of the noise.
+        """
+        share = self.shares(residuals)
+        lifted = [
+            (weights @ np.square(family.amplitude)) * family.spectrum
+            for family, weights in self.deviation.each(share)
+        ]
+        return (
+            self._directions,
+            np.concatenate(lifted),
+            float(share @ np.square(self.deviation.column("scale"))),
+        )
+
+    def pointwise(self, residuals: FloatArray) -> FloatArray:
+        """(n_draw, n_obs) log density of every point given all the other points of residuals
+        (n_draw, n_obs).
+
+        log sum_k w_k N_k(r) - log sum_k w_k N_k(r)/N_k(r_i | others), each N_k(r_i | others) normal
+        with precision Q_ii and mean r_i - (Q r)_i/Q_ii
+        """
+        residuals = np.atleast_2d(residuals)
+        given = tuple(self._given())
+        return np.vstack(
+            [
+                self._pointwise(residuals[start : start + _AT_ONCE], given)
+                for start in range(0, len(residuals), _AT_ONCE)
+            ]
+        )
+
+    def _given(self) -> Iterator[tuple[_Given, ...]]:
+        """For each family, what `_pointwise` needs of each of its components whatever the
+        residuals.
+        """
+        back, precisions = self.deviation.turned_back, self.deviation.root.precisions
+        for family, terms in zip(self.deviation.families, self.terms, strict=True):
+            directions = back(np.vstack([family.basis.T, self.columns.T]))
+            n_dir, given = family.spectrum.size, []
+            for row, cross in zip(-2.0 * terms.gain, terms.cross, strict=True):
+                gain = np.append(row[:n_dir], np.zeros(self.columns.shape[1]))
+                explained = cross @ directions
+                diagonal = row[n_dir] * precisions + gain @ directions**2
+                half = np.sqrt(0.5 / (diagonal - np.sum(explained**2, axis=0)))
+                seen = gain[:, None] * directions - cross.T @ explained
+                log = -np.log(2.0 * np.sqrt(np.pi) * half)
+                given.append(_Given(row[n_dir] * half, seen * half, log))
+            yield tuple(given)
+
+    def _pointwise(
+        self, residuals: FloatArray, given: tuple[tuple[_Given, ...], ...]
+    ) -> FloatArray:
+        logs = self.log_components(residuals)
+        z = self.deviation.whiten(residuals)
+        along, back = z @ self.columns, self.deviation.turned_back(z)
+        without = np.full(z.shape, -np.inf)
+        for (family, own_logs), each in zip(self.deviation.each(logs), given, strict=True):
+            seen = np.hstack([z @ family.basis, along])
+            parts = np.array([component.square(back, seen) - component.log for component in each])
+            parts += own_logs[:, :, None]
+            highest = np.maximum(np.max(parts, axis=0), -1e300)  # finite where all densities are 0
+            np.exp(np.subtract(parts, highest, out=parts), out=parts)
+            np.logaddexp(without, highest + np.log(np.sum(parts, axis=0)), out=without)
+        return np.logaddexp.reduce(logs)[:, None] - without
+
+
+@dataclass(frozen=True, eq=False)
+class _Given:
+    """A component of a family, for the density of a point given the others: N_k(r_i | others) =
+    exp(log - square).
+
+    white, seen : (n_obs,), (n_dir + n_column, n_obs) what whitened residuals turned back, and those
+        along basis and columns, add to the root of `square`.
+    log : (n_obs,) half the logarithm of the inverse of its variance over 2 pi.
+    """
+
+    white: FloatArray
+    seen: FloatArray
+    log: FloatArray
+
+    def square(self, back: FloatArray, seen: FloatArray) -> FloatArray:
+        """(n_draw, n_obs) half the squared residual of each point over its variance given the
+        others.
+        """
+        scaled = seen @ self.seen
+        scaled += back * self.white
+        return np.square(scaled, out=scaled)
+
+
+def inverse_times(rows: FloatArray, causes: FloatArray, white: float) -> FloatArray:
+    """Rows (n, n_obs) times the inverse of white I + H H^T for `causes` H (n_obs, n_cause)."""
+    known = np.linalg.cholesky(white * np.eye(causes.shape[1]) + causes.T @ causes)
+    turned = solve_triangular(known, causes.T, lower=True)
+    return (rows - (rows @ turned.T) @ turned) / white
+
+
+def keep_probable(
+    linearised: Linearised, *, columns: FloatArray | None = None, lost: float = 5e-3
+) -> Mixture:
+    """The mixture of the most probable components: those left out hold at most the posterior
+    probability `lost` together, and no probability that follows is off by more.
+
+    columns : (n_obs, n_column) shifts of the observations by one standard deviation of each small
+        systematic effect; None for none.  Give them to `linearise` as well (columns of the Jacobian
+        with precision 1), so that the components are weighed with them.
+    """
+    deviation, n_obs = linearised.deviation, linearised.deviation.n_obs
+    order = np.argsort(linearised.weights)
+    dropped = order[np.cumsum(linearised.weights[order]) <= lost]
+    keep = np.ones(order.size, dtype=bool)
+    keep[dropped] = False
+    families = [
+        compact(merged(family.chosen(chosen)))
+        for family, chosen in deviation.each(keep)
+        if chosen.any()
+    ]
+    shifts = np.zeros((n_obs, 0)) if columns is None else deviation.whiten(columns.T).T
+    return Mixture(Deviation(deviation.root, tuple(families)), shifts)
+
+
+def merged(family: Family) -> Family:
+    """The family with components that are the same counted once."""
+    values, place = np.unique(
+        np.column_stack([family.amplitude, family.scale]), axis=0, return_inverse=True
+    )
+    log_prior = np.full(len(values), -np.inf)
+    np.logaddexp.at(log_prior, place.ravel(), family.log_prior)
+    return replace(family, amplitude=values[:, 0], scale=values[:, 1], log_prior=log_prior)
+
+
+def compact(family: Family) -> Family:
+    """The family in those directions that its largest amplitude lifts above the noise."""
+    lifted = family.spectrum * np.max(np.square(family.amplitude / family.scale))
+    order = np.argsort(lifted)[::-1]
+    beyond = np.cumsum(lifted[order][::-1])[::-1]  # of each direction and all weaker ones
+    used = order[: int(np.sum(beyond > _ROUGHNESS))]
+    basis = np.ascontiguousarray(family.basis[:, used])
+    return replace(family, basis=basis, spectrum=family.spectrum[used])

@@ -1,0 +1,180 @@
+"""Noise with what the curve lacks beside it: first a free start alone, then, made at the fit with
+that, an unmodelled force.
+
+Everything that concerns readings is asked of the noise that was stated, `base`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from estim.arrays import FloatArray
+from estim.common import phrase
+from estim.discrepancy.bad_frame_search import BadFrames
+from estim.discrepancy.likelihood import MixtureErrors
+from estim.discrepancy.mixture_likelihood import Mixture
+from estim.discrepancy.residuals import LEAST_SPEED, Inertia, Residuals, points_about
+from estim.discrepancy.trajectory import Trajectory
+from estim.problem import (
+    GaussianErrors,
+    Likelihood,
+    Named,
+    Noise,
+    NoiseVariance,
+    Points,
+    Root,
+    Wording,
+    with_columns,
+)
+
+_REST = 1e-3  # of the largest speed: slower is at rest
+
+
+@dataclass(frozen=True, eq=False)
+class Stated(Noise):
+    """What is asked of the noise that was stated, `base`: normal errors about exact abscissas."""
+
+    base: Noise
+
+    @property
+    def size(self) -> NoiseVariance:
+        return self.base.size
+
+    @property
+    def made_of_positions(self) -> bool:
+        return self.base.made_of_positions
+
+    def of_positions(self, points: Points, named: Named) -> csr_array | None:
+        return self.base.of_positions(points, named)
+
+    def read(
+        self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
+    ) -> FloatArray:
+        return self.base.read(true, gain, named, rng)
+
+    def carried(
+        self, by_x: FloatArray, by_y: FloatArray, named: Named
+    ) -> tuple[FloatArray, FloatArray]:
+        return self.base.carried(by_x, by_y, named)
+
+    def reading_gain(self) -> FloatArray:
+        return self.base.reading_gain()
+
+    def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
+        return self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)
+
+
+@dataclass(frozen=True, eq=False)
+class FreeStart(Stated):
+    """Stated noise, and an energy at release that is not quite 0: one more term of rank one in the
+    covariance, and one for each bad frame.
+
+    bad : the frames.
+    """
+
+    course: Trajectory
+    bad: BadFrames
+
+    def likelihood(self, points: Points, named: Named) -> GaussianErrors:
+        points = self.bad.moved(points)
+        stated = normal_covariance(self.base, points, named)
+        about = formed_about(self.course, self.base, points, named, scale=None)[0].speed
+        columns = np.column_stack(
+            [
+                self.course.along(points, named, self.base, about=about).push,
+                self.bad.columns(points.x.size),
+            ]
+        )
+        return GaussianErrors.rooted(points, with_columns(stated.root, columns), stated.shift)
+
+
+@dataclass(frozen=True, eq=False)
+class WithMixture(Stated):
+    """Stated noise together with what the curve lacks, as a mixture that stays as it is.
+
+    mixture, likely, formed : of `MixtureErrors`.
+    """
+
+    mixture: Mixture
+    likely: Root
+    formed: Residuals
+
+    def likelihood(self, points: Points, named: Named) -> MixtureErrors:
+        return MixtureErrors(points, self.mixture, self.likely, self.formed)
+
+    def for_search(self) -> Noise:
+        """The stated noise alone."""
+        return self.base
+
+
+@dataclass(frozen=True, eq=False)
+class WithForce(WithMixture):
+    """Stated noise, a free start and an unmodelled force.  bad : frames that are shifted."""
+
+    bad: BadFrames
+
+    def likelihood(self, points: Points, named: Named) -> MixtureErrors:
+        return super().likelihood(self.bad.moved(points), named)
+
+    def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
+        stated = self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)
+        return phrase(
+            "{stated}; in addition, an unmodelled force along the track and a free start",
+            stated=stated,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class StatedErrors:
+    """root : of the covariance of normal errors.  shift : (n_obs,) their mean."""
+
+    root: Root
+    shift: FloatArray
+
+
+def formed_about(
+    course: Trajectory,
+    base: Noise,
+    points: Points,
+    named: Named,
+    *,
+    scale: float | None,
+    speed: FloatArray | None = None,
+) -> tuple[Residuals, StatedErrors]:
+    """How residuals are formed for a fit with the values `named`, and the stated errors of such
+    residuals.
+
+    scale : of the prior of the force; None without one.
+    speed : (n_obs,) where more is known of the speeds than the curve says.
+    """
+    here = course.speed(points, named, base)
+    if here is None:
+        stated = normal_covariance(base, points, named)
+        inertias, scale = _inertias(course, points.y, points, named, scale)
+        return Residuals(stated.shift, inertias=inertias, scale=scale), stated
+    slow = base.likelihood(points_about(points, np.maximum(here, _REST * np.max(here))), named)
+    known = here if speed is None else np.maximum(speed, 0.0)
+    about = np.maximum(known, LEAST_SPEED * slow.sd(named))
+    stated = normal_covariance(base, points_about(points, about), named)
+    return Residuals(
+        stated.shift, about, known, *_inertias(course, points.x, points, named, scale)
+    ), stated
+
+
+def _inertias(
+    course: Trajectory, places: FloatArray, points: Points, named: Named, scale: float | None
+) -> tuple[tuple[Inertia, ...], float]:
+    """Those of a run with a force, and the scale of its prior."""
+    if scale is None:
+        return (), 1.0
+    return (Inertia.of(course.motion, places, points.bind(named)),), scale
+
+
+def normal_covariance(base: Noise, points: Points, named: Named) -> StatedErrors:
+    """The stated errors at the values `named`; they must be normal."""
+    likelihood: Likelihood = base.likelihood(points, named)
+    assert likelihood.normal is not None, "asked where a campaign is read"
+    return StatedErrors(likelihood.normal.root(named), points.y - likelihood.y)

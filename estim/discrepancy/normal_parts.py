@@ -1,0 +1,77 @@
+"""The linearised posterior of runs with unmodelled forces as a few normal distributions: whether
+each force is there, and how large it may be.
+
+Each force that may be absent gives a narrow posterior without it and wide ones with it; the
+posterior of all is a sum over their combinations.  One normal distribution, however adapted, is too
+wide where most of the probability lies and too narrow in the tails.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.discrepancy.linearised import Linearised
+from estim.discrepancy.with_force import TrialInformation, likelihood_of_normal
+
+_WIDE = 3  # groups of the components with a force, from narrow to wide
+_MOST = 24  # combinations that are kept
+
+
+@dataclass(frozen=True, eq=False)
+class NormalParts:
+    """weights : (n,), sum 1.  means, covs : (n, n_par), (n, n_par, n_par)."""
+
+    weights: FloatArray
+    means: FloatArray
+    covs: FloatArray
+
+
+def normal_parts(
+    groups: Sequence[tuple[Linearised, TrialInformation]],
+    known: TrialInformation,
+    values: FloatArray,
+) -> NormalParts:
+    """The most probable combinations of the components of each group, about `values` (n_par,).
+
+    groups : each linearised beside what is known of the parameters without it, which goes with it.
+    known : what no group says.
+    """
+    combined = [(1.0, *known)]
+    for linear, beside in groups:
+        parts = [
+            (weight, *likelihood_of_normal(mean, cov, beside))
+            for weight, mean, cov in _parts(linear, values.size)
+        ]
+        combined = [
+            (weight * own_weight, information + own_information, score + own_score)
+            for weight, information, score in combined
+            for own_weight, own_information, own_score in parts
+        ]
+        combined = sorted(combined, key=lambda part: -part[0])[:_MOST]
+    weights = np.array([weight for weight, _, _ in combined])
+    covs = np.array([_inverse(information) for _, information, _ in combined])
+    steps = np.array([cov @ score for cov, (_, _, score) in zip(covs, combined, strict=True)])
+    return NormalParts(weights / weights.sum(), values + steps, covs)
+
+
+def _parts(linear: Linearised, n_par: int) -> list[tuple[float, FloatArray, FloatArray]]:
+    """Probability, step and covariance of the first parameters: without the force, and with it in a
+    few groups.
+    """
+    own = linear.first(n_par)
+    order = own.from_narrow_to_wide()
+    absent = own.deviation.column("amplitude")[order] == 0.0
+    there = order[~absent]
+    below = np.cumsum(own.weights[there])
+    wide = np.split(there, np.searchsorted(below, below[-1] * np.arange(1, _WIDE) / _WIDE))
+    groups = (order[absent], *wide)
+    return [own.moments(group) for group in groups if own.weights[group].sum() > 0.0]
+
+
+def _inverse(information: FloatArray) -> FloatArray:
+    scale = np.sqrt(np.diag(information))
+    return np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale)

@@ -1,0 +1,90 @@
+"""A user's own curve: what one further reading would do, wherever it is taken."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.common import InputError, phrase
+from estim.planning.candidate_measurements import sds_by
+from estim.planning.changes import MORE, Change, Readings, further_readings, which_place
+from estim.planning.own_curve import CurveBasis
+from estim.planning.rolling import Outlook
+from estim.problem import Parameter
+
+
+@dataclass(frozen=True, eq=False)
+class Along:
+    """One further reading of a run at each of some places.
+
+    x : (n,).
+    ratio : (n_target, n) of the standard deviations to those as things are.  inside : (2,) the
+        range of the readings at hand.
+    """
+
+    run: str
+    x: FloatArray
+    ratio: FloatArray
+    inside: tuple[float, float]
+
+
+def weigh_places(
+    basis: CurveBasis, here: Outlook, targets: Sequence[Parameter]
+) -> tuple[Along, ...]:
+    """For every run, one further reading at places over its range and beside it; those where none
+    can be taken are left out.
+    """
+    columns = [here.problem.names.index(p.name) for p in targets]
+    now, found = sds_by(here.information, columns), []
+    for run in here.problem.runs:
+        x, ratios = [], []
+        for place in basis.places(run.name):
+            try:
+                there = basis.outlook(
+                    Change("", MORE, readings=(Readings(run.name, float(place), 1),))
+                )
+            except InputError:
+                continue
+            x.append(place)
+            ratios.append(sds_by(there.information, columns) / now)
+        if x:
+            found.append(
+                Along(
+                    run.name,
+                    np.array(x),
+                    np.array(ratios).T,
+                    (float(np.min(run.x)), float(np.max(run.x))),
+                )
+            )
+    return tuple(found)
+
+
+def more_readings(
+    basis: CurveBasis, here: Outlook, targets: Sequence[Parameter]
+) -> tuple[Change, ...]:
+    """As many readings as a tenth of those at hand at the place that is best for each target,
+    inside the range and beside it.
+    """
+    changes: dict[tuple[str, float], Change] = {}
+    for along in weigh_places(basis, here, targets):
+        n = max(
+            1, round(0.1 * next(run.n_obs for run in here.problem.runs if run.name == along.run))
+        )
+        inside = (along.x >= along.inside[0]) & (along.x <= along.inside[1])
+        for ratio in along.ratio:
+            for allowed in (inside, np.ones(inside.size, dtype=bool)):
+                x = float(f"{along.x[allowed][np.argmin(ratio[allowed])]:.3g}")
+                where = (
+                    ""
+                    if along.inside[0] <= x <= along.inside[1]
+                    else phrase(", outside the present range")
+                )
+                which = which_place(x, along.run if len(here.problem.runs) > 1 else "") + where
+                words = further_readings(n, which)
+                changes[along.run, x] = Change(
+                    words, MORE, readings=(Readings(along.run, x, n),), which=which
+                )
+    return tuple(changes.values())

@@ -1,0 +1,167 @@
+"""Where the uncertainty of a fit comes from: the part of each stated value, of each error in
+common, of what the curve lacks, and of the readings.
+
+To first order the mode moves with what it was made of by
+
+    dp = S [ sum_i P_i dm_i + J^T C^-1 dy ],    S = (P + J^T C^-1 J)^-1
+
+with P the information of the priors, J the derivatives of the curve, C the covariance of the
+readings.  A stated value m_i with standard uncertainty u_i = P_i^(-1/2) moves a quantity q with
+gradient g by (S g)_i / u_i; a part C_k of C = sum_k C_k contributes the variance
+
+    g^T S J^T C^-1 C_k C^-1 J S g.
+
+The squares add up to the variance g^T S g exactly.  This is the law of propagation (JCGM 100:2008,
+5.1.2) for an estimate, and what Pinto et al., Eur. Phys. J. C 84 (2024) 593, call the decomposition
+by shifts of the global observables: other than the customary difference of the squares of two fits,
+one with a source held fixed, it is additive, and no part takes the credit of another.
+
+The draws check it without any linearity: for a normal prior the posterior mean moves by dE[q]/dm_i
+= Cov(q, p_i)/u_i^2, an identity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from estim.arrays import FloatArray, all_finite
+from estim.discrepancy import parts_of_errors
+from estim.fitting import Fit, linear_derived
+from estim.problem import DefaultError, Normal, Observations, Prior
+
+READINGS, STATED, PRIOR, COMMON = "readings", "stated", "prior", "common"
+# quantities of a kind: sources times quantities grow with the square of the number of runs
+_MOST = 150
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """name : of a parameter whose prior it is, or of a part of the errors of the readings.
+
+    kind : "stated" (a measured value), "prior" (any other prior), "common" (an error in common that
+        no residual shows), "curve" (what the curve lacks, and a start that is not exact),
+        "readings".
+    """
+
+    name: str
+    kind: str
+
+
+@dataclass(frozen=True, eq=False)
+class Budget:
+    """sources : rows.  names : of quantities, parameters first, then what follows from them (with
+    "[run]" where runs differ).
+
+    contributions : (n_source, n_quantity) standard uncertainties, in the unit of the quantity;
+        signed for a stated value (how far q moves if it was one standard uncertainty too low).
+        drawn : the same from draws, nan where draws do not tell.
+    sds : (n_quantity,) of the linear approximation; root of the sum of squares.
+    posterior : (n_quantity,) of the draws.
+    """
+
+    sources: tuple[Source, ...]
+    names: tuple[str, ...]
+    contributions: FloatArray
+    drawn: FloatArray
+    sds: FloatArray
+    posterior: FloatArray
+
+    @cached_property
+    def shares(self) -> FloatArray:
+        """(n_source, n_quantity) of the variance; columns add up to 1."""
+        return np.square(self.contributions / self.sds)
+
+    @cached_property
+    def shares_drawn(self) -> FloatArray:
+        """(n_source, n_quantity) of the variance of the draws; nan where they do not tell."""
+        return np.square(self.drawn / self.posterior)
+
+
+@dataclass(frozen=True, eq=False)
+class _Quantity:
+    """A quantity with its gradient (n_par,) and its values at the draws (n_draw,)."""
+
+    name: str
+    gradient: FloatArray
+    values: FloatArray
+
+
+def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
+    """What the standard deviation of each parameter of the curve, and of what was sought from them,
+    is made of; None without a covariance.
+
+    draws : (n_draw, n_par) of the posterior.
+    """
+    problem, cov = fit.problem, fit.cov
+    if fit.singular or not all_finite(cov) or np.any(np.diag(cov) <= 0.0):
+        return None
+    quantities = _quantities(fit, draws)
+    along = cov @ np.column_stack([q.gradient for q in quantities])  # S g
+    slopes = np.abs(fit.prior_slopes)  # 1/u_i
+    informative = np.flatnonzero(slopes > 0.0)
+    stated = along[informative] * slopes[informative, None]
+    sds = np.sqrt(np.einsum("ij,ij->j", np.column_stack([q.gradient for q in quantities]), along))
+    parts = parts_of_errors(fit.posterior, fit.values, along)
+    rest = (
+        np.square(sds)
+        - np.sum(stated**2, axis=0)
+        - sum((part**2 for part in parts.values()), np.zeros(sds.size))
+    )
+    priors = [Source(fit.names[i], _kind_of(problem.parameters[i].prior)) for i in informative]
+    further = [Source(name, "curve") for name in parts]
+    values = np.column_stack([q.values for q in quantities])
+    drawn = _drawn(
+        [problem.parameters[i].prior for i in informative], draws[:, informative], values
+    )
+    nothing = np.full(sds.size, np.nan)
+    return Budget(
+        sources=(*priors, *further, Source(READINGS, READINGS)),
+        names=tuple(q.name for q in quantities),
+        contributions=np.vstack([*stated, *parts.values(), np.sqrt(np.maximum(rest, 0.0))]),
+        drawn=np.vstack([drawn, *(nothing for _ in parts), nothing]),
+        sds=sds,
+        posterior=values.std(axis=0, ddof=1),
+    )
+
+
+def _kind_of(prior: Prior) -> str:
+    if isinstance(prior, DefaultError):
+        return COMMON
+    return STATED if isinstance(prior, Normal) else PRIOR
+
+
+def _drawn(priors: Sequence[object], draws: FloatArray, values: FloatArray) -> FloatArray:
+    """(n_prior, n_quantity) Cov(q, p)/u for a normal prior with standard deviation u; nan for
+    another.  draws : (n_draw, n_prior).
+    """
+    sds = np.array([prior.sd if isinstance(prior, Normal) else np.nan for prior in priors])
+    off = draws - draws.mean(axis=0)
+    return off.T @ (values - values.mean(axis=0)) / (len(draws) - 1) / sds[:, None]
+
+
+def _quantities(fit: Fit, draws: FloatArray) -> list[_Quantity]:
+    """The parameters of the curve, of many those that runs share first, and what was sought: once
+    where it is the same for all runs.
+    """
+    problem, quantities = fit.problem, list[_Quantity]()
+    noise, named = problem.noise_names, problem.named(draws)
+    for i in problem.foremost(_MOST):
+        if fit.names[i] not in noise:
+            gradient = np.eye(1, fit.values.size, i)[0]
+            quantities.append(_Quantity(fit.names[i], gradient, draws[:, i]))
+    by_name: dict[str, list[tuple[Observations, FloatArray]]] = {}
+    for run in problem.runs:
+        wanted = {derived.name for derived in run.sought}
+        for derived in linear_derived(run, fit.names, fit.values, fit.cov) if wanted else ():
+            if derived.name in wanted and all_finite(derived.gradient) and np.any(derived.gradient):
+                by_name.setdefault(derived.name, []).append((run, derived.gradient))
+    for name, each in by_name.items():
+        same = all(np.allclose(gradient, each[0][1], rtol=1e-6) for _, gradient in each)
+        for run, gradient in each[: 1 if same else _MOST]:
+            values = np.ravel(run.derived(run.bind(named))[name].values)
+            quantities.append(_Quantity(name if same else f"{name}[{run.name}]", gradient, values))
+    return quantities
