@@ -101,7 +101,7 @@ def test_the_command_line_alone_knows_click():
 
 
 def test_inference_meets_physics_in_seven_files():
-    found = {f"estim.campaign.{name}" for name in ("binding", "design", "parts", "quantities")}
+    found = {f"estim.campaign.{name}" for name in ("binding", "body_parts", "design", "quantities")}
     found |= {"estim.curves.regimes", "estim.curves.rolling", "estim.line.release_likelihood"}
     assert {m for m in FILES if "estim.model" in map(room, imports()[m])} - set(MODEL) == found
 
