@@ -14,7 +14,7 @@ from scipy import optimize, stats
 
 from estim import DataSet, InputError, Poisson, fit_curve, fit_curves, load_campaign
 from estim.cli.commands import cli
-from estim.fitting import contour, error_sizes, fit_problem
+from estim.fitting import contour, error_sizes, fit_problem, profile_intervals
 
 X = np.linspace(0.0, 10.0, 40)
 U = np.linspace(0.05, 0.15, 40)
@@ -185,6 +185,76 @@ def test_a_jitter_that_is_not_there_has_a_limit_and_changes_nothing() -> None:
         # Student's rise with 37 degrees of freedom, for a size that may be larger
         assert 1.0 < fit.sds[name] / plain.sds[name] < 1.04
     assert 1.0 < fit.predict(1.0).u / plain.predict(1.0).u < 1.04
+
+
+UNEQUAL = np.linspace(0.05, 0.6, 12)
+
+
+def line_with_unequal_errors(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng([7, seed])
+    x = np.linspace(0.0, 5.0, 12)
+    return x, 1.0 + 2.0 * x + np.hypot(UNEQUAL, 0.2) * rng.standard_normal(12)
+
+
+@pytest.mark.parametrize("seed", [0, 2, 5, 106])
+def test_intervals_leave_room_for_a_jitter_that_is_best_at_0(seed: int) -> None:
+    """By brute force: the slope is solved for at each intercept and each jitter of a grid.  A
+    likelihood is level in a jitter of 0, and steps that begin there once ended there.
+    """
+    x, y = line_with_unequal_errors(seed)
+    found = fit_curve("a + b*x", x, y, u_y=UNEQUAL, jitter=True)
+    assert found.values["jitter"] < 1e-3
+    jitters, intercepts = np.linspace(0.0, 2.0, 1001), np.linspace(0.0, 2.0, 2001)
+    rest = y - intercepts[:, None]
+    heights = []
+    prior = found.problem.parameters[2].prior
+    for jitter in jitters:
+        variance = UNEQUAL**2 + jitter**2
+        slope = np.sum(rest * x / variance, axis=1) / np.sum(x**2 / variance)
+        squares = np.sum((rest - slope[:, None] * x) ** 2 / variance, axis=1)
+        of_prior = float(prior.log_density(np.array([jitter]))[0])
+        heights.append(squares + np.sum(np.log(variance)) - 2.0 * of_prior)
+    profile = np.min(heights, axis=0)
+    inside = intercepts[profile - profile.min() < stats.chi2.ppf(0.95, 1)]
+    (interval,) = profile_intervals(found.fit, names=["a"], probabilities=(0.95,))
+    assert (interval.low[0.95], interval.high[0.95]) == pytest.approx(
+        (inside[0], inside[-1]), abs=2e-3
+    )
+
+
+@pytest.mark.parametrize("seed", [28, 32, 117])
+def test_a_jitter_with_two_optima_or_a_flat_one_is_fit(seed: int) -> None:
+    x, y = line_with_unequal_errors(seed)
+    found = fit_curve("a + b*x", x, y, u_y=UNEQUAL, jitter=True)
+    assert found.status == "ok"
+    grid = np.concatenate([[1e-9], np.linspace(0.001, 2.0, 4001)])
+    heights = []
+    for jitter in grid:
+        weight = 1.0 / (UNEQUAL**2 + jitter**2)
+        (b, a), *_ = np.polyfit(x, y, 1, w=np.sqrt(weight), full=True)
+        at = np.array([[a, b, jitter]])
+        heights.append(float(found.fit.posterior.log_density(at)[0]))
+    at = np.array([[found.values[name] for name in found.names]])
+    assert float(found.fit.posterior.log_density(at)[0]) > max(heights) - 1e-5
+    assert found.values["jitter"] == pytest.approx(grid[int(np.argmax(heights))], abs=1e-3)
+
+
+@pytest.mark.statistics
+def test_intervals_beside_a_jitter_hold_where_stated_errors_differ() -> None:
+    """Where the jitter came out as 0, value ± 2 sd of errors without one held 60 % once."""
+    n, held, short, none = 150, 0, 0, 0
+    for seed in range(n):
+        x, y = line_with_unequal_errors(seed)
+        found = fit_curve("a + b*x", x, y, u_y=UNEQUAL, jitter=True, n_start=1)
+        low, high = found.intervals["a"][0.95]
+        held += low < 1.0 < high
+        if found.values["jitter"] < 0.02:
+            none += 1
+            sd = float(fit_curve("a + b*x", x, y, u_y=UNEQUAL, n_start=1).sds["a"])
+            short += abs(found.values["a"] - 1.0) < 1.96 * sd
+    # profiles of a likelihood are good to the order 1/n_obs: 12 points, 3 unknowns
+    assert held / n > 0.95 - 0.04 - 3.0 * np.sqrt(0.95 * 0.05 / n)
+    assert short / none < 0.95 - 3.0 * np.sqrt(0.95 * 0.05 / none)
 
 
 def test_a_prior_of_the_jitter_counts() -> None:

@@ -281,10 +281,17 @@ def pose_points(
 
 
 def fit_stated(
-    posed: CurveProblem | JointProblem, problem: Problem, rng: np.random.Generator, n_start: int
+    posed: CurveProblem | JointProblem,
+    problem: Problem,
+    rng: np.random.Generator,
+    n_start: int,
+    start: FloatArray | None = None,
 ) -> CurveFit:
-    """The fit of points whose errors are stated."""
-    best = find_optimum(problem, problem.start(), rng=rng, n_start=n_start)
+    """The fit of points whose errors are stated.  start : (n_par,) where to begin; else where the
+    problem does, and once more where profiles then meet a better point.
+    """
+    begin = problem.start() if start is None else start
+    best = find_optimum(problem, begin, rng=rng, n_start=n_start)
     rounds = _ROUNDS if any(run.noise.holds_slopes for run in problem.runs) else 0
     for _ in range(rounds):
         before, best = best.values, _on(problem, best, rng, unstated=False)
@@ -292,7 +299,17 @@ def fit_stated(
         if np.all(moved <= _SETTLED * sds_of(best.cov)):
             break
     fit = _whole_fit(problem, best.values, best)
-    return _concluded(posed, best, problem, fit, fit, rng=rng)
+    concluded = _concluded(posed, best, problem, fit, fit, rng=rng)
+    better = _better_point(concluded.findings) if start is None else None
+    return concluded if better is None else fit_stated(posed, problem, rng, n_start, better)
+
+
+def _better_point(findings: Sequence[Finding]) -> FloatArray | None:
+    """(n_par,) where profiles met a higher density than that of the fit, if they did."""
+    for finding in findings:
+        if finding.kind is Kind.BETTER_ELSEWHERE:
+            return np.array([amount.value for amount in finding.parameters])
+    return None
 
 
 def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) -> CurveFit:
@@ -331,12 +348,16 @@ def _on(problem: Problem, first: Optimum, rng: np.random.Generator, *, unstated:
 
 
 def fit_errors(
-    posed: CurveProblem | JointProblem, problem: Problem, rng: np.random.Generator, n_start: int
+    posed: CurveProblem | JointProblem,
+    problem: Problem,
+    rng: np.random.Generator,
+    n_start: int,
+    start: FloatArray | None = None,
 ) -> CurveFit:
     """The fit of a curve together with what is unknown of its errors, or with errors that leave
-    room for outliers: the mode, its curvature, and profiles.
+    room for outliers: the mode, its curvature, and profiles.  start : as of `fit_stated`.
     """
-    fit = fit_optimum(problem, rng=rng, n_start=n_start)
+    fit = fit_optimum(problem, rng=rng, n_start=n_start, start=start)
     values = dict(zip(fit.names, fit.values.tolist(), strict=True))
     nothing = dict.fromkeys(PROBABILITIES, (math.nan, math.nan))
     intervals: Mapping[str, Ends] = dict.fromkeys(fit.names, nothing)
@@ -350,6 +371,8 @@ def fit_errors(
     else:
         sizes = error_sizes(fit)
         intervals, left_open = profiled(fit, sizes)
+        if start is None and (better := _better_point(left_open)) is not None:
+            return fit_errors(posed, problem, rng, n_start, better)
         findings += [*left_open, *values_outside(values, intervals)]
         wider = _profiled_over_curvature(fit, intervals, sizes)
         sds, cov = sds * wider, cov * np.outer(wider, wider)

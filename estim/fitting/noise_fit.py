@@ -9,6 +9,8 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.problem import Posterior
 
+_LEAST = 1e-6  # of a prior's standard deviation: the smallest size
+
 
 def fit_noise(posterior: Posterior, values: FloatArray) -> FloatArray:
     """The noise parameters that maximise the posterior, those of the curve held."""
@@ -19,33 +21,43 @@ def fit_noise(posterior: Posterior, values: FloatArray) -> FloatArray:
     if not free:
         return values
     priors = [problem.parameters[i].prior for i in free]
-    scale = np.array([prior.sd for prior in priors])
+    # a likelihood depends on the square of a size: it is level at 0 even where it rises beside it
+    squared = np.array(
+        [
+            problem.names[i] in problem.sizes_of_errors and prior.low == 0.0
+            for i, prior in zip(free, priors, strict=True)
+        ]
+    )
+    sds = np.array([prior.sd for prior in priors])
+    scale = np.where(squared & (values[free] > 10.0 * _LEAST * sds), values[free], sds)
 
-    def filled(scaled: FloatArray) -> FloatArray:
+    def filled(places: FloatArray) -> FloatArray:
         full = values.copy()
-        full[free] = scaled * scale
+        full[free] = np.where(squared, np.sqrt(np.abs(places)), places) * scale
         return full
 
-    def objective(scaled: FloatArray) -> tuple[float, FloatArray]:
-        full = filled(scaled)
+    def objective(places: FloatArray) -> tuple[float, FloatArray]:
+        full = filled(places)
         off = posterior.prior_residuals(full)[free]
         minus = 0.5 * float(off @ off) - float(posterior.log_likelihood(full[None, :])[0])
-        return minus, (
+        slopes = scale / np.where(squared, 2.0 * full[free] / scale, 1.0)
+        return minus, slopes * (
             off * posterior.prior_slopes(full)[free]
             - posterior.log_density_noise_gradient(full)[free]
-        ) * scale
+        )
 
-    bounds = [
-        (max(prior.low, 1e-6 * prior.sd) / s, prior.high / s)
-        for prior, s in zip(priors, scale, strict=True)
-    ]
-    start = np.clip(values[free] / scale, [low for low, _ in bounds], [high for _, high in bounds])
+    def scaled(at: FloatArray) -> FloatArray:
+        return np.where(squared, np.square(at / scale), at / scale)
+
+    low = scaled(np.maximum([prior.low for prior in priors], _LEAST * sds))
+    high = scaled(np.array([prior.high for prior in priors]))
+    start = np.clip(scaled(values[free]), low, high)
     result = minimize(
         objective,
         start,
         jac=True,
         method="L-BFGS-B",
-        bounds=bounds,
+        bounds=list(zip(low, high, strict=True)),
         options={"ftol": 1e-14, "gtol": 1e-9, "maxiter": 500},
     )
     return filled(result.x)

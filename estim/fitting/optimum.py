@@ -60,8 +60,10 @@ from estim.fitting.least_squares import (
 )
 from estim.fitting.multistart import ALIKE, N_START, starts_around
 from estim.fitting.noise_fit import fit_noise
+from estim.fitting.profile_search import search_of
 from estim.fitting.separable import RESOLVED, SeparableSearch, set_apart
 from estim.fitting.symmetry_search import find_symmetry
+from estim.levenberg_marquardt import Start, minima
 from estim.problem import (
     MOST_REWEIGHTED,
     Observations,
@@ -74,6 +76,7 @@ from estim.problem import (
 _LEVEL = 0.1  # in log share: starts that are as good as the best
 # ratio of singular values, whose square, of the correlations, is lost by rounding
 _FRAIL = 1e-8
+_FLAT = 1e-10  # fall of -2 log density that is still predicted where a descent ends
 _MOST_ROUNDS = 10  # of a fit that begins at an optimum
 _MOST_REFITTED = 6  # of them by full fits, where the curve is a model of the study
 _AROUND = 8  # of these, descents from points around an optimum where the curve is not finite
@@ -482,13 +485,25 @@ def _scanned(
     return best, ends
 
 
-def fit_optimum(problem: Problem, *, rng: np.random.Generator, n_start: int = N_START) -> Fit:
+def fit_optimum(
+    problem: Problem,
+    *,
+    rng: np.random.Generator,
+    n_start: int = N_START,
+    start: FloatArray | None = None,
+) -> Fit:
     """The posterior mode of a problem with a user's own curve, as `fit_least_squares` returns it,
-    but found from afar.
+    but found from afar.  start : (n_par,) where to begin; else where the problem does.
     """
-    best = find_optimum(problem, problem.start(), rng=rng, n_start=n_start)
+    begin = problem.start() if start is None else start
+    best = find_optimum(problem, begin, rng=rng, n_start=n_start)
     noisy = bool(problem.noise_names)
     there = refit(problem, best.values) if noisy else at_mode(problem, best.values)
+    if noisy and not (there.success or there.singular):
+        # rounds of curve and noise in turn may creep; steps of both together do not
+        search = search_of(there.posterior, there.values, there.cov)
+        (end,) = minima(search, [Start(search.coordinates.of(there.values), tolerance=_FLAT)])
+        there = refit(problem, search.coordinates.values(end.values))
     fit = with_other_modes(there, best)
     if not noisy and not np.any(best.at_bound):
         sds = np.where(np.isfinite(fit.sds), sds_of(best.cov), np.nan)

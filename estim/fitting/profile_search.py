@@ -11,7 +11,7 @@ know, but hardly their size, else values.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -201,9 +201,15 @@ def search_of(
     level : the highest rise of the objective that is asked for: where it rises by more towards 0,
         a parameter has one sign.
     """
-    sds = prior_sds(posterior.problem, cov)
+    problem = posterior.problem
+    sds = prior_sds(problem, cov)
+    sizes = [p.name in problem.sizes_of_errors and p.prior.low == 0.0 for p in problem.parameters]
+    nothing = np.zeros(sds.size, dtype=bool)
+    coordinates = Coordinates(values, nothing, np.where(sizes, sds, 0.0))
+    slopes = coordinates.slopes(values)
+    sds = np.where(sizes, 1.0, sds)
     with np.errstate(all="ignore"):
-        whitened = known_from_data(posterior, values) * np.outer(sds, sds)
+        whitened = known_from_data(posterior, values) * np.outer(slopes * sds, slopes * sds)
     if not all_finite(whitened):
         whitened = np.zeros_like(whitened)
     # its eigenvalues are positive: terms that all but cancel leave rounding errors for some
@@ -211,27 +217,19 @@ def search_of(
     precision = 1.0 + np.maximum(known, 0.0)  # in units of the priors' standard deviations
     cov = (basis / precision) @ basis.T * np.outer(sds, sds)
     conditional = sds / np.sqrt(np.square(basis) @ precision)
-    low, high = posterior.problem.support()
-    plain = ProfileSearch(
-        posterior,
-        Coordinates(values, np.zeros(sds.size, dtype=bool)),
-        low,
-        high,
-        sds_of(cov),
-        conditional,
-        sds,
-        cov,
-    )
-    coordinates = Coordinates(values, _known_by_size(plain, values, level))
-    if not np.any(coordinates.by_size):
+    low, high = (coordinates.of(end) for end in problem.support())
+    plain = ProfileSearch(posterior, coordinates, low, high, sds_of(cov), conditional, sds, cov)
+    by_size = _known_by_size(plain, values, level)
+    if not np.any(by_size):
         return plain
-    unit = coordinates.slopes(values)
-    low, high = coordinates.of(low), coordinates.of(high)
+    coordinates = replace(coordinates, by_size=by_size)
+    unit = np.where(by_size, coordinates.slopes(values), 1.0)
+    low, high = (coordinates.of(end) for end in problem.support())
     return ProfileSearch(
         posterior,
         coordinates,
-        np.where(coordinates.by_size, np.maximum(low, -_FARTHEST), low),
-        np.where(coordinates.by_size, np.minimum(high, _FARTHEST), high),
+        np.where(by_size, np.maximum(low, -_FARTHEST), low),
+        np.where(by_size, np.minimum(high, _FARTHEST), high),
         plain.scale / unit,
         conditional / unit,
         sds / unit,
@@ -247,14 +245,15 @@ def _known_by_size(search: ProfileSearch, values: FloatArray, level: float) -> B
     if not level < np.inf or values.size > _MANY:
         return known
     tied = made_up_for(values, search.cov)
-    candidates = np.flatnonzero(tied & ~on_limit(search.posterior, values))
-    starts = []
+    squared = np.greater(search.coordinates.unit, 0.0)
+    candidates = np.flatnonzero(tied & ~squared & ~on_limit(search.posterior, values))
+    at, starts = search.coordinates.of(values), []
     for i in candidates:
         # where the others are, and where they go with it to first order: either may be far off
-        for slope in (np.zeros(values.size), search.tangent(values, int(i))):
-            without = np.clip(values - slope * values[i], search.low, search.high)
+        for slope in (np.zeros(at.size), search.tangent(at, int(i))):
+            without = np.clip(at - slope * at[i], search.low, search.high)
             without[i] = 0.0
             starts.append(Start(without, (int(i),)))
     heights = np.array([end.objective for end in minima(search, starts)]).reshape(-1, 2)
-    known[candidates] = np.min(heights, axis=1) - search.objective(values) > level
+    known[candidates] = np.min(heights, axis=1) - search.objective(at) > level
     return known

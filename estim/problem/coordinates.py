@@ -3,6 +3,9 @@
 The constant of Arrhenius' law, or of an exponential that begins far from the data, may be known to
 a few powers of ten: others make up for it, so that it is highly correlated with them, along a bent
 valley.  With its logarithm the valley is nearly straight.
+
+The size of errors enters a likelihood by its square.  A density is therefore level in a size of 0,
+even where it rises beside it, and steps from there lead nowhere; in the square it is not.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ from estim.arrays import BoolArray, FloatArray, sds_of
 
 WIDE = 0.2  # standard deviation over value, beyond which a parameter may be known by its size
 _TIED = 0.95  # correlation
+_LEAST = 1e-6  # of the unit of a square: a smaller value counts as this one
 
 
 def made_up_for(values: FloatArray, cov: FloatArray) -> BoolArray:
@@ -31,26 +35,31 @@ def made_up_for(values: FloatArray, cov: FloatArray) -> BoolArray:
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:
-    """Values, or logarithms of their ratio to `centre`, signed so that both increase together.
+    """Values, or logarithms of their ratio to `centre`, signed so that both increase together, or
+    squares.
 
     centre : (n_par,) values that are not 0 where the logarithm is taken.
     by_size : (n_par,) whether it is.
+    unit : (n_par,) whose square a square is divided by, 0 where none is taken.
     """
 
     centre: FloatArray
     by_size: BoolArray
+    unit: FloatArray | float = 0.0
 
     def values(self, places: FloatArray) -> FloatArray:
         """Values (..., n_par) at coordinates."""
         with np.errstate(all="ignore"):
             sizes = self.centre * np.exp(np.sign(self.centre) * places)
-        return np.where(self.by_size, sizes, places)
+            roots = np.sqrt(np.maximum(places, 0.0)) * self.unit
+        return np.where(self.by_size, sizes, np.where(self._squared, roots, places))
 
     def of(self, values: FloatArray) -> FloatArray:
         """Coordinates (..., n_par) of values; infinite where a sign is not that of the centre."""
         with np.errstate(all="ignore"):
             logs = np.sign(self.centre) * np.log(np.maximum(values / self.centre, 0.0))
-        return np.where(self.by_size, logs, values)
+            squares = np.square(values / self.unit)
+        return np.where(self.by_size, logs, np.where(self._squared, squares, values))
 
     def values_of(self, i: int, places: ArrayLike) -> FloatArray:
         """Values (n,) of parameter i at coordinates (n,) of it."""
@@ -60,7 +69,13 @@ class Coordinates:
 
     def slopes(self, values: FloatArray) -> FloatArray:
         """Derivatives (..., n_par) of the values in the coordinates."""
-        return np.where(self.by_size, np.abs(values), 1.0)
+        with np.errstate(all="ignore"):
+            roots = 0.5 * np.square(self.unit) / np.maximum(values, _LEAST * self.unit)
+        return np.where(self.by_size, np.abs(values), np.where(self._squared, roots, 1.0))
+
+    @property
+    def _squared(self) -> BoolArray:
+        return np.greater(self.unit, 0.0)
 
     def log_volume(self, values: FloatArray) -> FloatArray:
         """(...) logarithm of the volume of values that a unit of coordinates takes, at values (...,
