@@ -974,3 +974,30 @@ def test_nothing_is_tested_without_degrees_of_freedom() -> None:
     fit = fit_curve("m", [1.0], [3.0], u_y=0.1, start={"m": 2.0})
     assert "dof = 0; " in str(fit)
     assert "p <" not in str(fit)
+
+
+@pytest.mark.parametrize(
+    ("formula", "start"),
+    [
+        ("1/(1+exp(-(a+b*x)))", None),
+        ("1/(1+exp(-(x-c)/s))", None),
+        ("1/(1+exp(-(x-c)/s))", {"c": 0.0, "s": 1.0}),
+    ],
+)
+def test_single_trials_are_no_step(formula: str, start: dict[str, float] | None) -> None:
+    """Logistic regression, against Newton's steps written out; least squares through single trials
+    end at a step of no width.
+    """
+    x = np.linspace(-3.0, 3.0, 40)
+    rows = np.column_stack([np.ones(40), x])
+    for seed in (0, 8, 12, 16, 20):
+        rng = np.random.default_rng([7, seed])
+        y = rng.binomial(1, 1.0 / (1.0 + np.exp(-(x - 0.3) / 0.8)))
+        best = np.zeros(2)
+        for _ in range(30):
+            p = 1.0 / (1.0 + np.exp(-rows @ best))
+            best += np.linalg.solve(rows.T * (p * (1.0 - p)) @ rows, rows.T @ (y - p))
+        found = fit_curve(formula, x, y, noise=Binomial(trials=1), start=start)
+        assert found.status == "ok"
+        expected = best if "a" in found.names else (-best[0] / best[1], 1.0 / best[1])
+        assert list(found.values.values()) == pytest.approx(expected, rel=1e-4)

@@ -25,9 +25,10 @@ from estim.curves.models import read_model as read_model
 from estim.curves.projected import linear_in as linear_in
 from estim.curves.several_abscissas import OfPoints, arguments_taken
 from estim.curves.starting_values import guess_starts
-from estim.problem import MOST_REWEIGHTED, Flat, errors_widened, typical_size
+from estim.problem import MOST_REWEIGHTED, Counts, Flat, errors_widened, typical_size
 
 _SIZE = "size_of_density"
+_ENOUGH = 3  # trials to either side that tell a share from a step
 Points = tuple[FloatArray, FloatArray, FloatArray]
 """x, y and their standard uncertainties, or 1."""
 
@@ -164,6 +165,7 @@ def started(
         (posed.relative, None) if counted is None else (counted.noise.reading_gain(), counted.bins)
     )
     width = np.ones(posed.y.size) if bins is None else bins[:, 1] - bins[:, 0]
+    y = posed.y if counted is None else _with_neighbours(posed.y, counted.noise)
     limits = {
         name: (number(p.prior.low), number(p.prior.high))
         for name, p in known.items()
@@ -180,14 +182,14 @@ def started(
 
     def guessed(wider: FloatArray | float = 1.0) -> dict[str, float]:
         return guess_starts(
-            formula, posed.x, posed.y / width, wider * gain / width, known=fixed, limits=limits
+            formula, posed.x, y / width, wider * gain / width, known=fixed, limits=limits
         )
 
     starts = _robust(posed, formula, guessed) if posed.tails.robust else guessed()
     if starts.get(_SIZE, 1.0) < 0.0:  # of a negative density
         positive = {**limits, _SIZE: (0.0, None)}
         starts = guess_starts(
-            formula, posed.x, posed.y / width, gain / width, known=fixed, limits=positive
+            formula, posed.x, y / width, gain / width, known=fixed, limits=positive
         )
     starts = _in_order(asked, starts, limits)
     begun = {
@@ -198,6 +200,15 @@ def started(
         own,
         parameters=tuple(replace(p, prior=begun.get(p.name, p.prior)) for p in posed.parameters),
     )
+
+
+def _with_neighbours(y: FloatArray, noise: Counts) -> FloatArray:
+    """Counts y (n_obs,) in order of x; shares of few trials each the mean with its neighbours':
+    least squares through single ones end at a step.
+    """
+    beside = round(_ENOUGH / float(np.mean(noise.trials))) if noise.law.ceiling < math.inf else 0
+    window = np.ones(min(2 * beside + 1, y.size))
+    return np.convolve(y, window, "same") / np.convolve(np.ones(y.size), window, "same")
 
 
 def _pooled(posed: CurveProblem, beside: Sequence[Points]) -> CurveProblem:

@@ -167,7 +167,11 @@ def find_optimum(
     with np.errstate(all="ignore"):  # far from the optimum a curve may overflow: such points lose
         simpler = problem.for_search()
         if simpler is not problem:
-            afar = find_optimum(simpler, start, rng=rng, n_start=n_start, unstated=True)
+            try:
+                afar = find_optimum(simpler, start, rng=rng, n_start=n_start, unstated=True)
+            except InputError:  # single trials look like a step, which they need not be
+                search = set_apart(problem, start, rng, unstated=unstated)
+                return _found(search, start, rng, n_start)
             # what is known of outliers is in the values of the simpler problem alone
             start = afar.values if problem.robust else start
             search = set_apart(problem, start, rng, unstated=unstated)
