@@ -4,6 +4,7 @@ on clean data.
 
 from __future__ import annotations
 
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from estim.checks import check_goodness
 from estim.common.finding_kinds import Kind
 from estim.common.labels import Notation
 from estim.common.statuses import Status
+from estim.curves import read_formula
 from estim.explanation import (
     Candidate,
     Estimated,
@@ -28,6 +30,7 @@ from estim.explanation import (
 )
 from estim.explanation.bad_frames import frame_causes
 from estim.explanation.explaining import badness
+from estim.fitting import fit_problem
 from estim.fitting.least_squares import fit_least_squares, refit
 from estim.pipeline import analyse, outcome_of
 from estim.problem import Problem
@@ -98,6 +101,7 @@ def test_every_key_that_is_not_said_is_tried_and_none_that_is(tmp_path: Path) ->
         "bend",
         "sag",
         "blur",
+        "offset",
     }
     text = (tmp_path / "campaign.toml").read_text()
     said = (
@@ -195,6 +199,95 @@ def test_a_shift_that_stays_is_named_where_it_begins_and_no_single_reading_far_f
     one = refit(single.problem, single.starting(base, 0.1))
     assert badness(base) - badness(one) < shift.gain - 20.0
     assert any(good.failed for good in check_goodness(one, rng=np.random.default_rng(1)))
+
+
+@pytest.mark.parametrize("noise", ["speeds", "positions"])
+def test_positions_that_are_not_counted_from_the_release_are_named(
+    tmp_path: Path, noise: str
+) -> None:
+    """A zero 2 cm off; of a start, or of angles that were misread, much less of it comes."""
+    behind = Disturbance("behind", camera=Camera(after=lambda rng, t, x: (t, x + 0.02)))
+    posed = suspects(tmp_path, behind, noise=noise)
+    names = ("offset", "start", "tilt", "angle_at_release")
+    few = replace(posed, causes=tuple(cause for cause in posed.causes if cause.name in names))
+    found = explain(few, rng=np.random.default_rng(1))
+    (named_first,) = found.tied
+    assert (named_first.name, named_first.random) == ("offset", True)
+    assert abs(named_first.numbers[0].value - 0.02) < 3.5 * named_first.numbers[0].sd
+    assert named_first.numbers[0].sd < SIGMA
+    said = (
+        (tmp_path / "campaign.toml").read_text().replace("[[runs]]", "\n".join(named_first.lines))
+    )
+    (tmp_path / "campaign.toml").write_text(said)
+    again = load_campaign(tmp_path / "campaign.toml").suspects(["r"])
+    assert "offset" not in {cause.name for cause in again.causes}
+    fit = fit_least_squares(again.plain, rng=np.random.default_rng(1), n_start=1)
+    assert not any(good.failed for good in check_goodness(fit, rng=np.random.default_rng(1)))
+
+
+def own_curve(folder: Path, formula: str, x: np.ndarray, y: np.ndarray) -> Explanation:
+    """What `estim fit run.csv --formula ... --explain` asks."""
+    rows = "".join(f"{a:.5f},{b:.5f}\n" for a, b in zip(x, y, strict=True))
+    (folder / "run.csv").write_text(f"t_s,y_m\n{rows}")
+    unknown = "".join(f"{name} = {{}}\n" for name in read_formula(formula).names)
+    (folder / "c.toml").write_text(
+        f'title = "t"\nkind = "synthetic"\n[curve]\nexpression = "{formula}"\n'
+        f'x = "t_s"\ny = "y_m"\n[curve.parameters]\n{unknown}'
+        '[[runs]]\nname = "r"\nfile = "run.csv"\n'
+    )
+    posed, rng = load_campaign(folder / "c.toml").suspects(["r"]), np.random.default_rng(1)
+    return explain(posed, rng=rng, values=fit_problem(posed.plain, rng=rng).values)
+
+
+SWING = "A*exp(-d*x)*cos(2*pi*x/T + p)"
+
+
+@pytest.mark.parametrize(
+    ("wrong", "size", "formula"),
+    [
+        ("zero_y", 0.02, SWING),
+        ("shift", 0.03, SWING),
+        ("zero_x", 0.13, "0.5*g*x**2"),
+        ("", 0.0, SWING),
+        ("", 0.0, "0.5*g*x**2"),
+        ("other", 0.0, "0.5*g*x**2"),
+    ],
+)
+def test_a_displaced_zero_or_a_lasting_step_of_a_users_own_curve_is_named_with_its_size(
+    tmp_path: Path, wrong: str, size: float, formula: str
+) -> None:
+    """The true curve is written in NumPy; of clean data, and of another curve, neither is it."""
+    x = np.linspace(0.2, 12.0, 120)
+    at = x - size * (wrong == "zero_x")
+    swings = 0.3 * np.exp(-0.05 * at) * np.cos(2.0 * np.pi * at / 1.8 + 0.4)
+    y = swings if formula is SWING else 4.9 * at ** (2.3 if wrong == "other" else 2.0)
+    sd = 0.005 if formula is SWING else 0.2
+    y = y + sd * np.random.default_rng(4).standard_normal(x.size)
+    y = y + size * ((wrong == "zero_y") + (wrong == "shift") * (x > 5.01))
+    found = own_curve(tmp_path, formula, x, y)
+    if wrong in ("", "other"):
+        assert all(one.name.startswith("correlated") for one in found.tied if one.explains)
+        assert bool(found.found) == (wrong == "other")
+        return
+    first = found.candidates[0]
+    assert found.tied == (first,)
+    assert first.explains
+    assert abs(first.numbers[0].value - size) < 3.5 * first.numbers[0].sd
+    if wrong == "shift":
+        before, after = x[x < 5.01][-1], x[x > 5.01][0]
+        (place,) = re.findall(r"heaviside\(x - ([\d.]+), 0\)", first.words)
+        assert before < float(place) < after
+        cured = own_curve(tmp_path, f"{formula} + s*heaviside(x - {place}, 0)", x, y)
+        assert cured.found == ()
+        assert cured.plain.random
+    else:
+        assert first.name == wrong
+        # it is not tried where the formula or the campaign has it
+        said = (tmp_path / "c.toml").read_text()
+        said = said.replace("[curve.p", f"errors.{wrong} = 1\n[curve.p")
+        (tmp_path / "c.toml").write_text(said)
+        again = load_campaign(tmp_path / "c.toml").suspects(["r"])
+        assert wrong not in {cause.name for cause in again.causes}
 
 
 def test_errors_that_follow_each_other_are_told_from_white_ones(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ and nobody accused where there are none.
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -174,7 +175,9 @@ def test_a_recording_with_a_step_ends_where_the_same_one_without_it_does(tmp_pat
     (finding,) = bad_frames_found(spoiled.forces[0])
     words = tell(finding)
     assert "line 22 of its file" in words
-    assert "window = {t_max_s = 0.65}" in words
+    assert "t_max_s = 0.616667 in its window" in words  # differences reach one reading farther
+    assert "t_min_s = 0.716667 only what comes after" in words
+    assert 'offset_m = "0 +/- 0.03"' in words
     assert "the data are not altered" in words
     assert too_many_bad_frames(spoiled.forces[0]) == ()
 
@@ -198,7 +201,7 @@ def test_rows_that_are_left_out_as_stated_are_gone_and_counted(tmp_path: Path) -
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("counts", [5, -5])
+@pytest.mark.parametrize("counts", [5, -5, -50])
 def test_counts_that_a_real_wheels_encoder_loses_are_named_and_its_moment_stays(
     tmp_path: Path, counts: int
 ) -> None:
@@ -234,4 +237,23 @@ def test_counts_that_a_real_wheels_encoder_loses_are_named_and_its_moment_stays(
     assert jump.size / step == pytest.approx(counts, abs=3.0 * jump.sd / step)
     i = clean.names.index("rolling_resistance")
     assert abs(found.values[i] - clean.values[i]) < 0.7 * np.sqrt(found.cov[i, i])
-    assert "counts of the encoder" in tell(bad_frames_found(found.forces[0])[0])
+    words = tell(bad_frames_found(found.forces[0])[0])
+    assert "counts of the encoder" in words
+    # what is advised cures it on both sides; a window that ends with the last reading before it
+    # has speeds that are made of one after it
+    last, first = (float(t) for t in re.findall(r"t_m(?:ax|in)_s = ([\d.]+)", words))
+    (offset,) = re.findall(r"state (offset_rad = .*?) too", words)
+    assert (last, first) == pytest.approx((jump.t - 0.3, jump.t + 0.2))
+    ends = {f"t_max_s = {last}": "", f"t_min_s = {first}": offset, f"t_max_s = {last + 0.2}": ""}
+    wheel, bad = (tmp_path / "wheel.toml").read_text(), []
+    for end, further in ends.items():
+        window = f"window = {{theta_min_rad = 0.5, theta_max_rad = 15.0, {end}}}\n{further}"
+        (tmp_path / "part.toml").write_text(
+            wheel.replace('file = "spoiled.csv"', f'file = "spoiled.csv"\n{window}')
+        )
+        problem = load_campaign(tmp_path / "part.toml").problem(["class-balanced_2"])
+        part = fit_problem(problem, rng=np.random.default_rng(1))
+        bad.append(len(part.forces[0].bad.jumps))
+        k = part.names.index("rolling_resistance")
+        assert abs(part.values[k] - clean.values[i]) < 2.5 * np.sqrt(part.cov[k, k]), end
+    assert bad == [0, 0, 1]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.special import ellipj, ellipk
 
 from estim import fit_curve, ode
 from estim.common import InputError
@@ -52,6 +53,32 @@ def test_a_fit_by_the_equation_is_that_by_its_solution() -> None:
         fit_curve(ode(lambda t, y, k: [-k], ["y0"]), T, y, u_y=0.02, start=start).status
         == "poor-fit"
     )
+
+
+@pytest.mark.parametrize("degrees", [60.0, 90.0, 120.0])
+def test_a_pendulum_of_large_amplitude_has_the_period_of_the_elliptic_integral(
+    degrees: float,
+) -> None:
+    """Jacobi's functions and K of SciPy; the period of a cosine is no period of small swings."""
+
+    def swing(t, state, t0, k):
+        return [state[1], -((2.0 * np.pi / t0) ** 2) * np.sin(state[0]) - 2.0 * k * state[1]]
+
+    small, t = 2.1, np.linspace(0.0, 6.0, 40)
+    most = np.sin(np.radians(0.5 * degrees))
+    quarter = ellipk(most**2)
+    sn, *_ = ellipj(2.0 * np.pi * t / small + quarter, most**2)
+    y = 2.0 * np.arcsin(most * sn) + 0.01 * np.random.default_rng(2).standard_normal(t.size)
+    start = {"angle0": y[0], "t0": 1.03 * small, "k": 0.02}
+    fit = fit_curve(ode(swing, ["angle0", 0.0]), t, y, u_y=0.01, start=start)
+    assert fit.status == "ok"
+    for name, true in {"angle0": np.radians(degrees), "t0": small, "k": 0.0}.items():
+        assert abs(fit.values[name] - true) < 3.0 * fit.sds[name], name
+    cosine = fit_curve("damped_oscillation", t, y, u_y=0.01)
+    assert cosine.status == ("ok" if degrees == 60.0 else "poor-fit")  # 40 readings see no more
+    period = small * 2.0 / np.pi * quarter
+    assert 1.0 / cosine.values["frequency"] == pytest.approx(period, rel=0.01)
+    assert abs(1.0 / cosine.values["frequency"] - small) > 0.05 * small
 
 
 def test_what_is_observed_may_be_computed_and_need_no_complex_numbers() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from estim.campaign import Campaign, load_campaign
+from estim.fitting import fit_problem
 from estim.pipeline import analyse
 from estim.reports.result import Result, result_of
 from estim.sampling.chain import Target
@@ -127,3 +128,16 @@ def test_unbalanced_runs_agree_on_the_resisting_moment() -> None:
         )
     assert np.ptp(moments) < 0.05
     assert np.mean(moments) == pytest.approx(1.13, abs=0.04)
+
+
+def test_a_real_wheel_that_is_caught_within_the_window_is_fit_not_broken(tmp_path: Path) -> None:
+    """The best resistance with exact forces keeps the wheel at rest over all that is fitted."""
+    text = Path(wheel("class-balanced_2").path).read_text().replace('file = "', f'file = "{WHEEL}/')
+    text = text.replace("window = {theta_min_rad = 0.5, theta_max_rad = 15.0}", "")
+    text = text.replace(
+        '/class-balanced_2.csv"', '/class-balanced_2.csv"\nwindow = {t_min_s = 3.5}'
+    )
+    (tmp_path / "caught.toml").write_text(text)
+    problem = load_campaign(tmp_path / "caught.toml").problem(["class-balanced_2"])
+    fit = fit_problem(problem, rng=np.random.default_rng(1))
+    assert np.isfinite(fit.values).all()

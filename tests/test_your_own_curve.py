@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import tomllib
 from pathlib import Path
@@ -48,7 +49,11 @@ def test_the_code_of_the_page_runs(
     for fit in (honest, misled):
         assert f"g = {fit.values['g']:.2f} ± {fit.sds['g']:.2f} m/s²" in page
     assert f"{refused.values['g']:.2f} ± {refused.sds['g']:.2f}" in page
-    for name, true in (("spot", {"u_0": 0.5, "v_0": -0.3}), ("resonance", {"f_0": 10.1, "Q": 12})):
+    for name, true in (
+        ("pendulum", {"angle0": 0.5 * math.pi, "T0": 2.1}),
+        ("spot", {"u_0": 0.5, "v_0": -0.3}),
+        ("resonance", {"f_0": 10.1, "Q": 12}),
+    ):
         fit = names[name]
         assert fit.status == "ok"
         assert all(abs(fit.values[p] - value) < 4.0 * fit.sds[p] for p, value in true.items())

@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
 
+import msgspec
+
 from estim.arrays import max_abs
 from estim.campaign.between_runs import spreads_of, varied
 from estim.campaign.binding import KINDS_OF_QUANTITIES, Bound, bind_quantities, grip_of, total_mass
@@ -37,12 +39,14 @@ from estim.campaign.unmodelled_force import (
     refuse_force,
     track_of,
 )
-from estim.common import InputError, later, phrase, split_level
+from estim.common import InputError, format_rounded, later, phrase, split_level
 from estim.curves import MotionCurve, PhaseCurve, RollingMotion, Setting
 from estim.explanation import Cause, Suspects
 from estim.fitting import FORCE_KEY
 from estim.problem import Observations, Parameter, Prior, Problem, shared_first
 from estim.reading import KeyPath
+
+_DISPLACED = 0.05  # of the length
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +84,9 @@ class RollingCampaign(Campaign):
                     posed=partial(self._posed, names, noise=noise, as_stated=True, usual=True),
                 )
             )
+        key = "offset_rad" if self.tables[names[0]].coordinate == "theta_rad" else "offset_m"
+        if all(self.levels(name).first(key) is None for name in names):
+            causes.append(self._displaced(names, key, max(max_abs(r.position) for r in plain.runs)))
         for slip in unit_slips(self.source):
             try:
                 problem = replace(self, source=slip.source)._posed(names, white=True)
@@ -99,6 +106,21 @@ class RollingCampaign(Campaign):
             )
         return Suspects(
             plain, phrase("the unmodelled force included in the fit allows for it"), tuple(causes)
+        )
+
+    def _displaced(self, names: Sequence[str], key: str, reach: float) -> Cause:
+        """A zero of the positions that is not where the body was released."""
+        prior = f"0 +/- {format_rounded(_DISPLACED * reach, _DISPLACED * reach)}"
+        runs = tuple(msgspec.structs.replace(run, **{key: prior}) for run in self.source.runs)
+        campaign = replace(self, source=replace(self.source, runs=runs))
+        problem = campaign._posed(names, white=True)
+        return Cause(
+            "offset",
+            phrase("positions that are not counted from the release"),
+            problem,
+            tuple(name for name in problem.names if split_level(name)[0] == "offset"),
+            ("[[runs]]", f'{key} = "{prior}"'),
+            posed=partial(campaign._posed, names, usual=True),
         )
 
     def _surroundings(

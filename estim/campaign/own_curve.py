@@ -44,7 +44,7 @@ from estim.campaign.curve_tables import (
 )
 from estim.campaign.noise_models import NoiseModel
 from estim.campaign.own_curve_run import MAX_ROWS, RunOfCurve, rows_of
-from estim.common import InputError, language, phrase, same_numbers
+from estim.common import InputError, PhraseTable, language, phrase, same_numbers
 from estim.curves import (
     AxisNames,
     Component,
@@ -55,11 +55,17 @@ from estim.curves import (
     started,
     units_of,
 )
-from estim.explanation import Suspects
+from estim.explanation import Cause, Suspects
 from estim.problem import Parameter, Problem, shared_first
 from estim.reading import KeyPath, Places, of_any_curve, run_of_table
 
 Keys = TypeVar("Keys", bound=CurveKeys)
+_ZEROS = PhraseTable(
+    {
+        "zero_y": "a constant offset of y (+ c in the formula, + constant after a model)",
+        "zero_x": "a displaced zero of x (x - x0 in the formula)",
+    }
+)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -247,13 +253,23 @@ class CurveCampaign(Campaign):
                     )
 
     def suspects(self, names: Sequence[str]) -> Suspects:
-        """Nothing is known of what a user's own curve may lack but what readings may suffer."""
+        """Nothing is known of what a user's own curve may lack but what readings may suffer: a
+        displaced zero of either axis among it.
+        """
         room = phrase(
             "another curve may explain them; if this one is known to be right, the errors "
             "of successive readings may be "
             "correlated: allow for it (correlated)"
         )
-        return Suspects(self._posed(names), room)
+        plain, errors = self._posed(names), self.table.errors
+        causes = []
+        for kind in _ZEROS if not (plain.counted or plain.runs[0].numbered) else ():
+            reach = max(np.ptp(run.x if kind == "zero_x" else run.y) for run in plain.runs)
+            if reach > 0.0 and kind not in errors:
+                table = msgspec.structs.replace(self.table, errors={**errors, kind: float(reach)})
+                problem = replace(self, table=table)._posed(names)
+                causes.append(Cause(kind, _ZEROS[kind], problem, (kind,), ()))
+        return Suspects(plain, room, tuple(causes))
 
     def refuse_discrepancy(self, command: str) -> None:
         """Raises InputError where the campaign asks for what a curve may lack, which `command` does

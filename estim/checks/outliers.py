@@ -72,6 +72,7 @@ def bad_frame(run: str, unit: str, step: float, jump: Jump) -> Finding:
         "x": jump.x,
         "line": float(jump.line),
         "before": jump.before,
+        "after": jump.after,
         "counts": counts,
         "frames": jump.size / jump.interval,
         "sd_frames": jump.sd / jump.interval,

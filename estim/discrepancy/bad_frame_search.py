@@ -158,7 +158,8 @@ class Jump:
     row : of the readings.  t, x, line : when, where, and on which line of the file; nan, 0 where
         unknown.
     size, sd : of the shift, unit of a reading, or s for "clock".
-    before : t of the reading before it.  interval : s, between readings.
+    before, after : t of the last point that no reading from it on moves, and of the first that none
+        before it does.  interval : s, between readings.
     probability : that something is wrong there.
     share : how much of that belongs to this frame and kind.
     column : (n_obs,) what it does to the points at one standard deviation of its prior.
@@ -170,6 +171,7 @@ class Jump:
     x: float
     line: int
     before: float
+    after: float
     interval: float
     size: float
     sd: float
@@ -270,6 +272,8 @@ def find_bad_frames(
         )
     mean, sds = linear.mean[n_par:], sds_of(linear.covariance)[n_par:]
     jumps = []
+    # readings on either side that a point is made of
+    reach = int(np.max(np.diff(frames.matrix.indptr))) // 2
     for i, (pattern, wide, probability, share) in enumerate(selected):
         row, jump = pattern.row, before.get((pattern.kind, pattern.row))
         sd, size = float(sds[i]) * wide, float(mean[i]) * wide
@@ -283,7 +287,8 @@ def find_bad_frames(
                     float(frames.t[row]),
                     float(frames.x[row]),
                     int(frames.lines[row]),
-                    float(frames.t[max(row - 1, 0)]),
+                    float(frames.t[max(row - 1 - reach, 0)]),
+                    float(frames.t[min(row + reach, frames.t.size - 1)]),
                     frames.interval,
                     size,
                     sd,

@@ -155,7 +155,8 @@ def formed_about(
         stated = normal_covariance(base, points, named)
         inertias, scale = _inertias(course, points.y, points, named, scale)
         return Residuals(stated.shift, inertias=inertias, scale=scale), stated
-    slow = base.likelihood(points_about(points, np.maximum(here, _REST * np.max(here))), named)
+    rest = _REST * (np.max(here) or np.max(np.abs(points.y)))  # a body that stays where it is
+    slow = base.likelihood(points_about(points, np.maximum(here, rest)), named)
     known = here if speed is None else np.maximum(speed, 0.0)
     about = np.maximum(known, LEAST_SPEED * slow.sd(named))
     stated = normal_covariance(base, points_about(points, about), named)

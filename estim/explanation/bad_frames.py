@@ -23,7 +23,7 @@ import numpy as np
 from scipy.sparse import eye_array
 
 from estim.arrays import FloatArray, Named
-from estim.common import Notation, phrase
+from estim.common import Notation, format_rounded, phrase
 from estim.discrepancy import Pattern, Shifts
 from estim.explanation.candidates import Cause
 from estim.fitting import Fit
@@ -84,7 +84,8 @@ def frame_causes(base: Fit) -> tuple[Cause, ...]:
     for i, (run, root, jacobian, z) in enumerate(parts):
         moved = run.noise.of_positions(run.points, named)
         matrix = eye_array(run.n_obs, format="csr") if moved is None else moved
-        in_sequence = run.positions or run.noise.made_of_positions
+        plain = run.motion is None and not run.numbered
+        in_sequence = plain or run.positions or run.noise.made_of_positions
         shifts = Shifts(matrix, np.zeros(matrix.shape[1]), 1.0, in_sequence)
         kinds = ("frame", "step") if in_sequence else ("frame",)
         for kind in kinds:
@@ -157,6 +158,14 @@ def _cause(
                 "a shift of all readings from row {n} onwards (lost counts, a mark that moved)", n=n
             )
         remark = phrase("fit the readings before and after that one separately (window)")
+        if run.motion is None:
+            before, after = run.x[frame - 1 : frame + 1]
+            at = format_rounded(0.5 * (before + after), 2.0 * (after - before))
+            words = phrase(
+                "a shift of all readings beyond x = {at} (lost counts, another range; "
+                "+ s*heaviside(x - {at}, 0) in the formula)",
+                at=at,
+            )
     else:
         words = phrase("one bad reading, number {n} of the fitted points", n=n)
         if rows:

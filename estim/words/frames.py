@@ -36,8 +36,8 @@ def _frame(f: Finding) -> str:
 def _windows(f: Finding) -> str:
     return said(
         f,
-        "window = {{t_max_s = {before:.6g}}} fits the readings before it, {{t_min_s = "
-        "{t:.6g}}} those after it",
+        "with t_max_s = {before:.6g} in its window a fit has only what comes before, with "
+        "t_min_s = {after:.6g} only what comes after",
     )
 
 
@@ -62,10 +62,13 @@ WORDS: Table = {
     Kind.STEP_STAYS: lambda f: said(
         f,
         "run {run}: from the frame at {where} onwards all readings are displaced by {shift}; "
-        "the data are not altered: the displacement is an additional unknown; {windows}",
+        "the data are not altered: the displacement is an additional unknown; {windows} "
+        '(then state offset_{unit} = "0 +/- {wide:.1g}" too)',
         where=_where(f),
         shift=_shift(f),
         windows=_windows(f),
+        unit=f.names[0],
+        wide=2.0 * abs(f.size),
     ),
     Kind.FRAMES_LOST: _lost,
     Kind.FRAMES_CROWD: (
