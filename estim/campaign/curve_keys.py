@@ -91,7 +91,7 @@ class CurveKeys(DialectKeys, frozen=True, kw_only=True):
 
 
 class CurveTable(CurveKeys, frozen=True, kw_only=True):
-    x: AxisTable | str
+    x: AxisTable | str | Annotated[list[AxisTable | str], Meta(min_length=2)]
     expression: str | None = None
     model: str | None = None
     y: AxisTable | str | None = None

@@ -113,7 +113,11 @@ _CURVE = (
         help="A parameter that has its own value in each table.  [default: one value for all]",
     ),
     click.option(
-        "--x", metavar="COLUMN", help='Column of x: "time [s]".  [default: the first of two]'
+        "--x",
+        multiple=True,
+        metavar="COLUMN",
+        help='Column of x: "time [s]"; several times, each abscissa of a formula that names them.  '
+        "[default: the first of two, or those that the formula names]",
     ),
     click.option("--y", metavar="COLUMN", help="Column of y.  [default: the other of two]"),
     click.option(
@@ -296,6 +300,7 @@ def choices_of_table(said: Mapping[str, Any]) -> TableChoices:
         "window": window_of(said["window"]),
         "dialect": dialect_of(said),
     }
+    read["x"], *read["further_x"] = said["x"] or (None,)
     read |= {
         name: pairs(said[name], f"--{name}")
         for name in ("rolling", "start", "low", "high", "value")

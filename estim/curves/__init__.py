@@ -55,6 +55,7 @@ from estim.curves.rolling import (
     size_with_blur,
 )
 from estim.curves.several_abscissas import are_places, at_places, numbered
+from estim.curves.units import refuse_degrees
 from estim.curves.shared_errors import Component, scale_errors_of
 from estim.curves.derived import (
     SoughtQuantity,

@@ -26,6 +26,7 @@ from estim.common import (
 from estim.explanation import Explanation, across_runs
 from estim.fitting import MANY, ProfileInterval
 from estim.pipeline import Analysis
+from estim.problem import Observations
 from estim.reports.budget import Shares, budget_figure, budget_of, shares_of
 from estim.reports.consistency import consistency_text, forest_figure
 from estim.reports.copying import copies_of
@@ -33,6 +34,7 @@ from estim.reports.corner_figures import corner_figure, corner_words, trace_figu
 from estim.reports.counts import counted_runs, counts_figure, counts_text
 from estim.reports.curve_figures import (
     MOST_DRAWN,
+    abscissas_figure,
     drawn_runs,
     phase_figure,
     residual_figure,
@@ -103,6 +105,8 @@ def report_and_result(
     )
 
     drawers: Drawers = {"figures/phase.png": partial(phase_figure, analysis)}
+    if any(run.numbered for run in analysis.problem.runs):
+        drawers["figures/abscissas.png"] = partial(abscissas_figure, analysis)
     if counted_runs(analysis.problem.runs):
         drawers["figures/counts.png"] = partial(counts_figure, analysis.fit, analysis.goodness)
     drawn = images(
@@ -197,7 +201,8 @@ def _text(
         screen=screen,
         screen_table=table(screen.head, screen.rows),
         copies=copies_of(screen.estimates, kind=result.kind) if screen.estimates else None,
-        caption=caption_of(result),
+        caption=caption_of(result, analysis.problem.runs),
+        several=[", ".join(run.places) for run in analysis.problem.runs if run.places],
         budget=shares,
         result=result,
         prior=prior_cell,
@@ -344,7 +349,7 @@ def prior_cell(p: ParameterSummary, shown: Label) -> str:
     return p.prior + (f" {p.unit}" if p.unit != "1" and shown.factor != 1.0 else "")
 
 
-def caption_of(result: Result) -> str:
+def caption_of(result: Result, runs: Sequence[Observations]) -> str:
     """What the marks of the main figure mean."""
     left_out = any(run.excluded for run in result.runs.values())
     points = phrase(
@@ -353,7 +358,9 @@ def caption_of(result: Result) -> str:
         else "Points: data ± one standard deviation."
     )
     forces = list((result.deviation or {}).values())
-    if result.status != "ok":
+    if all(run.numbered for run in runs):
+        curve = later("Blue: where the data equal the fitted value, of the most probable curve.")
+    elif result.status != "ok":
         curve = (
             later(
                 "Blue: the most probable curve, without an unmodelled force and starting "
