@@ -62,6 +62,7 @@ from estim.reports.result import (
     result_of,
 )
 from estim.reports.rolling import friction_cell, rolling_figure
+from estim.reports.sections import sections_called, written
 from estim.sampling import Summary
 from estim.studies.determination import determine
 from estim.words import first_step, name_of_test, one_sided
@@ -72,12 +73,18 @@ _MOST_DIRECTIONS, _MOST_CORRELATED = 60, 40
 
 
 def analysis_report(
-    campaign: Subject, analysis: Analysis, *, figures: FigureChoice = "main", profiles: bool = True
+    campaign: Subject,
+    analysis: Analysis,
+    *,
+    figures: FigureChoice = "main",
+    profiles: bool = True,
+    sections: Sequence[str] = (),
 ) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/*.png` of one analysis.
 
     campaign : what was analysed: a `Campaign`.
     figures : "main" is curve and data alone.  profiles : whether there are profile intervals.
+    sections : names of further ones, by installed packages (docs/extending.md).  Raises InputError.
 
     >>> from estim import Target, analyse, analysis_report, load_campaign
     >>> campaign = load_campaign("data/gallery/hubble.toml", only="with-intercept")
@@ -85,13 +92,21 @@ def analysis_report(
     >>> sorted(analysis_report(campaign, analysis, figures="none", profiles=False))
     ['report.md', 'result.json']
     """
-    return report_and_result(campaign, analysis, figures=figures, profiles=profiles)[0]
+    return report_and_result(
+        campaign, analysis, figures=figures, profiles=profiles, sections=sections
+    )[0]
 
 
 def report_and_result(
-    campaign: Subject, analysis: Analysis, *, figures: FigureChoice = "main", profiles: bool = True
+    campaign: Subject,
+    analysis: Analysis,
+    *,
+    figures: FigureChoice = "main",
+    profiles: bool = True,
+    sections: Sequence[str] = (),
 ) -> tuple[dict[str, bytes], Result]:
     """The files of `analysis_report`, and the record that they show."""
+    added = sections_called(sections)  # their versions are in the record
     determination = determine(analysis, profiles=profiles)
     budget = budget_of(analysis)
     result = result_of(campaign, analysis, determination, budget=budget)
@@ -115,7 +130,8 @@ def report_and_result(
         further=_further_drawers(analysis, determination.intervals, shares, campaign.truth),
         kind=campaign.kind,
     )
-    text = finished(_text(campaign, analysis, result, section, shares, drawn))
+    text = _text(campaign, analysis, result, section, shares, drawn)
+    text = finished(text + "".join(written(plugin, result) for plugin in added))
     return drawn | shortened(text) | {"result.json": as_json(result)}, result
 
 
