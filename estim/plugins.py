@@ -1,6 +1,6 @@
 """What installed packages add by entry points: models by name (`estim.curves.models`), readers of
-files (`estim.reading.source`) and sections of reports (`estim.reports.sections`).
-`docs/extending.md` explains them to their authors.
+files (`estim.reading.source`), laws of the errors (`estim.problem.installed_tails`) and sections of
+reports (`estim.reports.sections`).  `docs/extending.md` explains them to their authors.
 
 A campaign can name what is there and brings no code of its own.  Packages are looked through when
 a name is met that is not estim's own, and each is imported when it is used.

@@ -1,5 +1,5 @@
-"""What installed packages add: models by name, readers of files and sections of reports, and what
-is refused.
+"""What installed packages add: models by name, readers of files, laws of the errors and sections of
+reports, and what is refused.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from shutil import copytree, ignore_patterns
 
 import numpy as np
 import pytest
-from scipy.optimize import curve_fit
+from scipy import stats
+from scipy.optimize import curve_fit, minimize
 
 from estim import (
     InputError,
@@ -28,6 +29,7 @@ from estim import (
     sample_curve,
 )
 from estim.common import inputs_read
+from estim.fitting import fit_problem
 from estim.plugins import plugins
 from estim.reports.curve import _table_of as table_of
 from estim.reports.result import CurveSubject
@@ -126,16 +128,43 @@ def test_an_installed_model_and_reader_fit_as_scipy_does(reported: tuple[Path, s
 
 
 @pytest.mark.slow
+def test_an_installed_law_of_the_errors_is_maximised_and_verified(
+    installed: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "example.sweep").write_bytes((EXAMPLE / "example.sweep").read_bytes())
+    done = estim(*SWEPT, "--robust", "logistic", "--out", "o", path=installed, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    rows = (EXAMPLE / "example.sweep").read_text().partition("[points]\n")[2].splitlines()
+    x, y, u = np.array([[float(cell) for cell in row.split("|")[:3]] for row in rows]).T
+
+    def cost(values: np.ndarray) -> float:
+        z = (y - fano(x, *values)) / u * np.pi / np.sqrt(3.0)
+        return float(2.0 * np.sum(np.log(np.cosh(0.5 * z))))
+
+    record = json.loads((tmp_path / "o" / "result.json").read_text())
+    names = ("height", "center", "width", "q")
+    found, sds = ([record["fit"][key][name] for name in names] for key in ("values", "sds"))
+    scaled = minimize(lambda t: cost(found + t * np.array(sds)), np.full(4, 0.3), tol=1e-10)
+    assert scaled.x == pytest.approx(np.zeros(4), abs=2e-3)
+    report = (tmp_path / "o" / "report.md").read_text(encoding="utf-8")
+    assert "errors of the law 'logistic'" in report
+    assert re.search(r"\| versions \| .*estim-resonance 1\.0", report)
+    again = estim("verify", "o", path=installed, cwd=tmp_path)
+    assert again.returncode == 0, again.stdout
+
+
+@pytest.mark.slow
 def test_models_are_listed_with_their_packages(installed: Path) -> None:
     alone, with_it = estim("models"), estim("models", path=installed)
     assert alone.returncode == with_it.returncode == 0
     assert "line: slope*x + intercept\n" in alone.stdout
     assert "fano" not in alone.stdout
     assert with_it.stdout.startswith(alone.stdout)
-    model, reader, section = with_it.stdout.removeprefix(alone.stdout).splitlines()
+    model, reader, law, section = with_it.stdout.removeprefix(alone.stdout).splitlines()
     assert model.startswith("fano: height*(q + ")
     assert model.endswith("  (estim-resonance 1.0)")
     assert reader == "*.sweep  (estim-resonance 1.0)"
+    assert law == "law of the errors logistic  (estim-resonance 1.0)"
     assert section == "section quality  (estim-resonance 1.0)"
 
 
@@ -446,6 +475,59 @@ def test_a_suffix_of_estims_own_stays_its_own(install: Install, tmp_path: Path) 
     assert listed.stdout.endswith("\n*.log  (estim-log 0.3)\n")
     rule = "must be a suffix in small letters that estim does not read itself"
     assert listed.stderr.count(rule) == 2
+
+
+# laws of the errors
+
+SECH = "from scipy import stats\nIT = stats.hypsecant(scale=0.1)\n"  # u_y is ten times too large
+
+
+def test_a_law_of_the_errors_is_another_likelihood(
+    install: Install, rng: np.random.Generator, tmp_path: Path
+) -> None:
+    install("estim-sech", SECH, robust="sech")
+    x = np.linspace(0.0, 1.0, 400)
+    y = 2.0 * x + stats.hypsecant(scale=0.1).rvs(x.size, random_state=rng)
+    fit = fit_curve("a*x", x, y, u_y=1.0, robust="sech")
+    assert fit.status == "ok"
+    assert abs(fit.values["a"] - 2.0) < 4.0 * fit.sds["a"]
+    # Fisher: a sech law of scale s tells 1/(2 s^2) of its place
+    assert fit.sds["a"] == pytest.approx(np.sqrt(2.0) * 0.1 / np.sqrt(np.sum(x**2)), rel=0.1)
+    wrong = fit_curve("a*x", x, y, u_y=0.1)  # normal errors of that scale
+    assert wrong.status == "poor-fit"
+    (tmp_path / "r.csv").write_text(
+        "x,y\n" + "".join(f"{a},{b}\n" for a, b in zip(x, y, strict=True))
+    )
+    text = CAMPAIGN.replace('model = "bad"', 'expression = "a*x"\nrobust = "sech"\nu_y = 1.0')
+    text += "[curve.parameters]\na = {}\n"
+    (tmp_path / "c.toml").write_text(text)
+    problem = load_campaign(tmp_path / "c.toml").problem(["r"])
+    assert fit_problem(problem, rng=rng).values == pytest.approx([fit.values["a"]], rel=1e-5)
+    (tmp_path / "c.toml").write_text(text.replace('"sech"', '"sec"'))
+    with pytest.raises(InputError, match=r"c\.toml:5: 'robust' must be .*installed package: sec"):
+        load_campaign(tmp_path / "c.toml").problem(["r"])
+
+
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        ("from scipy import stats; IT = stats.laplace()", "must be highest at 0, and round there"),
+        ("from scipy import stats; IT = stats.norm(1.0)", "must be highest at 0, and round there"),
+        ("from scipy import stats; IT = stats.uniform(-1, 2)", "must be highest at 0, and round"),
+        ("IT = 3", "AttributeError: 'int' object has no attribute 'logpdf'"),
+        ("import no_such_package", "ModuleNotFoundError: No module named 'no_such_package'"),
+    ],
+)
+def test_a_law_that_does_not_work_is_one_line(install: Install, code: str, said: str) -> None:
+    install("estim-bad", code, robust="bad")
+    with pytest.raises(InputError) as caught:
+        fit_curve("a*x", X, X, u_y=0.1, robust="bad")
+    start = (
+        "'bad' of the package estim-bad 0.3 (entry point estim.robust: bad = estim_bad:IT) does "
+        "not work ("
+    )
+    assert str(caught.value).startswith(start)
+    assert said in str(caught.value)
 
 
 # sections

@@ -1,4 +1,8 @@
-"""A model, a reader and a section of reports for estim."""
+"""A model, a reader, a law of the errors and a section of reports for estim."""
+
+import math
+
+from scipy import stats
 
 from estim import Model
 
@@ -9,6 +13,9 @@ FANO = Model(
     parameters=("height", "center", "width", "q"),
     limits={"height": (0.0, None), "width": (0.0, None)},
 )
+
+# of standard deviation 1: u_y is that of a reading, whose tails are heavier than normal ones
+LOGISTIC = stats.logistic(scale=math.sqrt(3.0) / math.pi)
 
 
 def read_sweep(data: bytes) -> str:

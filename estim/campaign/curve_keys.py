@@ -81,7 +81,7 @@ class CurveKeys(DialectKeys, frozen=True, kw_only=True):
 
     u_y: float | str | ReadingErrorTable | None = None
     u_x: float | str | ReadingErrorTable | None = None
-    robust: Literal["student-t", "mixture"] | None = None
+    robust: str | None = None
     jitter: bool | str | PriorTable | None = None
     deviation: float | None = None
     correlated: bool | str | None = None

@@ -154,8 +154,9 @@ _CURVE = (
     ),
     click.option(
         "--robust",
-        type=click.Choice(["student-t", "mixture"]),
-        help="Allow for points that are far off: by heavy tails, or by a share of outliers.",
+        metavar="student-t|mixture|NAME",
+        help="Allow for points that are far off: by heavy tails, by a share of outliers, or by a "
+        "law of an installed package (docs/extending.md).",
     ),
     click.option(
         "--noise",
