@@ -18,6 +18,14 @@ if TYPE_CHECKING:
     from estim.campaign import Campaign, TableChoices
     from estim.reading import Dialect
 
+
+class _OrAName(click.Choice):  # type: ignore[type-arg]
+    """Choices, or a name that an installed package knows."""
+
+    def convert(self, value: Any, *_: object) -> str:
+        return str(value)
+
+
 _ENCODINGS = (
     "utf-8",
     "utf-16",
@@ -154,6 +162,7 @@ _CURVE = (
     ),
     click.option(
         "--robust",
+        type=_OrAName(["student-t", "mixture"]),
         metavar="student-t|mixture|NAME",
         help="Allow for points that are far off: by heavy tails, by a share of outliers, or by a "
         "law of an installed package (docs/extending.md).",
