@@ -1,5 +1,6 @@
-"""What installed packages add by entry points: models by name (`estim.curves.models`) and readers
-of files (`estim.reading.source`).  `docs/extending.md` explains both to their authors.
+"""What installed packages add by entry points: models by name (`estim.curves.models`), readers of
+files (`estim.reading.source`), laws of the errors (`estim.problem.installed_tails`) and sections of
+reports (`estim.reports.sections`).  `docs/extending.md` explains them to their authors.
 
 A campaign can name what is there and brings no code of its own.  Packages are looked through when
 a name is met that is not estim's own, and each is imported when it is used.
@@ -89,6 +90,16 @@ def plugin_called(group: str, name: str) -> Plugin | None:
             quoted=listed([plugin.owner for plugin in found]),
         )
     return found[0] if found else None
+
+
+def plugin_asked(group: str, name: str, *, field: str) -> Plugin:
+    """The same, where nothing else has the name.  Raises InputError where there is none."""
+    plugin = plugin_called(group, name)
+    if plugin is None:
+        there = listed([plugin.name for plugin in plugins(group)]) or "there is none"
+        rule = f"must name a {field} of an installed package"
+        raise InputError(rule, field=field, value=name, quoted=there)
+    return plugin
 
 
 def told(group: str, say: Callable[[Plugin], str]) -> Iterator[str | InputError]:

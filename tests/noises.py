@@ -25,6 +25,7 @@ from estim.problem.count_noise import Counts
 from estim.problem.curve_noise import Correlated, Readings
 from estim.problem.differences import covariance_in_bands
 from estim.problem.finite_differences import STENCILS, differentiate
+from estim.problem.installed_tails import InstalledTails
 from estim.problem.likelihood import Noise, Points
 from estim.problem.noise import Differentiated, Independent, Scale
 from estim.problem.roots import root_of
@@ -252,6 +253,7 @@ class Case:
     """A kind of noise, values of its parameters, and what it says of y.
 
     mixed : whether errors are normal with one of several covariances, of which readings know one.
+    told_apart : whether outliers are another kind of reading, with a probability.
     unlike : whether y is no sum of the curve and an error.
     of_curve : whether errors are a share of the curve.  lopsided : whether they are so.
     single : of points one by one where that is another thing than all together (errors of x).
@@ -267,6 +269,7 @@ class Case:
     mixed: bool = False
     points: Points = POINTS
     unlike: bool = False
+    told_apart: bool = True
     of_curve: bool = False
     lopsided: bool = False
 
@@ -297,6 +300,14 @@ def one_by_one(mean, sd, shape, *, reach: float = 8.0) -> PointByPoint:
 
 def student(named):
     return stats.t(4.0).pdf, stats.t(4.0).cdf
+
+
+def logistic(named):
+    """In closed form, of standard deviation 1."""
+    scale = np.sqrt(3.0) / np.pi
+    return lambda z: 0.25 / scale / np.cosh(0.5 * z / scale) ** 2, (
+        lambda z: 0.5 + 0.5 * np.tanh(0.5 * z / scale)
+    )
 
 
 def mixture(named):
@@ -500,6 +511,17 @@ CASES = {
         SIZES | BOTH,
         one_by_one(line, spread, mixture),
         outliers=True,
+    ),
+    "independent, a law of a package": Case(
+        Independent(
+            *SCALES,
+            RELATIVE,
+            tails=InstalledTails("logistic", stats.logistic(scale=np.sqrt(3.0) / np.pi)),
+        ),
+        SIZES,
+        one_by_one(line, spread, logistic),
+        outliers=True,
+        told_apart=False,
     ),
     "positions": Case(
         Independent(Scale(0.05), Scale(), np.ones(N), encoder_step=0.2),

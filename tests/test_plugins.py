@@ -1,4 +1,6 @@
-"""What installed packages add: models by name and readers of files, and what is refused."""
+"""What installed packages add: models by name, readers of files, laws of the errors and sections of
+reports, and what is refused.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +16,23 @@ from shutil import copytree, ignore_patterns
 
 import numpy as np
 import pytest
-from scipy.optimize import curve_fit
+from scipy import stats
+from scipy.optimize import curve_fit, minimize
 
-from estim import InputError, fit_curve, load_campaign, read_table
+from estim import (
+    InputError,
+    Target,
+    analysis_report,
+    fit_curve,
+    load_campaign,
+    read_table,
+    sample_curve,
+)
 from estim.common import inputs_read
+from estim.fitting import fit_problem
 from estim.plugins import plugins
+from estim.reports.curve import _table_of as table_of
+from estim.reports.result import CurveSubject
 from estim.versions import engine_versions
 
 EXAMPLE = Path(__file__).parents[1] / "docs" / "extending"
@@ -55,6 +69,7 @@ def estim(*arguments: str | Path, path: Path | None = None, cwd: Path | None = N
 
 
 SWEPT = ("fit", "example.sweep", "--formula", "fano", "--kind", "synthetic", "--figures", "none")
+SWEPT = (*SWEPT, "--section", "quality")
 
 
 @pytest.fixture(scope="module")
@@ -97,11 +112,45 @@ def test_an_installed_model_and_reader_fit_as_scipy_does(reported: tuple[Path, s
         assert record["fit"]["values"][name] == pytest.approx(value, abs=1e-3 * sd)
         assert record["fit"]["sds"][name] == pytest.approx(sd, rel=1e-3)
     report = (out / "report.md").read_text(encoding="utf-8")
+    quality = values[1] / values[2]
+    (told, u) = re.findall(
+        r"\n## quality\n\nWritten by the package estim-resonance 1\.0\.\n\n"
+        r"The quality factor center/width is ([\d.]+)\s±\s([\d.]+)\.\n",
+        report,
+    )[0]
+    assert float(told) == pytest.approx(quality, abs=0.1)
+    assert float(u) == pytest.approx(quality * np.sqrt(cov[2, 2]) / values[2], abs=0.1)
     assert "read by the package estim-resonance 1.0" in report
     assert re.search(r"\| versions \| .*estim-resonance 1\.0", report)
     assert record["provenance"]["versions"]["estim-resonance"] == "1.0"
     origin = json.loads((out / "origin.json").read_text())
     assert origin["versions"]["estim-resonance"] == "1.0"
+
+
+@pytest.mark.slow
+def test_an_installed_law_of_the_errors_is_maximised_and_verified(
+    installed: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "example.sweep").write_bytes((EXAMPLE / "example.sweep").read_bytes())
+    done = estim(*SWEPT, "--robust", "logistic", "--out", "o", path=installed, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    rows = (EXAMPLE / "example.sweep").read_text().partition("[points]\n")[2].splitlines()
+    x, y, u = np.array([[float(cell) for cell in row.split("|")[:3]] for row in rows]).T
+
+    def cost(values: np.ndarray) -> float:
+        z = (y - fano(x, *values)) / u * np.pi / np.sqrt(3.0)
+        return float(2.0 * np.sum(np.log(np.cosh(0.5 * z))))
+
+    record = json.loads((tmp_path / "o" / "result.json").read_text())
+    names = ("height", "center", "width", "q")
+    found, sds = ([record["fit"][key][name] for name in names] for key in ("values", "sds"))
+    scaled = minimize(lambda t: cost(found + t * np.array(sds)), np.full(4, 0.3), tol=1e-10)
+    assert scaled.x == pytest.approx(np.zeros(4), abs=2e-3)
+    report = (tmp_path / "o" / "report.md").read_text(encoding="utf-8")
+    assert "errors of the law 'logistic'" in report
+    assert re.search(r"\| versions \| .*estim-resonance 1\.0", report)
+    again = estim("verify", "o", path=installed, cwd=tmp_path)
+    assert again.returncode == 0, again.stdout
 
 
 @pytest.mark.slow
@@ -111,10 +160,12 @@ def test_models_are_listed_with_their_packages(installed: Path) -> None:
     assert "line: slope*x + intercept\n" in alone.stdout
     assert "fano" not in alone.stdout
     assert with_it.stdout.startswith(alone.stdout)
-    model, reader = with_it.stdout.removeprefix(alone.stdout).splitlines()
+    model, reader, law, section = with_it.stdout.removeprefix(alone.stdout).splitlines()
     assert model.startswith("fano: height*(q + ")
     assert model.endswith("  (estim-resonance 1.0)")
     assert reader == "*.sweep  (estim-resonance 1.0)"
+    assert law == "law of the errors logistic  (estim-resonance 1.0)"
+    assert section == "section quality  (estim-resonance 1.0)"
 
 
 @pytest.mark.slow
@@ -424,3 +475,110 @@ def test_a_suffix_of_estims_own_stays_its_own(install: Install, tmp_path: Path) 
     assert listed.stdout.endswith("\n*.log  (estim-log 0.3)\n")
     rule = "must be a suffix in small letters that estim does not read itself"
     assert listed.stderr.count(rule) == 2
+
+
+# laws of the errors
+
+SECH = "from scipy import stats\nIT = stats.hypsecant(scale=0.1)\n"  # u_y is ten times too large
+
+
+def test_a_law_of_the_errors_is_another_likelihood(
+    install: Install, rng: np.random.Generator, tmp_path: Path
+) -> None:
+    install("estim-sech", SECH, robust="sech")
+    x = np.linspace(0.0, 1.0, 400)
+    y = 2.0 * x + stats.hypsecant(scale=0.1).rvs(x.size, random_state=rng)
+    fit = fit_curve("a*x", x, y, u_y=1.0, robust="sech")
+    assert fit.status == "ok"
+    assert abs(fit.values["a"] - 2.0) < 4.0 * fit.sds["a"]
+    # Fisher: a sech law of scale s tells 1/(2 s^2) of its place
+    assert fit.sds["a"] == pytest.approx(np.sqrt(2.0) * 0.1 / np.sqrt(np.sum(x**2)), rel=0.1)
+    wrong = fit_curve("a*x", x, y, u_y=0.1)  # normal errors of that scale
+    assert wrong.status == "poor-fit"
+    (tmp_path / "r.csv").write_text(
+        "x,y\n" + "".join(f"{a},{b}\n" for a, b in zip(x, y, strict=True))
+    )
+    text = CAMPAIGN.replace('model = "bad"', 'expression = "a*x"\nrobust = "sech"\nu_y = 1.0')
+    text += "[curve.parameters]\na = {}\n"
+    (tmp_path / "c.toml").write_text(text)
+    problem = load_campaign(tmp_path / "c.toml").problem(["r"])
+    assert fit_problem(problem, rng=rng).values == pytest.approx([fit.values["a"]], rel=1e-5)
+    (tmp_path / "c.toml").write_text(text.replace('"sech"', '"sec"'))
+    with pytest.raises(InputError, match=r"c\.toml:5: 'robust' must be .*installed package: sec"):
+        load_campaign(tmp_path / "c.toml").problem(["r"])
+
+
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        ("from scipy import stats; IT = stats.laplace()", "must be highest at 0, and round there"),
+        ("from scipy import stats; IT = stats.norm(1.0)", "must be highest at 0, and round there"),
+        ("from scipy import stats; IT = stats.uniform(-1, 2)", "must be highest at 0, and round"),
+        ("IT = 3", "AttributeError: 'int' object has no attribute 'logpdf'"),
+        ("import no_such_package", "ModuleNotFoundError: No module named 'no_such_package'"),
+    ],
+)
+def test_a_law_that_does_not_work_is_one_line(install: Install, code: str, said: str) -> None:
+    install("estim-bad", code, robust="bad")
+    with pytest.raises(InputError) as caught:
+        fit_curve("a*x", X, X, u_y=0.1, robust="bad")
+    start = (
+        "'bad' of the package estim-bad 0.3 (entry point estim.robust: bad = estim_bad:IT) does "
+        "not work ("
+    )
+    assert str(caught.value).startswith(start)
+    assert said in str(caught.value)
+
+
+# sections
+
+
+def reported_with(*sections: str) -> str:
+    rng = np.random.default_rng(2)
+    fit = fit_curve("a*x", X, 2.0 * X + 0.1 * rng.standard_normal(X.size), u_y=0.1)
+    analysis = sample_curve(fit, seed=1, target=Target(ess=400.0))
+    subject = CurveSubject(
+        "T", "synthetic", fit.text, "fit_curve", "", {"data": table_of(fit.problem.runs[0])}
+    )
+    files = analysis_report(subject, analysis, figures="none", sections=sections)
+    return files["report.md"].decode()
+
+
+def test_a_section_is_written_of_the_record_and_only_where_it_is_asked_for(
+    install: Install,
+) -> None:
+    code = "def IT(result): return f\"a is {result['parameters']['a']['mean']:.6f}\""
+    install("estim-words", code, sections="words")
+    report = reported_with("words")
+    (told,) = re.findall(r"\n## words\n\nWritten by .* estim-words 0\.3\.\n\na is (.*)\n", report)
+    assert float(told) == pytest.approx(2.0, abs=0.1)
+    assert "estim-words 0.3" in report.partition("| versions |")[2]
+    with inputs_read():
+        assert "words" not in reported_with()
+
+
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        ("def IT(result): return result['nothing']", "KeyError: 'nothing'"),
+        ("def IT(result): return 3", "TypeError: this is int and not str"),
+        ("IT = 3", "AttributeError: 'int' object has no attribute '__call__'"),
+        ("import no_such_package", "ModuleNotFoundError: No module named 'no_such_package'"),
+    ],
+)
+def test_a_section_that_fails_is_one_line(install: Install, code: str, said: str) -> None:
+    install("estim-words", code, sections="words")
+    with pytest.raises(InputError) as caught:
+        reported_with("words")
+    assert str(caught.value) == (
+        "'words' of the package estim-words 0.3 (entry point estim.sections: words = "
+        f"estim_words:IT) does not work ({said})"
+    )
+
+
+def test_a_section_that_no_package_has_is_refused_before_the_fit(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("x,y\n" + "".join(f"{n},{n * n % 7}\n" for n in range(9)))
+    fit = estim("fit", tmp_path / "a.csv", "--formula", "a*x", "--section", "q", "--out", "o")
+    assert (fit.returncode, fit.stdout) == (2, "")
+    rule = "error: 'section' must name a section of an installed package (there is none): q\n"
+    assert fit.stderr == rule

@@ -1,4 +1,8 @@
-"""A model and a reader for estim."""
+"""A model, a reader, a law of the errors and a section of reports for estim."""
+
+import math
+
+from scipy import stats
 
 from estim import Model
 
@@ -9,6 +13,9 @@ FANO = Model(
     parameters=("height", "center", "width", "q"),
     limits={"height": (0.0, None), "width": (0.0, None)},
 )
+
+# of standard deviation 1: u_y is that of a reading, whose tails are heavier than normal ones
+LOGISTIC = stats.logistic(scale=math.sqrt(3.0) / math.pi)
 
 
 def read_sweep(data: bytes) -> str:
@@ -26,3 +33,17 @@ def read_sweep(data: bytes) -> str:
     lines.append("f [Hz]\tU [mV]\tu_U [mV]")
     lines += ["\t".join(cells) for cells in points]
     return "\n".join(lines)
+
+
+def quality(result: dict) -> str:
+    """The section of a report about a resonance: its quality factor.
+
+    `result` is what result.json holds.
+    """
+    parameters = result["parameters"]
+    if result["status"] != "ok" or not {"center", "width"} <= set(parameters):
+        return "Nothing is said of a resonance, for none was fitted."
+    center, width = (parameters[name] for name in ("center", "width"))
+    factor = center["mean"] / width["mean"]
+    u = factor * width["sd"] / width["mean"]  # the center is known far better
+    return f"The quality factor center/width is {factor:.1f} ± {u:.1f}."

@@ -141,6 +141,8 @@ def _holds(holds: Any) -> str:
     if origin is Literal:
         return ", ".join(f'`"{choice}"`' for choice in inner)
     if origin in (list, tuple):
+        if get_origin(inner[0]) in (Union, types.UnionType):
+            return "list of these"
         return (
             f"list of {_plural(inner[0])}"
             if not is_table(inner[0])

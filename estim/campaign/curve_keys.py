@@ -81,7 +81,7 @@ class CurveKeys(DialectKeys, frozen=True, kw_only=True):
 
     u_y: float | str | ReadingErrorTable | None = None
     u_x: float | str | ReadingErrorTable | None = None
-    robust: Literal["student-t", "mixture"] | None = None
+    robust: str | None = None
     jitter: bool | str | PriorTable | None = None
     deviation: float | None = None
     correlated: bool | str | None = None
@@ -91,7 +91,7 @@ class CurveKeys(DialectKeys, frozen=True, kw_only=True):
 
 
 class CurveTable(CurveKeys, frozen=True, kw_only=True):
-    x: AxisTable | str
+    x: AxisTable | str | Annotated[list[AxisTable | str], Meta(min_length=2)]
     expression: str | None = None
     model: str | None = None
     y: AxisTable | str | None = None

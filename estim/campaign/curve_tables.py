@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 from estim.campaign.campaign_file import CampaignFile
 from estim.campaign.curve_keys import (
@@ -44,6 +45,11 @@ def axis_of(written: AxisTable | str) -> AxisTable:
     return AxisTable(written) if isinstance(written, str) else written
 
 
+def x_axes(table: CurveTable) -> tuple[AxisTable, ...]:
+    """What x is, or each of several abscissas."""
+    return tuple(map(axis_of, table.x if isinstance(table.x, list) else [table.x]))
+
+
 def y_axis(table: CurveTable) -> AxisTable:
     """What y is; of single events, which have none, the numbers that figures show."""
     return axis_of(table.y) if table.y is not None else AxisTable("", phrase("events per cell"))
@@ -66,17 +72,13 @@ def check_printable(places: Places, path: KeyPath, words: Mapping[str, str | Non
             )
 
 
-def check_words(
-    source: CampaignFile,
-    table: CurveTable,
-    runs: Sequence[CurveRunTable],
-    axes: Sequence[AxisTable],
-) -> None:
-    for key, axis in zip(("x", "y"), axes, strict=True):
+def check_words(source: CampaignFile, table: CurveTable, runs: Sequence[CurveRunTable]) -> None:
+    x, y = x_axes(table), y_axis(table)
+    for key, axis in (*(("x", axis) for axis in x), ("y", y)):
         words = {"name": axis.name or axis.column, "unit": axis.unit}
         check_printable(source.places, ("curve", key), words)
-    if axes[0].column == axes[1].column:
-        raise source.error("must name another column than x", ("curve", "y"), value=axes[1].column)
+    if y.column in (axis.column for axis in x):
+        raise source.error("must name another column than x", ("curve", "y"), value=y.column)
     for path, level in _levels(table, runs):
         for key, error in (("u_y", level.u_y), ("u_x", level.u_x)):
             if (
@@ -102,22 +104,24 @@ def check_words(
 
 
 def with_variable(
-    source: CampaignFile,
-    formula: Formula,
-    axis: AxisTable,
-    table: CurveTable,
-    runs: Sequence[CurveRunTable],
-) -> Formula:
+    source: CampaignFile, formula: Formula, table: CurveTable, runs: Sequence[CurveRunTable]
+) -> tuple[Formula, dict[str, AxisTable]]:
     """The formula with its abscissa: x, or a name that the column of x bears (t, where that is
-    `t_s` or `time`) and no parameter has.
+    `t_s` or `time`) and no parameter has; and nothing, or how it calls each of several abscissas
+    -> what it is.
 
     Raises InputError for a formula without x that has a parameter called like the abscissa, or
     several.
     """
     given = {*table.parameters, *(name for run in runs for name in run.parameters)}
+    axis, *further = axes = x_axes(table)
+    if further:
+        with source.places.at(("curve", "x")):
+            formula, symbols = of_several(formula, [(one.column, one.name) for one in axes], given)
+        return formula, dict(zip(symbols, axes, strict=True))
     variable = variable_of(formula, axis.column, axis.name, given)
     if variable is not None:
-        return formula if variable == "x" else formula.in_terms_of(variable)
+        return formula if variable == "x" else formula.in_terms_of(variable), {}
     alike = {"t", "time", *(word.lower() for word in _called(axis.column, axis.name))}
     taken = [name for name in formula.names if name.lower() in alike]
     if taken:
@@ -127,7 +131,26 @@ def with_variable(
             ("curve", "expression"),
             value=formula.text,
         )
-    return formula
+    return formula, {}
+
+
+def of_several(
+    formula: Formula, axes: Sequence[tuple[str, str | None]], given: Collection[str]
+) -> tuple[Formula, list[str]]:
+    """A formula whose names are its parameters alone, and how it calls each of several abscissas,
+    where no parameter `given` is called so.  axes : the column and the name of each.
+
+    Raises InputError where it calls one not, or by two names.
+    """
+    symbols = list[str]()
+    for column, name in axes:
+        free = {*formula.names, *("x" * formula.uses_x)} - {*given, *symbols}
+        called = _called(column, name) & free
+        if len(called) != 1:
+            rule = "must be called by one name in the formula"
+            raise InputError(rule, field="x", value=column, quoted=formula.text)
+        symbols += called
+    return replace(formula, names=tuple(n for n in formula.names if n not in symbols)), symbols
 
 
 def variable_of(

@@ -29,9 +29,8 @@ import numpy as np
 
 from estim.campaign.campaign import Campaign
 from estim.campaign.campaign_file import CampaignFile, NoiseTable
-from estim.campaign.curve_keys import CurveKeys, CurveTable, ParameterTable
+from estim.campaign.curve_keys import AxisTable, CurveKeys, CurveTable, ParameterTable
 from estim.campaign.curve_tables import (
-    axis_of,
     check_counts,
     check_parameters,
     check_words,
@@ -40,11 +39,12 @@ from estim.campaign.curve_tables import (
     read_curve,
     source_of,
     with_variable,
+    x_axes,
     y_axis,
 )
 from estim.campaign.noise_models import NoiseModel
-from estim.campaign.own_curve_run import MAX_ROWS, RunOfCurve, rows_of
-from estim.common import InputError, PhraseTable, language, phrase, same_numbers
+from estim.campaign.own_curve_run import MAX_ROWS, NUMBER, RunOfCurve, rows_of
+from estim.common import InputError, PhraseTable, language, later, phrase, same_numbers
 from estim.curves import (
     AxisNames,
     Component,
@@ -52,12 +52,15 @@ from estim.curves import (
     Formula,
     ModelSum,
     Points,
+    linear_in,
+    read_formula,
+    refuse_degrees,
     started,
     units_of,
 )
 from estim.explanation import Cause, Suspects
 from estim.problem import Parameter, Problem, shared_first
-from estim.reading import KeyPath, Places, of_any_curve, run_of_table
+from estim.reading import KeyPath, Places, bare_name, of_any_curve, run_of_table
 
 Keys = TypeVar("Keys", bound=CurveKeys)
 _ZEROS = PhraseTable(
@@ -73,7 +76,9 @@ class CurveCampaign(Campaign):
     """A campaign whose curve is the user's own: its `[curve]` table and runs, read and checked.
 
     runs : run -> what is said of it.
-    run_axes : run -> its axes, whose units are those of its header where the campaign says none.
+    places : how the formula calls each of several abscissas -> what it is; empty where there is
+        one.
+    run_units : run -> the units of its axes, those of its header where the campaign says none.
     """
 
     curve: Formula
@@ -81,7 +86,8 @@ class CurveCampaign(Campaign):
     table: CurveTable
     runs: Mapping[str, RunOfCurve]
     asked: ModelSum
-    run_axes: Mapping[str, AxisNames]
+    places: Mapping[str, AxisTable]
+    run_units: Mapping[str, Mapping[str, str]]
     _problems: dict[tuple[str, ...], Problem] = field(default_factory=dict, init=False, repr=False)
 
     @property
@@ -90,7 +96,7 @@ class CurveCampaign(Campaign):
 
     @property
     def x_column(self) -> str:
-        return axis_of(self.table.x).column
+        return x_axes(self.table)[0].column
 
     @property
     def y_column(self) -> str:
@@ -98,10 +104,20 @@ class CurveCampaign(Campaign):
 
     def columns(self, names: Sequence[str]) -> str:
         sentences = (
-            self.runs[name].columns_sentence(self.run_axes[name], self.tables[name])
+            self.runs[name].columns_sentence(self.run_units[name], self.tables[name])
             for name in names
         )
-        return "; ".join(dict.fromkeys(sentences))
+        alike = self._called_like_columns
+        words = later("taken for a parameter, not for the column of that name: {names}")
+        return "; ".join(
+            [*dict.fromkeys(sentences), *([phrase(words, names=alike)] if alike else [])]
+        )
+
+    @property
+    def _called_like_columns(self) -> str:
+        """Parameters that are called like a column that is not read, "" for none."""
+        unread = {bare_name(column) for run in self.tables.values() for column in run.unread}
+        return ", ".join(name for name in self.curve.names if name in unread)
 
     def _posed(
         self, names: Sequence[str], *, noise: NoiseTable | None = None, usual: bool = False
@@ -120,6 +136,9 @@ class CurveCampaign(Campaign):
 
     def _pose(self, names: Sequence[str]) -> Problem:
         components = self._components()
+        with self.source.places.at(("curve", "expression")):
+            for curve, axes in self._along_each():
+                refuse_degrees(curve, axes)
         shared = {
             entry.parameter_name: entry.parameter(x_unit=self.axes.x_unit, y_unit=self.axes.y_unit)
             for entry in components
@@ -130,7 +149,7 @@ class CurveCampaign(Campaign):
         of_noise: dict[str, Parameter] = {}
         observed, every = [], self._bound(runs)
         curves = {(frozenset(p.name for p in b.values()), *sorted(e.items())) for b, e in every}
-        pooled = self._pooled(runs) if len(curves) == 1 else []
+        pooled = self._pooled(runs) if len(curves) == 1 and not self.places else []
         for run, (bound, exact) in zip(runs, every, strict=True):
             name = run.table.name
             # what runs share begins where the first of them found a start
@@ -140,11 +159,15 @@ class CurveCampaign(Campaign):
                 for argument, p in unknown.items()
                 if p.name not in parameters and is_unstarted(run.entry(argument))
             }
+            if self.places:
+                self._require_starts(run, chosen)
+                chosen = set()
             stated = {argument: run.word(argument, "unit") for argument in self.curve.names}
             rows = rows_of(run, self.tables[name])
+            units = self.run_units[name]
             posed = rows.posed(
                 self.curve,
-                self.run_axes[name],
+                replace(self.axes, x_unit=units.get("x", "1"), y_unit=units["y"]),
                 {argument: p.prior for argument, p in unknown.items()},
                 exact,
                 units={argument: unit for argument, unit in stated.items() if unit is not None},
@@ -235,21 +258,25 @@ class CurveCampaign(Campaign):
                 self.source.path, self.source.places.lines.get(("curve", "parameters"))
             ) from None
 
+    def _require_starts(self, run: RunOfCurve, names: Collection[str]) -> None:
+        """Raises InputError where a curve of several abscissas is not linear in those of its
+        parameters, `names`, that nobody gave a start.
+        """
+        for name in sorted({*names}.difference(linear_in(read_formula(self.curve.text), [*names]))):
+            rule = "must have a start (--start): with several abscissas none is looked for"
+            raise self.source.error(rule, run.place(name), field=name)
+
     def _refuse_other_units(self, names: Sequence[str]) -> None:
         """Raises InputError where the headers of runs that share a parameter have other units."""
-        for key in ("x", "y"):
-            units = {
-                name: unit
-                for name in names
-                if (unit := getattr(self.run_axes[name], f"{key}_unit")) != "1"
-            }
+        for key in next(iter(self.run_units.values())):
+            units = {name: unit for name in names if (unit := self.run_units[name][key]) != "1"}
             for name, unit in units.items():
                 first, wanted = next(iter(units.items()))
                 if same_numbers(unit, wanted) is False:
                     raise self.source.error(
                         f"is in {wanted} by the header of run '{first}', in {unit} by that of "
                         f"'{name}': runs that share a parameter need one unit",
-                        ("curve", key),
+                        ("curve", key[:1]),
                     )
 
     def suspects(self, names: Sequence[str]) -> Suspects:
@@ -283,8 +310,25 @@ class CurveCampaign(Campaign):
 
     def _unit_of(self, argument: str, name: str) -> str:
         """As stated nearest to the run, or as it follows from the axes."""
-        follows = units_of(self.curve, self.axes, [argument], density=is_density(self.table))
+        follows = {
+            name: unit
+            for curve, axes in self._along_each()
+            for name, unit in units_of(
+                curve, axes, [argument], density=is_density(self.table)
+            ).items()
+        }
         return self.runs[name].word(argument, "unit") or follows.get(argument, "1")
+
+    def _along_each(self) -> list[tuple[Formula, AxisNames]]:
+        """The curve and its axes; of several abscissas along each, the others taken for parameters,
+        or along x alone where that is one.
+        """
+        whole = read_formula(self.curve.text)
+        axes = {name: replace(self.axes, x_unit=axis.unit) for name, axis in self.places.items()}
+        if "x" in axes:
+            return [(whole, axes["x"])]
+        each = [(whole.in_terms_of(name), along) for name, along in axes.items()]
+        return each or [(self.curve, self.axes)]
 
     def noise_models(self, name: str) -> tuple[NoiseModel, ...]:
         """Raises InputError: the tables of a curve state one noise."""
@@ -324,7 +368,9 @@ class CurveCampaign(Campaign):
         if error.field in ("u_y", "expression"):
             return self.source.error(error.rule, ("curve", error.field))
         if error.field in problem.names:
-            return self.source.error(error.rule, self._place(error.field))
+            rule, alike = error.rule, self._called_like_columns
+            rule += f" (--x takes the column {alike} for an abscissa)" if alike else ""
+            return self.source.error(rule, self._place(error.field))
         named = problem.named(problem.start())
         for run in problem.runs if self.table.noise is None else ():
             with np.errstate(all="ignore"):
@@ -403,14 +449,16 @@ def read_curve_campaign(
     )
     formula, named = read_curve(source, table)
     check_counts(source, table)
-    x, y = axis_of(table.x), y_axis(table)
-    check_words(source, table, runs, (x, y))
-    formula = with_variable(source, formula, x, table, runs)
+    check_words(source, table, runs)
+    formula, places = with_variable(source, formula, table, runs)
     check_parameters(source, formula, table, runs)
+    if places:
+        table = msgspec.structs.replace(table, x=NUMBER)
+    x, y = x_axes(table)[0], y_axis(table)
     axes = AxisNames(x.name or x.column, x.unit, y.name or y.column, y.unit)
-    every = {run.name: RunOfCurve(source, table, run, i) for i, run in enumerate(runs)}
+    every = {run.name: RunOfCurve(source, table, run, i, places) for i, run in enumerate(runs)}
     read = {name: run.read() for name, run in every.items() if name in only}
-    run_axes = {name: every[name].axes_of(axes, data) for name, data in read.items()}
+    run_units = {name: every[name].units_of(data) for name, data in read.items()}
     tables = {
         name: replace(run_of_table(data, name), warnings=of_any_curve(data.warnings))
         for name, data in read.items()
@@ -423,7 +471,8 @@ def read_curve_campaign(
         table=table,
         runs=MappingProxyType(every),
         asked=ModelSum("", formula) if named is None else named,
-        run_axes=MappingProxyType(run_axes),
+        places=MappingProxyType(places),
+        run_units=MappingProxyType(run_units),
     )
 
 

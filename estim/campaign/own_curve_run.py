@@ -19,6 +19,7 @@ import numpy as np
 from estim.arrays import BoolArray, FloatArray, IntArray, max_abs
 from estim.campaign.campaign_file import CampaignFile
 from estim.campaign.curve_keys import (
+    AxisTable,
     BinomialTable,
     ComponentTable,
     CurveRunTable,
@@ -29,10 +30,10 @@ from estim.campaign.curve_keys import (
     RangeTable,
     ReadingErrorTable,
 )
-from estim.campaign.curve_tables import axis_of, y_axis
+from estim.campaign.curve_tables import x_axes, y_axis
 from estim.campaign.dialect_table import DialectKeys, choices_of, dialect_of
 from estim.campaign.prior_table import PriorKeys, read_source
-from estim.common import Finding, InputError, Kind, phrase, same_numbers
+from estim.common import Finding, InputError, Kind, bracketed, phrase, same_numbers
 from estim.curves import (
     MAX_DENSE,
     SIGMA,
@@ -46,6 +47,7 @@ from estim.curves import (
     EventTimes,
     Formula,
     Poisson,
+    numbered,
     pose_curve,
     roughness,
 )
@@ -65,22 +67,34 @@ from estim.reading import (
 
 _MIN_ROWS = 3
 MAX_ROWS = 100_000  # of a fit with a chain, where they cost in proportion
+NUMBER = "_number"  # the column of x where a curve has several abscissas
 _LACKS = ("deviation", "correlated")
 
 
 @dataclass(frozen=True, eq=False)
 class RunOfCurve:
-    """What a campaign says of the curve in its run number `index`."""
+    """What a campaign says of the curve in its run number `index`.
+
+    places : how the formula calls each of several abscissas -> what it is; x is then the number of
+        the point.
+    """
 
     source: CampaignFile
     curve: CurveTable
     table: CurveRunTable
     index: int
+    places: Mapping[str, AxisTable]
+
+    @property
+    def axes(self) -> dict[str, AxisTable]:
+        """Argument of `pose_curve`, "x" or "x[u]" of several abscissas, and "y" -> what it is."""
+        places = {f"x[{symbol}]": axis for symbol, axis in self.places.items()}
+        return {**(places or {"x": x_axes(self.curve)[0]}), "y": y_axis(self.curve)}
 
     @property
     def x(self) -> str:
         """The column of x."""
-        return axis_of(self.curve.x).column
+        return x_axes(self.curve)[0].column
 
     @property
     def y(self) -> str:
@@ -132,7 +146,8 @@ class RunOfCurve:
         """Argument of `pose_curve` -> the column that gives it."""
         noise = self.curve.noise
         stated = {key: self.stated(key)[0] for key in ("u_y", "u_x", "correlated")}
-        columns: dict[str, object] = {"x": self.x, "y": self.y, "correlated": stated["correlated"]}
+        columns: dict[str, object] = {key: axis.column for key, axis in self.axes.items()}
+        columns["correlated"] = stated["correlated"]
         columns |= {
             key: written.column or written.minus
             for key, written in stated.items()
@@ -183,44 +198,43 @@ class RunOfCurve:
         for key, of, axis in (
             ("u_y", self.y, y_axis(self.curve)),
             ("u_y[plus]", self.y, y_axis(self.curve)),
-            ("u_x", self.x, axis_of(self.curve.x)),
+            ("u_x", self.x, x_axes(self.curve)[0]),
         ):
             if key in self.columns:
                 if axis.unit == "1" or table.units.get(of):
                     table.require_unit(self.columns[key], of)
                 else:
                     _require_unit_of_axis(table, self.columns[key], of, axis.unit)
+        if self.places:
+            numbers = np.arange(1.0, table.lines.size + 1.0)
+            table = table.with_columns({**table.columns, NUMBER: numbers})
         return table
 
-    def axes_of(self, axes: AxisNames, table: Table) -> AxisNames:
-        """The axes with the units of the header where the campaign says none.  Raises InputError
-        where it says another.
+    def units_of(self, table: Table) -> dict[str, str]:
+        """Key of `axes` -> its unit, that of the header where the campaign says none.  Raises
+        InputError where it says another.
         """
-        units = []
-        for key, axis in (("x", axis_of(self.curve.x)), ("y", y_axis(self.curve))):
+        units = {}
+        for key, axis in self.axes.items():
             stated = table.units.get(axis.column, "")
             if axis.unit != "1" and stated and same_numbers(axis.unit, stated) is False:
                 where = f"the header of {table.file}" if table.header_line else table.file
                 raise self.source.error(
                     f"must be in {stated}, as {where} says; nothing is converted",
-                    ("curve", key),
+                    ("curve", key[:1]),
                     value=axis.unit,
                 )
-            units.append(stated if stated and axis.unit == "1" else axis.unit)
-        return replace(axes, x_unit=units[0], y_unit=units[1])
+            units[key] = stated if stated and axis.unit == "1" else axis.unit
+        return units
 
-    def columns_sentence(self, axes: AxisNames, table: Run) -> str:
+    def columns_sentence(self, units: Mapping[str, str], table: Run) -> str:
         """Which columns are x, y and their uncertainties, with units, and which columns of numbers
         are not read.
         """
-        columns = [("x", self.x, axes.x_unit), ("y", self.y, axes.y_unit)]
+        columns = [(key[2:-1] or key, axis.column, units[key]) for key, axis in self.axes.items()]
         columns += [
-            (key, self.columns[key], unit)
-            for key, unit in (
-                ("u_y", axes.y_unit),
-                ("u_y[plus]", axes.y_unit),
-                ("u_x", axes.x_unit),
-            )
+            (key, self.columns[key], units[of])
+            for key, of in (("u_y", "y"), ("u_y[plus]", "y"), ("u_x", "x"))
             if key in self.columns
         ]
         return columns_sentence(columns, table.unread)
@@ -283,10 +297,12 @@ class RowsOfRun:
             if correlated
             else False
         )
+        x: Any = {symbol: self.column(f"x[{symbol}]") for symbol in run.places}
         try:
+            whole, x = numbered(curve.text, x) if x else (curve, self.column("x"))
             posed = pose_curve(
-                curve,
-                self.column("x"),
+                whole,
+                x,
                 None if run.events else self.column("y"),
                 start={name: prior.centre for name, prior in priors.items()},
                 u_y=None if isinstance(size, Prior) else size,
@@ -371,7 +387,7 @@ class RowsOfRun:
         lacks, along = posed.lacks, self.run.columns.get("correlated")
         if lacks is not None and lacks.along is not None:
             of_column = (
-                axis_of(self.run.curve.x).unit
+                x_axes(self.run.curve)[0].unit
                 if along == self.run.x
                 else phrase("of column '{column}'", column=along)
             )
@@ -391,6 +407,11 @@ class RowsOfRun:
             if whole and not self.run.events
             else np.zeros((0, 2)),
             lacks=lacks,
+            places={
+                (axis.name or axis.column) + bracketed(axis.unit): self.column(f"x[{symbol}]")
+                for symbol, axis in self.run.places.items()
+            }
+            or None,
         )
         return run, (*unknown, *posed.further)
 
@@ -452,6 +473,8 @@ def _placed(error: InputError, rows: RowsOfRun) -> InputError:
 def rows_of(run: RunOfCurve, data: Run) -> RowsOfRun:
     """The rows that are fit.  Raises InputError."""
     window, path = run.stated("window")
+    if window is not None and run.places:
+        raise run.error("does not go with several abscissas", "window")
     window = RangeTable() if window is None else window
     low = -math.inf if window.min is None else window.min
     high = math.inf if window.max is None else window.max

@@ -98,8 +98,10 @@ def with_tables(campaign: Campaign, tables: Mapping[str, Run]) -> Campaign:
 
 
 def axis_columns(campaign: Campaign) -> tuple[str, str]:
-    """The columns of x and y of a user's own curve."""
+    """The columns of x and y of a user's own curve.  Raises InputError where it has several x."""
     assert isinstance(campaign, CurveCampaign), "asked of a campaign with a formula"
+    if campaign.places:
+        raise campaign.source.error("must name one column for estim plan", ("curve", "x"))
     return campaign.x_column, campaign.y_column
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from estim.campaign.campaign import Campaign
 from estim.campaign.campaign_file import Kind, NoiseTable, WindowTable, campaign_file_of
-from estim.campaign.curve_tables import variable_of
+from estim.campaign.curve_tables import of_several, variable_of
 from estim.campaign.dialect_table import TRACK_KEYS
 from estim.campaign.loading import bound
 from estim.campaign.toml_text import toml_text
@@ -69,6 +69,7 @@ class TableChoices:
     low, high : parameter -> limit.  value : parameter -> an exact or a measured value, "9.81(2)".
     u_x, u_y : a number, a number with its uncertainty, or a column.
     own : parameters of which each table has one of its own; the others are one for all.
+    further_x : columns of further abscissas, beside `x`.
     window : lowest and highest x.
     noise, trials : what was counted, in place of u_y: "poisson", "binomial" (of `trials`, a number
         or a column), or "event-times", without y.
@@ -84,6 +85,7 @@ class TableChoices:
     value: Mapping[str, str] = field(default_factory=dict)
     own: Sequence[str] = ()
     x: str | None = None
+    further_x: Sequence[str] = ()
     y: str | None = None
     u_x: str | None = None
     u_y: str | None = None
@@ -104,7 +106,7 @@ class TableChoices:
     @property
     def asked(self) -> list[str]:
         """The columns that are named."""
-        return [name for name in (self.x, self.y) if name is not None]
+        return [name for name in (self.x, *self.further_x, self.y) if name is not None]
 
 
 @dataclass(frozen=True)
@@ -151,16 +153,18 @@ def text_of_table(
     model = called_by_name(choices.formula, stated, variables)
     formula = read_formula(choices.formula, field="--formula") if model is None else model.formula
     x, y, u_x, u_y = _axes(file, formula, choices, stated, named=model is not None)
-    variable = variable_of(formula, x.column, x.name, stated)
-    if variable not in (None, "x"):
+    if several := len(x) > 1:
+        formula, _ = of_several(formula, [(axis.column, axis.name) for axis in x], stated)
+    elif (variable := variable_of(formula, x[0].column, x[0].name, stated)) not in (None, "x"):
         formula = formula.in_terms_of(variable)
-    starts = _starts(formula, choices) if model is None else dict(choices.start)
+    begun = model is not None or several
+    starts = dict(choices.start) if begun else _starts(formula, choices)
     _check_parameters(formula, choices)
     window = choices.window and dict(zip(("min", "max"), choices.window, strict=True))
     curve = {
         "expression": formula.text if model is None else None,
         "model": None if model is None else model.text,
-        "x": x.table,
+        "x": tuple(axis.table for axis in x) if several else x[0].table,
         "y": y and y.table,
         "u_y": _error("u_y", u_y),
         "u_x": _error("u_x", u_x),
@@ -313,9 +317,10 @@ def run_names(files: Sequence[Path]) -> list[str]:
 
 def _axes(
     file: Path, formula: Formula, choices: TableChoices, stated: Sequence[str], *, named: bool
-) -> tuple[Axis, Axis | None, str | None, str | None]:
-    """x, y, u_x and u_y: as stated; else the two columns that there are, or the one that the
-    formula names and the column y; their columns u_NAME.  Events have no y.
+) -> tuple[list[Axis], Axis | None, str | None, str | None]:
+    """x, or several of them, y, u_x and u_y: as stated; else the two columns that there are, or
+    those that the formula names and the column y, or the only one left; their columns u_NAME.
+    Events have no y.
     """
     if is_tracker_file(file):
         if choices.y is None:
@@ -328,10 +333,10 @@ def _axes(
         x, y = (
             Axis(column, "", units.get(column, "m")) for column in (choices.x or "t", choices.y)
         )
-        return x, y, choices.u_x, choices.u_y
+        return [x], y, choices.u_x, choices.u_y
     layout = read_layout(file, choices.dialect, needed=choices.asked)
     values = value_columns(layout, (choices.u_x, choices.u_y, choices.trials))
-    x_name, y_name = choices.x, choices.y
+    x_name, y_name, further = choices.x, choices.y, [*choices.further_x]
     called = [
         name
         for name in values
@@ -341,17 +346,18 @@ def _axes(
     called = [name for name in called if bare_name(name).lower() in _ABSCISSAS] or called
     if x_name is None and y_name is None and len(values) == 2:
         x_name, y_name = _of_two(values, called, formula, layout, named=named)
-    if x_name is None:
-        x_name = called[0] if len(called) == 1 else None
+    if x_name is None and called:
+        x_name, *further = called
     if choices.noise == "event-times" and y_name is None and (x_name or len(values) == 1):
-        return _axis(x_name or values[0], layout), None, choices.u_x, choices.u_y
-    others = [name for name in values if not {name, bare_name(name)} & {x_name, y_name}]
+        return [_axis(x_name or values[0], layout)], None, choices.u_x, choices.u_y
+    taken = {x_name, y_name, *further}
+    others = [name for name in values if not {name, bare_name(name)} & taken]
     if y_name is None:
         y_name = (
             "y"
             if "y" in map(bare_name, others)
             else others[-1]
-            if len(values) == 2 and others
+            if len(others) == 1 and (further or len(values) == 2)
             else None
         )
     elif x_name is None and len(values) == 2 and others:
@@ -367,13 +373,14 @@ def _axes(
             quoted=f"there are {listed(usable)}",
             file=file,
         )
-    x, y = _axis(x_name, layout), _axis(y_name, layout)
+    every, y = [_axis(name, layout) for name in (x_name, *further)], _axis(y_name, layout)
     u_x, u_y = choices.u_x, choices.u_y
     if choices.noise is None:
         u_y = u_y or uncertainty_of(y.column, layout.names)
-    if u_x is None and u_y is not None and not (choices.deviation or choices.correlated):
-        u_x = uncertainty_of(x.column, layout.names)
-    return x, y, u_x, u_y
+    exact = further or choices.deviation or choices.correlated
+    if u_x is None and u_y is not None and not exact:
+        u_x = uncertainty_of(every[0].column, layout.names)
+    return every, y, u_x, u_y
 
 
 def _of_two(

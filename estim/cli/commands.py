@@ -140,6 +140,13 @@ def cli() -> None:
     is_flag=True,
     help="Tabulate possible missing effects, each refitted.  [default: where one is missing]",
 )
+@click.option(
+    "--section",
+    "sections",
+    multiple=True,
+    metavar="NAME",
+    help="Add to the report what an installed package writes (docs/extending.md).",
+)
 @RESUME
 def fit(
     paths: tuple[Path, ...],
@@ -151,6 +158,7 @@ def fit(
     marginal: bool | None,
     compare: bool,
     explain: bool,
+    sections: tuple[str, ...],
     resume: bool,
     figures: FigureChoice,
     said: Mapping[str, Any],
@@ -177,10 +185,14 @@ def fit(
     if said["own"] and not joint:
         rule = "needs --joint: by itself each table has its own values of all parameters"
         raise InputError(rule, field="--own", value=said["own"][0])
-    if compare and (explain or marginal is not None):
+    if compare and (explain or sections or marginal is not None):
         raise InputError(
-            "cannot be combined with --explain, --marginal or --full", field="--compare"
+            "cannot be combined with --explain, --section, --marginal or --full", field="--compare"
         )
+    if sections:  # before the fit, which takes longer
+        from estim.reports.sections import sections_called
+
+        sections_called(sections)
     reserve_output(folder, "comparison.json" if compare else "result.json", groups=groups)
     with finished_pieces(folder, resume=resume) as store:
         if compare:
@@ -196,6 +208,7 @@ def fit(
                 max_steps=max_steps,
                 marginal=marginal,
                 explain=explain,
+                sections=sections,
                 store=store,
                 figures=figures,
                 file=paths[0].name,
@@ -212,6 +225,7 @@ def _fit_groups(
     max_steps: int,
     marginal: bool | None,
     explain: bool,
+    sections: Sequence[str],
     store: PieceStore,
     figures: FigureChoice,
     file: str,
@@ -245,7 +259,9 @@ def _fit_groups(
         command = "estim fit --joint" if len(group) > 1 else "estim fit"
         with progress_bar(together(group)) as progress:
             progress(100, phrase("report and figures"))
-            files, results[group[0]] = report_and_result(campaign, analysis, figures=figures)
+            files, results[group[0]] = report_and_result(
+                campaign, analysis, figures=figures, sections=sections
+            )
             draws = {"draws.nc": to_netcdf(analysis)} if can_write_netcdf() else {}
             write_report(
                 place,

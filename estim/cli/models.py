@@ -41,13 +41,15 @@ if TYPE_CHECKING:
 def list_models() -> None:
     """List the curves that are known by name, and what installed packages add to estim.
 
-    These are models, whose formulas stand beside their names, and readers of files
-    (docs/extending.md).
+    These are models, whose formulas stand beside their names, readers of files, laws of the errors
+    and sections of reports (docs/extending.md).
     """
     from estim.curves import known_models
+    from estim.problem import known_laws
     from estim.reading import known_readers
+    from estim.reports.sections import known_sections
 
-    for line in (*known_models(), *known_readers()):
+    for line in (*known_models(), *known_readers(), *known_laws(), *known_sections()):
         trouble = isinstance(line, InputError)
         say(f"warning: {line}" if trouble else str(line), err=trouble)
 

@@ -79,7 +79,8 @@ def _asked(said: Mapping[str, Any]) -> tuple[Path, TableChoices]:
         ("y", "Column of y"),
         ("formula", "Curve, in x and its parameters, as a*exp(-x/tau) + c"),
     ):
-        answers[key] = answers[key] or click.prompt(question)
+        answer = answers[key] or click.prompt(question)
+        answers[key] = (answer,) if key == "x" and isinstance(answer, str) else answer
     if answers["u_y"] is None:
         answers["u_y"] = (
             click.prompt(

@@ -18,6 +18,14 @@ if TYPE_CHECKING:
     from estim.campaign import Campaign, TableChoices
     from estim.reading import Dialect
 
+
+class _OrAName(click.Choice):  # type: ignore[type-arg]
+    """Choices, or a name that an installed package knows."""
+
+    def convert(self, value: Any, *_: object) -> str:
+        return str(value)
+
+
 _ENCODINGS = (
     "utf-8",
     "utf-16",
@@ -113,7 +121,11 @@ _CURVE = (
         help="A parameter that has its own value in each table.  [default: one value for all]",
     ),
     click.option(
-        "--x", metavar="COLUMN", help='Column of x: "time [s]".  [default: the first of two]'
+        "--x",
+        multiple=True,
+        metavar="COLUMN",
+        help='Column of x: "time [s]"; several times, each abscissa of a formula that names them.  '
+        "[default: the first of two, or those that the formula names]",
     ),
     click.option("--y", metavar="COLUMN", help="Column of y.  [default: the other of two]"),
     click.option(
@@ -150,8 +162,10 @@ _CURVE = (
     ),
     click.option(
         "--robust",
-        type=click.Choice(["student-t", "mixture"]),
-        help="Allow for points that are far off: by heavy tails, or by a share of outliers.",
+        type=_OrAName(["student-t", "mixture"]),
+        metavar="student-t|mixture|NAME",
+        help="Allow for points that are far off: by heavy tails, by a share of outliers, or by a "
+        "law of an installed package (docs/extending.md).",
     ),
     click.option(
         "--noise",
@@ -296,6 +310,7 @@ def choices_of_table(said: Mapping[str, Any]) -> TableChoices:
         "window": window_of(said["window"]),
         "dialect": dialect_of(said),
     }
+    read["x"], *read["further_x"] = said["x"] or (None,)
     read |= {
         name: pairs(said[name], f"--{name}")
         for name in ("rolling", "start", "low", "high", "value")

@@ -256,7 +256,7 @@ class CurveFit:
         self, figure: Figure | None = None, *, ax: Axes | None = None, data: str | None = None
     ) -> Figure:
         """Points with their errors, the curve with its 68 % and 95 % bands, and the residuals in
-        the unit of y.
+        the unit of y; of a curve of several abscissas, against the fitted value, without bands.
 
         figure : to draw in, as from `matplotlib.pyplot.figure`; a new one if None, which a notebook
             shows and `savefig` writes.
@@ -274,6 +274,9 @@ class CurveFit:
         along = run.drawn(self.values)
         gain = np.zeros(run.n_obs) if run.noise.counted is not None else run.noise.reading_gain()
         gain = share * np.abs(along) if (share := run.noise.share) else gain
+        if run.numbered:
+            run, no = run.against_fit(along), np.full(run.n_obs, np.nan)
+            outer = inner = Prediction(along, along, no, no, no)
         one_curve = ";" not in self.called  # of data sets with curves of their own
         return curve_figure(
             run,

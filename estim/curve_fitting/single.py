@@ -164,8 +164,9 @@ def fit_curve(
     jitter : whether y has further independent errors beside u_y, whose common standard deviation is
         the parameter "jitter": True where nothing is known of it (a flat prior from 0 to the range
         of y), or its prior.  Nothing then tests the size of the errors.
-    robust : "student-t" or "mixture" where some points may be far off (`estim.problem.tails`); a
-        mixture adds the share of outliers and their width to the parameters.
+    robust : "student-t" or "mixture" where some points may be far off (`estim.problem.tails`), or a
+        law of the errors that an installed package has by that name (docs/extending.md); a mixture
+        adds the share of outliers and their width to the parameters.
     tied : name -> formula of the parameters that the curve's parameter of that name follows, like
         {"right_sigma": "left_sigma", "b": "2*a"}; it has neither start nor prior, and is told among
         what follows from the fit.

@@ -56,6 +56,7 @@ from estim.curves.rolling import (
 )
 from estim.curves.several_abscissas import are_places, at_places, numbered
 from estim.curves.systematic_errors import Component, scale_errors_of
+from estim.curves.units import refuse_degrees
 from estim.curves.derived import (
     SoughtQuantity,
     check_derived_names,

@@ -722,8 +722,6 @@ def _errors_inferred(
 
     A jitter of which nothing is known is anywhere between 0 and the range of y.
     """
-    if robust not in (None, "student-t", "mixture"):
-        raise InputError('must be "student-t" or "mixture"', field="robust", value=robust)
     tails, unknown = shape_of(robust, level)
     if jitter is False or jitter is None:
         return Scale(), tails, unknown

@@ -183,13 +183,19 @@ class Observations:
         begin at 0.
         """
         low, middle, high = (float(np.quantile(self.x, p)) for p in (0.0, 0.5, 1.0))
-        linear = self.words.from_release or self.noise.counted is not None
+        linear = self.words.from_release or self.noise.counted is not None or self.numbered
         return not linear and 0.0 < 100.0 * low <= high and middle < 0.25 * high
 
     def drawn(self, named: Named, x: FloatArray | None = None) -> FloatArray:
         """(n,) the curve for single values at the places x, or at its points."""
         at = self.x if x is None else x
         return np.broadcast_to(self.curve.value(at, self.bind(named)), (1, at.size))[0]
+
+    def against_fit(self, fitted: FloatArray) -> Self:
+        """The points with the `fitted` values (n_obs,) in place of x, for figures of a curve of
+        several abscissas.
+        """
+        return replace(self, x=fitted, x_name=phrase("fitted value"), x_unit=self.y_unit)
 
     def along(self, low: float, high: float, n: int) -> FloatArray:
         """(n,) places from low to high at which figures draw the curve; where there are only

@@ -10,6 +10,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Notation, phrase
+from estim.problem.installed_tails import tails_called
 from estim.problem.observations import Parameter
 from estim.problem.priors import DefaultNormal, DefaultUniform
 from estim.problem.tails import GAUSSIAN, Mixture, StudentT, Tails
@@ -35,7 +36,11 @@ def errors_widened(off: FloatArray) -> FloatArray:
 
 
 def shape_of(robust: str | None, suffix: str) -> tuple[Tails, tuple[Parameter, ...]]:
-    """The shape of the errors that the word `robust` asks for, and its unknowns."""
+    """The shape of the errors that the word `robust` asks for, or that an installed package has by
+    that name, and its unknowns.  Raises InputError.
+    """
+    if robust is None:
+        return GAUSSIAN, ()
     if robust == "student-t":
         return StudentT(), ()
     if robust == "mixture":
@@ -59,4 +64,4 @@ def shape_of(robust: str | None, suffix: str) -> tuple[Tails, tuple[Parameter, .
                 Notation(phrase("ln outlier width")),
             ),
         )
-    return GAUSSIAN, ()
+    return tails_called(robust), ()

@@ -26,6 +26,7 @@ from estim.common import (
 from estim.explanation import Explanation, across_runs
 from estim.fitting import MANY_RUNS, ProfileInterval
 from estim.pipeline import Analysis
+from estim.problem import Observations
 from estim.reports.budget import Shares, budget_figure, budget_of, shares_of
 from estim.reports.consistency import consistency_text, forest_figure
 from estim.reports.copying import copies_of
@@ -33,6 +34,7 @@ from estim.reports.corner_figures import corner_figure, corner_words, trace_figu
 from estim.reports.counts import counted_runs, counts_figure, counts_text
 from estim.reports.curve_figures import (
     MOST_DRAWN,
+    abscissas_figure,
     drawn_runs,
     phase_figure,
     residual_figure,
@@ -60,6 +62,7 @@ from estim.reports.result import (
     result_of,
 )
 from estim.reports.rolling import friction_cell, rolling_figure
+from estim.reports.sections import sections_called, written
 from estim.sampling import Summary
 from estim.studies.determination import determine
 from estim.words import first_step, name_of_test, one_sided
@@ -70,12 +73,18 @@ _MOST_DIRECTIONS, _MOST_CORRELATED = 60, 40
 
 
 def analysis_report(
-    campaign: Subject, analysis: Analysis, *, figures: FigureChoice = "main", profiles: bool = True
+    campaign: Subject,
+    analysis: Analysis,
+    *,
+    figures: FigureChoice = "main",
+    profiles: bool = True,
+    sections: Sequence[str] = (),
 ) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/*.png` of one analysis.
 
     campaign : what was analysed: a `Campaign`.
     figures : "main" is curve and data alone.  profiles : whether there are profile intervals.
+    sections : names of further ones, by installed packages (docs/extending.md).  Raises InputError.
 
     >>> from estim import Target, analyse, analysis_report, load_campaign
     >>> campaign = load_campaign("data/gallery/hubble.toml", only="with-intercept")
@@ -83,13 +92,21 @@ def analysis_report(
     >>> sorted(analysis_report(campaign, analysis, figures="none", profiles=False))
     ['report.md', 'result.json']
     """
-    return report_and_result(campaign, analysis, figures=figures, profiles=profiles)[0]
+    return report_and_result(
+        campaign, analysis, figures=figures, profiles=profiles, sections=sections
+    )[0]
 
 
 def report_and_result(
-    campaign: Subject, analysis: Analysis, *, figures: FigureChoice = "main", profiles: bool = True
+    campaign: Subject,
+    analysis: Analysis,
+    *,
+    figures: FigureChoice = "main",
+    profiles: bool = True,
+    sections: Sequence[str] = (),
 ) -> tuple[dict[str, bytes], Result]:
     """The files of `analysis_report`, and the record that they show."""
+    added = sections_called(sections)  # their versions are in the record
     determination = determine(analysis, profiles=profiles)
     budget = budget_of(analysis)
     result = result_of(campaign, analysis, determination, budget=budget)
@@ -103,6 +120,8 @@ def report_and_result(
     )
 
     drawers: Drawers = {"figures/phase.png": partial(phase_figure, analysis)}
+    if any(run.numbered for run in analysis.problem.runs):
+        drawers["figures/abscissas.png"] = partial(abscissas_figure, analysis)
     if counted_runs(analysis.problem.runs):
         drawers["figures/counts.png"] = partial(counts_figure, analysis.fit, analysis.goodness)
     drawn = images(
@@ -111,7 +130,8 @@ def report_and_result(
         further=_further_drawers(analysis, determination.intervals, shares, campaign.truth),
         kind=campaign.kind,
     )
-    text = finished(_text(campaign, analysis, result, section, shares, drawn))
+    text = _text(campaign, analysis, result, section, shares, drawn)
+    text = finished(text + "".join(written(plugin, result) for plugin in added))
     return drawn | shortened(text) | {"result.json": as_json(result)}, result
 
 
@@ -197,7 +217,8 @@ def _text(
         screen=screen,
         screen_table=table(screen.head, screen.rows),
         copies=copies_of(screen.estimates, kind=result.kind) if screen.estimates else None,
-        caption=caption_of(result),
+        caption=caption_of(result, analysis.problem.runs),
+        several=[", ".join(run.places) for run in analysis.problem.runs if run.places],
         budget=shares,
         result=result,
         prior=prior_cell,
@@ -344,7 +365,7 @@ def prior_cell(p: ParameterSummary, shown: Label) -> str:
     return p.prior + (f" {p.unit}" if p.unit != "1" and shown.factor != 1.0 else "")
 
 
-def caption_of(result: Result) -> str:
+def caption_of(result: Result, runs: Sequence[Observations]) -> str:
     """What the marks of the main figure mean."""
     left_out = any(run.excluded for run in result.runs.values())
     points = phrase(
@@ -353,7 +374,9 @@ def caption_of(result: Result) -> str:
         else "Points: data ± one standard deviation."
     )
     forces = list((result.deviation or {}).values())
-    if result.status != "ok":
+    if all(run.numbered for run in runs):
+        curve = later("Blue: where the data equal the fitted value, of the most probable curve.")
+    elif result.status != "ok":
         curve = (
             later(
                 "Blue: the most probable curve, without an unmodelled force and starting "

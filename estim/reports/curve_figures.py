@@ -5,7 +5,7 @@ residuals, and those of all runs over each other.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import cycle
 from typing import Any
 
@@ -55,8 +55,12 @@ def phase_figure(analysis: Analysis) -> Figure:
     figure, pairs = panel_pairs(len(drawn), height=4.9 if len(drawn) == 1 else 3.5)
     trusted = analysis.diagnosis.ok
     for (ax, low), i in zip(pairs, drawn, strict=True):
-        run, bands, residuals = analysis.problem.runs[i], analysis.bands[i], all_residuals[i]
-        if trusted:
+        bands, residuals = analysis.bands[i], all_residuals[i]
+        run = residuals.run
+        x, curve = bands.x, run.x if run.numbered else _curve(analysis, run, bands, bands.x)
+        if run.numbered:
+            x, label = run.x, phrase("data equal to the fitted value")
+        elif trusted:
             _draw_bands(ax, bands, _new_reading(analysis, run, bands))
             label = phrase("posterior median")
         else:
@@ -65,12 +69,11 @@ def phase_figure(analysis: Analysis) -> Figure:
                 if bands.completed
                 else "most probable curve"
             )
-        curve = _curve(analysis, run, bands, bands.x)
-        ax.plot(bands.x, curve, color=BLUE, lw=1.2, label=label)
+        ax.plot(x, curve, color=BLUE, lw=1.2, label=label)
         _draw_points(ax, run, residuals)
         _draw_outliers(ax, run, analysis.outliers, residuals.far)
         _draw_bad_frames(ax, run, analysis.fit.forces)
-        draw_residuals(low, residuals, bands if trusted else None)
+        draw_residuals(low, residuals, bands if trusted and not run.numbered else None)
         stops = bands.end[np.isfinite(bands.end)]
         if trusted and stops.size > 0.5 * bands.end.size and np.median(stops) < 1.25 * run.x.max():
             left, middle, right = np.quantile(stops, [0.025, 0.5, 0.975])
@@ -101,6 +104,18 @@ def phase_figure(analysis: Analysis) -> Figure:
     legend_below(figure)
     tidy_labels(pairs)
     figure.align_ylabels()
+    return figure
+
+
+def abscissas_figure(analysis: Analysis) -> Figure:
+    """Data less curve against each abscissa, of the runs whose curve has several."""
+    every = residuals_of(analysis)
+    drawn = [every[i] for i in drawn_runs(analysis.goodness)]
+    panels = [(one, *place) for one in drawn for place in (one.run.places or {}).items()]
+    figure, axes = grid(len(panels), height=2.3, columns=2)
+    for ax, (one, name, x) in zip(axes, panels, strict=True):
+        draw_residuals(ax, replace(one, run=replace(one.run, x=x, x_name=name, x_unit="1")), None)
+        ax.set_title(one.run.name)
     return figure
 
 
@@ -151,7 +166,7 @@ def _curve(analysis: Analysis, run: Observations, bands: Bands, x: FloatArray) -
     """(n_x,) the curve of a run that is drawn: the median of the draws where the status is ok, else
     the most probable one.
     """
-    if analysis.diagnosis.ok:
+    if analysis.diagnosis.ok and not run.numbered:
         return np.interp(x, bands.x, bands.median)
     return curve_draws(analysis.problem, run, x, analysis.fit.values[None, :])[0][0]
 
@@ -288,7 +303,7 @@ def drawn_runs(goodness: Sequence[Goodness]) -> list[int]:
 
 def residuals_of(analysis: Analysis) -> list[Residuals]:
     """Of every run, from the median of the draws where the status is ok, else from the most
-    probable curve.
+    probable curve, as of several abscissas, whose points have the fitted values as x.
     """
     named, residuals = analysis.problem.named(analysis.fit.values[None, :]), []
     for run, bands in zip(analysis.problem.runs, analysis.bands, strict=True):
@@ -301,6 +316,7 @@ def residuals_of(analysis: Analysis) -> list[Residuals]:
                 np.hypot(reading_sd(run.noise, named, curve), run.noise.size.scatter.at(named)),
                 (1, run.n_obs),
             )[0]
+        run = run.against_fit(curve) if run.numbered else run
         residuals.append(Residuals(run, run.y - curve, sd, far_off(run, analysis.outliers)))
     return residuals
 

@@ -420,7 +420,7 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
     table, derived = campaign.tables[run.name], derived_summaries(analysis, run)
     return RunSummary(
         file=one_line(table.file),
-        x=run.x_label,
+        x=", ".join(run.places) if run.places else run.x_label,
         y=run.y_label,
         n_obs=run.n_obs,
         noise=run.noise.describe(x_unit=run.x_unit, y_unit=run.y_unit, words=run.words),

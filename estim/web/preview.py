@@ -190,7 +190,7 @@ def _start(file: Path, fields: Mapping[str, str]) -> tuple[dict[str, float], byt
         gradient = [np.broadcast_to(local.gradient[name], local.value.shape)[0] for name in linear]
         step = np.linalg.lstsq(np.transpose(gradient), run.y - local.value[0], rcond=None)[0]
         values |= {name: values[name] + float(by) for name, by in zip(linear, step, strict=True)}
-    grid = np.linspace(run.x[0], run.x[-1], 400)
+    grid = run.along(run.x[0], run.x[-1], 400)
     curve = run.curve.value(grid, run.bind(values))[0]
     axes = (run.x_name, run.x_unit, run.x), (run.y_name, run.y_unit, run.y)
     x, y = (_Column(name, "" if unit == "1" else unit, points) for name, unit, points in axes)
