@@ -31,7 +31,7 @@ def fit_noise(posterior: Posterior, values: FloatArray) -> FloatArray:
         off = posterior.prior_residuals(full)[free]
         minus = 0.5 * float(off @ off) - float(posterior.log_likelihood(full[None, :])[0])
         return minus, (
-            off * posterior.prior_slopes(full)[free]
+            problem.prior_gradient(full[None, :])[0, free]
             - posterior.log_density_noise_gradient(full)[free]
         ) * scale
 

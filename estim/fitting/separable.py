@@ -70,9 +70,8 @@ class SeparableSearch:
 
         def residuals(points: FloatArray, _which: Indices) -> FloatArray:
             with np.errstate(all="ignore"):
-                pulls = [parameters[i].prior.residual(points[:, i])[:, None] for i in pulling]
-                of_data = self.posterior.residuals_at(points)
-                return np.hstack([of_data, *pulls]) if pulls else of_data
+                pulls = self.posterior.problem.prior_residuals(points)[:, pulling]
+                return np.hstack([self.posterior.residuals_at(points), pulls])
 
         return LeastSquares(
             residuals,
@@ -119,7 +118,7 @@ class SeparableSearch:
     def scoring(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Jacobian and residuals (data, then priors) for a step of least squares."""
         pairs = self.posterior.scoring(values)
-        slopes = np.diag(self.posterior.prior_slopes(values))
+        slopes = self.posterior.problem.prior_jacobian(values)
         jacobian = np.vstack([*(pair[0] for pair in pairs), slopes])
         return jacobian, np.concatenate(
             [*(pair[1] for pair in pairs), self.posterior.prior_residuals(values)]
