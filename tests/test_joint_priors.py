@@ -4,12 +4,14 @@ the fit, and a fit by kafe2.
 
 from __future__ import annotations
 
+import pickle
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy import stats
+from scipy.optimize import lsq_linear
 from uncertainties import correlated_values, ufloat
 
 from estim import DataSet, InputError, fit_curve, fit_curves
@@ -65,6 +67,20 @@ def test_a_joint_prior_is_that_of_the_normal_equations(priors: Any) -> None:
     assert abs(alone.sds["a"] / fit.sds["a"] - 1.0) > 0.05
 
 
+def test_ufloats_of_a_fit_carry_its_correlations_into_the_next() -> None:
+    """Two halves of the points, one after the other, say what all of them do; an independent ufloat
+    stays one.
+    """
+    half = fit_curve("a*x + b", X[::2], Y[::2], u_y=0.3)
+    both = fit_curve("a*x + b", X[1::2], Y[1::2], u_y=0.3, priors=half.ufloats())
+    whole = _line({})
+    assert both.values == pytest.approx(whole.values, rel=1e-9)
+    assert both.cov == pytest.approx(whole.cov, rel=1e-9)
+    three = {**half.ufloats(), "c": ufloat(0.0, 0.1)}
+    fit = fit_curve("a*x + b + c*x**2", X[1::2], Y[1::2], u_y=0.3, priors=three)
+    assert [p.prior.describe() for p in fit.problem.parameters][2] == "normal"
+
+
 @pytest.mark.parametrize("r", [0.7, -0.999, 0.9999999])
 def test_profiles_of_a_line_are_exact_however_strong_the_correlation(r: float) -> None:
     cov = np.array([[1.0, r], [r, 1.0]]) * np.outer([0.5, 3.0], [0.5, 3.0])
@@ -97,6 +113,42 @@ def test_the_size_of_the_errors_may_be_unknown() -> None:
     assert [*fit.values.values()] == pytest.approx(expected, rel=1e-7)
     assert fit.cov == pytest.approx(cov, rel=1e-6)
     assert fit.sigma == pytest.approx(np.sqrt(np.sum((Y - rows @ expected * fit.sigma) ** 2) / 12))
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        {"noise": "poisson"},
+        {"u_y": 2.0, "jitter": True},
+        {"u_y": 2.0, "robust": "mixture"},
+        {"u_y": 2.0, "deviation": 3.0},
+        {"u_y": 2.0, "u_x": 0.1},
+        {"u_y": "20%"},
+    ],
+    ids=lambda said: "-".join(said),
+)
+def test_every_kind_of_errors_takes_it_as_independent_parameters_do(said: dict[str, Any]) -> None:
+    """With p = means + L z and the z independent of variance 1."""
+    root = np.linalg.cholesky(COV)
+    a = f"({MEANS[0]} + {root[0, 0]}*z1)"
+    b = f"({MEANS[1]} + {root[1, 0]}*z1 + {root[1, 1]}*z2)"
+    counts = np.random.default_rng(5).poisson(3.0 * (1.2 * X + 3.4)).astype(float)
+    alone = fit_curve(f"3*({a}*x + {b})", X, counts, priors={"z1": "0(1)", "z2": "0(1)"}, **said)
+    fit = fit_curve("3*(a*x + b)", X, counts, priors={("a", "b"): (MEANS, COV)}, **said)
+    ours, theirs = (
+        [one.names.index(name) for name in names]
+        for one, names in ((fit, "ab"), (alone, ("z1", "z2")))
+    )
+    expected = MEANS + root @ [alone.values["z1"], alone.values["z2"]]
+    assert [fit.values[name] for name in "ab"] == pytest.approx(expected, rel=1e-7)
+    cov = root @ alone.fit.cov[np.ix_(theirs, theirs)] @ root.T
+    assert fit.fit.cov[np.ix_(ours, ours)] == pytest.approx(cov, rel=1e-5)
+    if "robust" not in said:  # there profiles of single parameters widen it
+        cov = root @ alone.cov[np.ix_(theirs, theirs)] @ root.T
+        assert fit.cov[np.ix_(ours, ours)] == pytest.approx(cov, rel=1e-5)
+    assert (fit.chi2, fit.dof) == (pytest.approx(alone.chi2, rel=1e-7), alone.dof)
+    of_fit, of_alone = check_stated_values(fit.fit), check_stated_values(alone.fit)
+    assert (of_fit.chi2, of_fit.dof) == (pytest.approx(of_alone.chi2, rel=1e-5), of_alone.dof)
 
 
 def test_mode_profiles_and_draws_of_a_curve_are_those_of_a_grid() -> None:
@@ -155,6 +207,8 @@ def test_density_gradient_and_information_are_those_of_the_law() -> None:
     assert problem.prior_gradient(draws) == pytest.approx(expected, rel=1e-9)
     residuals = problem.prior_residuals(draws)
     assert np.sum(residuals**2, axis=1) == pytest.approx(np.sum(expected * (draws - law.mean), 1))
+    again = pickle.loads(pickle.dumps(problem))  # as it goes to another process
+    assert np.array_equal(again.log_prior(draws), problem.log_prior(draws))
     # where one is held, what remains is the marginal law
     held = problem.with_priors({"c": problem.parameters[1].prior})
     assert held.log_prior(draws) == pytest.approx(
@@ -182,6 +236,35 @@ def test_a_conflict_with_the_data_is_that_of_leaving_out(shift: float) -> None:
         assert conflict.pulls["ab"[i]] ** 2 == pytest.approx(conflict.chi2 - one, rel=1e-6)
     kinds = [finding.kind for finding in fit.findings]
     assert (Kind.STATED_DISAGREE in kinds) == bool(shift)
+
+
+def test_a_conflict_beside_an_edge_is_that_of_leaving_out_within_it() -> None:
+    """Without the one stated value the free parameter would go beyond its limit."""
+    bent = Y - 0.05 * X**2
+    means = MEANS + np.array([-0.3, 0.3])
+    fit = fit_curve(
+        "a*x + b + c*x**2",
+        X,
+        bent,
+        u_y=0.3,
+        bounds={"c": (-0.02, None)},
+        priors={("a", "b"): (means, COV)},
+    )
+    rows = np.column_stack([ROWS, X**2 / 0.3])
+    low = np.array([-np.inf, -np.inf, -0.02])
+
+    def least(prior: Array, aim: Array) -> float:
+        both, z = np.vstack([rows, prior]), np.append(bent / 0.3, aim)
+        return 2.0 * float(lsq_linear(both, z, (low, np.full(3, np.inf)), tol=1e-14).cost)
+
+    root = np.linalg.inv(np.linalg.cholesky(COV))
+    whole = least(np.column_stack([root, np.zeros(2)]), root @ means)
+    pulls = check_stated_values(fit.fit).pulls
+    assert fit.chi2 == pytest.approx(whole, rel=1e-9)
+    for i in range(2):
+        sd = np.sqrt(COV[1 - i, 1 - i])
+        without = least(np.eye(1, 3, 1 - i) / sd, means[1 - i : 2 - i] / sd)
+        assert pulls["ab"[i]] ** 2 == pytest.approx(whole - without, rel=1e-5)
 
 
 def test_values_are_those_of_kafe2() -> None:

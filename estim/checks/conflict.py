@@ -16,7 +16,8 @@ standard deviations of that distance,
 
     z_i / sqrt(1 - u_i^2/s_i^2),      u_i the standard uncertainty after and s_i before,
 
-whose square is chi^2 at the joint minimum minus that without the one stated value.
+whose square is chi^2 at the joint minimum minus that without the one stated value.  Values of a
+joint prior are left out one by one too: the others keep what they say without it.
 
 A free parameter that meets the hard edge of its range gives way no further, so what it would have
 taken up stays in chi^2.  Therefore each of these minima is sought within the edges: a bounded

@@ -664,10 +664,11 @@ def with_joint_priors(priors: Any) -> Any:
     joint = {name: prior for name, prior in priors.items() if name not in single}
     ufloats = {name: one for name, one in single.items() if hasattr(one, "error_components")}
     if len(ufloats) > 1:
-        from uncertainties import correlation_matrix, covariance_matrix
+        from uncertainties import covariance_matrix
 
-        related = np.triu(np.abs(correlation_matrix([*ufloats.values()])), 1) > 1e-9  # rounding
-        together = tuple(compress(ufloats, np.any(related | related.T, axis=0)))
+        across = np.array(covariance_matrix([*ufloats.values()]))
+        np.fill_diagonal(across, 0.0)
+        together = tuple(compress(ufloats, np.any(across, axis=0)))
         stated = [single.pop(name) for name in together]
         if stated:
             joint[together] = [one.nominal_value for one in stated], covariance_matrix(stated)

@@ -273,7 +273,8 @@ class JointNormal(Normal):
     """Normal, that of one of several parameters with a joint normal distribution.
 
     correlation : (n, n) matrix of these, one object that all of them have; place : of this one in
-        it.  `Problem` says how they go together, of those that are left where some are held.
+        it.  `Problem` says how they go together, of those that are left where some are held.  What
+        is made of one of them (`widened`) stands by itself.
     """
 
     correlation: FloatArray = field_of(compare=False)
