@@ -70,8 +70,11 @@ class SeparableSearch:
 
         def residuals(points: FloatArray, _which: Indices) -> FloatArray:
             with np.errstate(all="ignore"):
+                of_data = self.posterior.residuals_at(points)
+                if not pulling:
+                    return of_data
                 pulls = self.posterior.problem.prior_residuals(points)[:, pulling]
-                return np.hstack([self.posterior.residuals_at(points), pulls])
+                return np.hstack([of_data, pulls])
 
         return LeastSquares(
             residuals,

@@ -232,11 +232,11 @@ class Problem:
     def _alone(self, draws: FloatArray) -> FloatArray:
         """(n_draw, n_par) residuals of each prior by itself."""
         columns = zip(self.parameters, draws.T, strict=True)
-        return np.column_stack([p.prior.residual(column) for p, column in columns])
+        return np.array([p.prior.residual(column) for p, column in columns]).T
 
     def _slopes(self, draws: FloatArray) -> FloatArray:
         columns = zip(self.parameters, draws.T, strict=True)
-        return np.column_stack([p.prior.residual_slope(column) for p, column in columns])
+        return np.array([p.prior.residual_slope(column) for p, column in columns]).T
 
     def decorrelated(self, residuals: FloatArray) -> FloatArray:
         """(..., n_par) independent ones from those of each prior by itself."""
