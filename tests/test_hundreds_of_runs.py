@@ -36,7 +36,7 @@ def test_all_pulls_from_one_solution_are_those_of_leaving_each_out_and_name_a_wr
         [p.prior.residual(v) for p, v in zip(fit.problem.parameters, fit.values, strict=True)]
     )
     pulls, together = (
-        _pulls_at_once(model, np.diag(slopes), off),
+        _pulls_at_once(model, np.diag(slopes), off, np.eye(off.size)),
         model.least(np.diag(slopes), off)[1],
     )
     for k in (0, 1, 15, n - 1):

@@ -256,11 +256,15 @@ def test_spreads_of_each_run_are_the_blocks_of_the_inverse(rng):
     design, _ = dense(ys, (2.0, 2.0))
     whole = np.linalg.inv(design.T @ design)
     for found, used in zip(
-        arrowhead.spreads_by_runs(roots, problem.columns, slopes), problem.columns, strict=True
+        arrowhead.spreads_by_runs(roots, problem.columns, np.diag(slopes)),
+        problem.columns,
+        strict=True,
     ):
         assert np.allclose(found @ found.T, whole[np.ix_(used, used)], rtol=1e-9)
     nothing = arrowhead.spreads_by_runs(
-        [np.array([[1.0, 0.0], [2.0, 0.0]])] * 2, [np.array([0, i]) for i in (1, 2)], np.zeros(3)
+        [np.array([[1.0, 0.0], [2.0, 0.0]])] * 2,
+        [np.array([0, i]) for i in (1, 2)],
+        np.zeros((3, 3)),
     )
     assert np.allclose([root @ root.T for root in nothing], [[0.1, 0.0], [0.0, 0.0]])
 
@@ -277,7 +281,7 @@ def test_units_of_a_runs_own_parameters_change_nothing(rng):
             [
                 spread @ spread.T
                 for spread in arrowhead.spreads_by_runs(
-                    [root / unit for root in roots], columns, slopes
+                    [root / unit for root in roots], columns, np.diag(slopes)
                 )
             ]
         )
@@ -349,7 +353,7 @@ def test_simulated_residuals_of_each_run_are_those_of_all_runs_together(rng):
     spread = arrowhead.spreads_by_runs(
         [jacobian for jacobian, _ in fit.posterior.narrow_scoring(fit.values)],
         problem.columns,
-        fit.posterior.prior_slopes(fit.values),
+        fit.prior_jacobian,
     )[0]
     n = 40_000
     none = np.zeros(X.size)

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from scipy import stats
 from scipy.integrate import quad
-from uncertainties import correlated_values, ufloat
+from uncertainties import ufloat
 
 from estim import Binomial, InputError, fit_curve
 from estim.campaign.prior_table import PriorTable, read_prior
@@ -388,29 +388,3 @@ def test_fit_takes_measured_values_of_uncertainties_and_of_scipy():
     ]
     assert fits[0].values == fits[1].values == fits[2].values
     assert fits[0].sds["b"] < fit_curve("a*x + b", x, y, u_y=0.3).sds["b"]
-
-
-def test_ufloats_that_are_correlated_are_refused_and_written_by_independent_ones() -> None:
-    """As the normal equations with the whole covariance matrix say; without its correlation the
-    standard deviation of a comes out a tenth too small.
-    """
-    means, cov = np.array([1.25, 3.3]), np.array([[0.010, -0.012], [-0.012, 0.020]])
-    x = np.linspace(0.0, 5.0, 12)
-    y = 1.2 * x + 3.4 + 0.3 * np.random.default_rng(1).standard_normal(12)
-    a, b = correlated_values(means, cov)
-    with pytest.raises(InputError, match=r"must not be correlated with priors\[b\] .*0.85"):
-        fit_curve("a*x + b", x, y, u_y=0.3, priors={"a": a, "b": b})
-    root = np.linalg.cholesky(cov)
-    shown = {
-        "a": f"({means[0]} + {root[0, 0]}*z1)",
-        "b": f"({means[1]} + {root[1, 0]}*z1 + {root[1, 1]}*z2)",
-    }
-    priors = {"z1": "0(1)", "z2": "0(1)"}
-    formula = f"{shown['a']}*x + {shown['b']}"
-    fit = fit_curve(formula, x, y, u_y=0.3, priors=priors, derived=shown)
-    rows = np.column_stack([x, np.ones(12)]) / 0.3
-    inverse = np.linalg.inv(rows.T @ rows + np.linalg.inv(cov))
-    expected = inverse @ (rows.T @ y / 0.3 + np.linalg.solve(cov, means))
-    for k, name in enumerate("ab"):
-        assert fit.derived[name].value == pytest.approx(expected[k], rel=1e-6)
-        assert fit.derived[name].sd == pytest.approx(np.sqrt(inverse[k, k]), rel=1e-6)

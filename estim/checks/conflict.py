@@ -16,7 +16,8 @@ standard deviations of that distance,
 
     z_i / sqrt(1 - u_i^2/s_i^2),      u_i the standard uncertainty after and s_i before,
 
-whose square is chi^2 at the joint minimum minus that without the one stated value.
+whose square is chi^2 at the joint minimum minus that without the one stated value.  Values of a
+joint prior are left out one by one too: the others keep what they say without it.
 
 A free parameter that meets the hard edge of its range gives way no further, so what it would have
 taken up stays in chi^2.  Therefore each of these minima is sought within the edges: a bounded
@@ -95,7 +96,8 @@ def check_stated_values(fit: Fit) -> Conflict:
     """
     problem = fit.problem
     curve = np.array(problem.of_curve, dtype=np.int64)
-    slopes = fit.prior_slopes[curve]
+    pull_rows = fit.prior_jacobian[np.ix_(curve, curve)]
+    slopes = np.diag(pull_rows)
     stated = np.flatnonzero(slopes != 0.0)
     if not stated.size:
         return Conflict(0.0, 0, 1.0, {})
@@ -104,28 +106,31 @@ def check_stated_values(fit: Fit) -> Conflict:
     model = around(fit)
     data = model.rows.T @ model.rows
     known = fitted(data, np.zeros(curve.size), stated, free)[0]
-    known /= np.outer(slopes[stated], slopes[stated])
-    values, vectors = np.linalg.eigh(known)
+    pull_rows = pull_rows[stated]
+    per_pull = np.linalg.inv(pull_rows[:, stated])
+    values, vectors = np.linalg.eigh(per_pull.T @ known @ per_pull)
     least = _LEAST_OF_MIXTURE if fit.forces or fit.deviations else _LEAST
     compared = values > least
+    # of each stated value given the others: itself where they are independent
+    each = pull_rows[:, stated] / np.linalg.norm(pull_rows[:, stated], axis=0)
     informed = (
-        1.0 - np.sum(vectors**2 / (1.0 + np.maximum(values, 0.0)), axis=1) > least
+        1.0 - np.sum((each.T @ vectors) ** 2 / (1.0 + np.maximum(values, 0.0)), axis=1) > least
     )  # 1 - u^2/s^2
-    pull_rows = np.zeros((stated.size, curve.size))
-    pull_rows[np.arange(stated.size), stated] = slopes[stated]
-    off = np.array([problem.parameters[i].prior.pull(fit.values[i]) for i in curve[stated]])
+    pulled = [p.prior.pull(value) for p, value in zip(problem.parameters, fit.values, strict=True)]
+    off = problem.decorrelated(np.array(pulled))[curve[stated]]
     together = model.least(pull_rows, off)[1]
     uncompared = vectors[:, ~compared].T
     chi2 = max(0.0, together - model.least(uncompared @ pull_rows, uncompared @ off)[1])
     dof = int(np.sum(compared))
-    pull_values = _pulls_at_once(model, pull_rows, off)
+    pull_values = _pulls_at_once(model, pull_rows, off, each)
     pulls = {}
     for k in np.flatnonzero(informed):
         if math.isnan(pull_values[k]):
-            others = np.arange(stated.size) != k
-            step, without = model.least(pull_rows[others], off[others])
+            others = np.eye(stated.size) - np.outer(each[:, k], each[:, k])
+            step, without = model.least(others @ pull_rows, others @ off)
             pull_values[k] = math.copysign(
-                math.sqrt(max(0.0, together - without)), float(pull_rows[k] @ step + off[k])
+                math.sqrt(max(0.0, together - without)),
+                float(each[:, k] @ (pull_rows @ step + off)),
             )
         pulls[fit.names[curve[stated[k]]]] = float(pull_values[k])
     p_value = chi2_p(chi2, dof)
@@ -140,16 +145,18 @@ def check_stated_values(fit: Fit) -> Conflict:
     return Conflict(chi2, dof, p_value, ordered, p_value >= P_CONFLICT or unstated is not None)
 
 
-def _pulls_at_once(model: Quadratic, pull_rows: FloatArray, off: FloatArray) -> FloatArray:
+def _pulls_at_once(
+    model: Quadratic, pull_rows: FloatArray, off: FloatArray, each: FloatArray
+) -> FloatArray:
     """(n_stated,) the pulls of all stated values from one solution; nan where leaving one out would
-    lead beyond an edge.
+    lead beyond an edge.  each : (n_stated, n_stated) which combination of the rows is one of them.
 
     Without row k the least squares are e^2/(1 - h) lower, e its residual and h its leverage (Cook
     and Weisberg, Residuals (1982) 2.2).
     """
     rows = np.vstack([model.rows, pull_rows]) * model.scale
     gram, low, high = rows.T @ rows, model.low / model.scale, model.high / model.scale
-    scaled = pull_rows * model.scale
+    scaled, apart = each.T @ pull_rows * model.scale, each.T @ off
     try:
         np.linalg.cholesky(gram)
         solved = np.linalg.solve(
@@ -158,7 +165,7 @@ def _pulls_at_once(model: Quadratic, pull_rows: FloatArray, off: FloatArray) -> 
     except np.linalg.LinAlgError:
         return np.full(off.size, np.nan)
     step, follow = solved[:, 0], solved[:, 1:]
-    residual, room = scaled @ step + off, 1.0 - np.sum(scaled * follow.T, axis=1)
+    residual, room = scaled @ step + apart, 1.0 - np.sum(scaled * follow.T, axis=1)
     room = np.where(room > ALONE, room, np.nan)
     inside = np.ones(off.size, dtype=bool) & bool(np.all((step >= low) & (step <= high)))
     for i in np.flatnonzero(np.isfinite(low) | np.isfinite(high)):

@@ -209,8 +209,8 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
         likelihood.whitened(named, [problem.names[i] for i in used])
         for likelihood, used in zip(posterior.likelihoods, columns, strict=True)
     ]
-    pulls = posterior.prior_slopes(fit.values)
-    pulls[[name in problem.noise_names for name in problem.names]] = 0.0
+    pulls = fit.prior_jacobian
+    pulls[:, [name in problem.noise_names for name in problem.names]] = 0.0
     spreads = spreads_by_runs([response.root for response in responses], columns, pulls)
     known = (
         n_run == 1
@@ -257,7 +257,7 @@ def check_linear(
     stated : whether the size of the errors was.
     """
     n_par = root.shape[1]
-    (spread,) = spreads_by_runs([root], [np.arange(n_par)], np.zeros(n_par))
+    (spread,) = spreads_by_runs([root], [np.arange(n_par)], np.zeros((n_par, n_par)))
     compared = _Compared(None, _growing(f, x), _share_of_means(x, sd))
     tested = _Tested(z, compared, stated, _dof(root))
     record = _recording([(y, z, y - f, sd)])

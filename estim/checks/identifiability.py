@@ -81,10 +81,10 @@ def identify(fit: Fit) -> Identifiability:
     whitened = known_from_data(fit.posterior, fit.values) * np.outer(sds, sds)
     values, vectors = np.linalg.eigh(whitened)
     values = np.maximum(values, 0.0)
-    pulls = np.square(fit.prior_slopes * sds)
+    pulls = problem.prior_information(fit.values) * np.outer(sds, sds)
     seen = np.sqrt(np.diag(whitened))
     directions = tuple(
-        _direction(fit, float(value), vector, float(np.sum(pulls * vector**2)), sds, seen)
+        _direction(fit, float(value), vector, float(vector @ pulls @ vector), sds, seen)
         for value, vector in zip(values, vectors.T, strict=True)
     )
     n_learnt = float(np.sum(values / (1.0 + values)))

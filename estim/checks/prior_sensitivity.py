@@ -82,7 +82,7 @@ def power_scaling(
     each = np.column_stack(
         [p.prior.log_density(draws[:, j]) for j, p in enumerate(problem.parameters)]
     )
-    prior, prior_k = _weights(each.sum(axis=1))
+    prior, prior_k = _weights(problem.log_prior(draws))
     likelihood, likelihood_k = _weights(log_likelihood)
     alone = [_weights(column)[0] for column in each.T]
     k_hat = max(prior_k, likelihood_k)

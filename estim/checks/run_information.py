@@ -147,16 +147,15 @@ def copies_of(fit: Fit, group: Group, shared: NDArray[np.int64]) -> tuple[Copies
     )
     if force is None:
         return (_tied_copies(fit, group, shared),)
-    off, slopes = fit.posterior.prior_residuals(fit.values), fit.prior_slopes
+    problem = fit.problem
+    pulls = problem.prior_information(fit.values)
+    gradient = problem.prior_gradient(fit.values[None, :])[0]
     moved, copies, stated = fit.values - force.about, [], copies_of_priors(fit, shared).information
     for run, (information, score) in zip(group.runs, force.alone, strict=True):
         nuisance = np.array(_own(fit, run.parameters, shared), dtype=np.int64)
-        prior, pull = np.zeros(fit.values.size), np.zeros(fit.values.size)
-        for i in nuisance:
-            prior[i], pull[i] = slopes[i] ** 2, -slopes[i] * off[i]
-        alone = fitted(
-            information + np.diag(prior), score - information @ moved + pull, shared, nuisance
-        )
+        own = np.isin(np.arange(fit.values.size), nuisance)
+        prior, pull = pulls * np.outer(own, own), -gradient * own
+        alone = fitted(information + prior, score - information @ moved + pull, shared, nuisance)
         used = np.array([fit.names[i] in run.parameters for i in shared])
         mine = alone[0] * np.outer(used, used), alone[1] * used  # of the rest it holds rounding
         copies.append(Copies((run.name,), *_beyond(mine, stated)))
@@ -214,7 +213,7 @@ def _tied_copies(fit: Fit, group: Group, shared: NDArray[np.int64]) -> Copies:
         .scoring(named, [*copied, *(problem.names[i] for i in nuisance)])
     )
     slopes = np.hstack(
-        [np.zeros((len(nuisance), len(copied))), np.diag(fit.prior_slopes[nuisance])]
+        [np.zeros((len(nuisance), len(copied))), fit.prior_jacobian[np.ix_(nuisance, nuisance)]]
     )
     rows = np.vstack([jacobian, slopes])
     z = np.append(residuals, fit.posterior.prior_residuals(fit.values)[nuisance])
@@ -225,9 +224,9 @@ def _tied_copies(fit: Fit, group: Group, shared: NDArray[np.int64]) -> Copies:
 
 def copies_of_priors(fit: Fit, shared: NDArray[np.int64]) -> Copies:
     """The priors of the shared parameters as residuals; a uniform one says nothing."""
-    pull = fit.posterior.prior_residuals(fit.values)[shared]
-    slope = fit.prior_slopes[shared]
-    return Copies((PRIORS,), np.diag(slope**2), -pull * slope)
+    problem = fit.problem
+    information = problem.prior_information(fit.values)[np.ix_(shared, shared)]
+    return Copies((PRIORS,), information, -problem.prior_gradient(fit.values[None, :])[0, shared])
 
 
 def total_of(quadratics: Sequence[Quadratic]) -> Quadratic:

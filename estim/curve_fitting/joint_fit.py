@@ -22,7 +22,6 @@ from estim.curves import (
     DataSet,
     Points,
     arguments_of,
-    check_uncorrelated,
     in_time,
     join,
     numbered,
@@ -30,8 +29,10 @@ from estim.curves import (
     read_formula,
     seek,
     with_defaults,
+    with_joint_priors,
 )
 from estim.fitting import N_START
+from estim.problem import JointNormal
 
 
 def fit_curves(
@@ -83,7 +84,7 @@ def fit_curves(
     ['A', 'E', 'k']
     """
     _checked(data, curve)
-    check_uncorrelated(priors or {})
+    priors = with_joint_priors(priors)
     _check_shared({"start": start, "bounds": bounds, "priors": priors}, shared)
     rng = np.random.default_rng(1) if rng is None else rng
     written: dict[str, Any] = {
@@ -270,7 +271,7 @@ def _check_shared(
 ) -> None:
     """What all data sets share is not one thing for one of them."""
     for field, entries in given.items():
-        for written in entries if isinstance(entries, Mapping) else ():
+        for written, stated in entries.items() if isinstance(entries, Mapping) else ():
             parameter, _, level = str(written).partition("[")
             if level and (shared is None or parameter in shared):
                 raise InputError(
@@ -278,6 +279,13 @@ def _check_shared(
                     field=field,
                     value=written,
                 )
+            unshared = not level and shared is not None and parameter not in shared
+            if unshared and isinstance(stated, JointNormal):
+                rule = (
+                    f"are joint for '{parameter}', an unknown of each data set: name that of one, "
+                    f"'{parameter}[...]'"
+                )
+                raise InputError(rule, field=field, value=stated)
 
 
 def _checked(data: Mapping[str, DataSet], curve: object) -> None:

@@ -54,6 +54,7 @@ from estim.curves import (
     started,
     unstarted,
     with_defaults,
+    with_joint_priors,
     without_units,
 )
 from estim.distributions import student_quantile
@@ -148,7 +149,9 @@ def fit_curve(
         nor prior nor uncertainty.
     bounds : name -> (low, high), None for no limit.
     priors : name -> prior (`estim.problem.priors`), text like "9.81(2)", a ufloat, or a frozen
-        distribution of scipy.stats (norm, uniform, halfnorm, lognorm, truncnorm, beta).
+        distribution of scipy.stats (norm, uniform, halfnorm, lognorm, truncnorm, beta).  Several
+        measured values that are correlated: {("a", "b"): (means, cov)}, a frozen
+        multivariate_normal of scipy.stats in its place, or correlated ufloats one by one.
     errors : errors common to all points (`Component`), fit as further parameters; with `groups`
         those of a part of the points, in the covariance of y.
     units : name -> unit, for tables.
@@ -190,6 +193,7 @@ def fit_curve(
     rng = np.random.default_rng(1) if rng is None else rng
     n_start = getattr(curve, "n_start", N_START) if n_start is None else n_start
     curve, x = numbered(curve, x)
+    priors = with_joint_priors(priors)
     said: dict[str, Any] = {
         "start": with_defaults(curve, start, fixed, tied),
         "bounds": bounds,

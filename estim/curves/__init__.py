@@ -29,11 +29,11 @@ from estim.curves.curve_problem import (
     SIGMA_SPREAD,
     AxisNames,
     CurveProblem,
-    check_uncorrelated,
     pose_curve,
     require_points,
     roughness,
     units_of,
+    with_joint_priors,
 )
 from estim.curves.quantities import refuse_quantities, without_units
 from estim.curves.regimes import (

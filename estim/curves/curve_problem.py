@@ -8,6 +8,7 @@ import inspect
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import compress
 from types import MappingProxyType
 from typing import Any
 
@@ -43,6 +44,7 @@ from estim.problem import (
     Curve,
     Discrepancy,
     Flat,
+    JointNormal,
     Noise,
     Observations,
     Parameter,
@@ -639,7 +641,6 @@ def _parameters(
                 f"cannot be combined with a prior for '{name}': truncate the prior instead",
                 field="bounds",
             )
-    check_uncorrelated(priors)
     return tuple(
         Parameter(
             name,
@@ -651,22 +652,44 @@ def _parameters(
     )
 
 
-def check_uncorrelated(priors: Mapping[str, Any]) -> None:
-    """Raises InputError where two priors are ufloats that vary together."""
-    names = [name for name, prior in priors.items() if hasattr(prior, "error_components")]
-    if len(names) < 2:
-        return
-    from uncertainties import correlation_matrix
+def with_joint_priors(priors: Any) -> Any:
+    """Priors name by name: those of several names, (means, cov) or a frozen multivariate_normal of
+    scipy, and ufloats that vary together as a `JointNormal` each; anything else as it is.
 
-    together = np.triu(np.abs(correlation_matrix([priors[name] for name in names])), 1)
-    if np.nanmax(together) > 1e-9:  # rounding errors
-        i, j = np.unravel_index(np.nanargmax(together), together.shape)
-        raise InputError(
-            f"must not be correlated with priors[{names[j]}] (|r| = {together[i, j]:.2g}): write "
-            'both in the formula by independent parameters (docs/your-own-curve.md, "Priors")',
-            field=f"priors[{names[i]}]",
-            value=priors[names[i]],
-        )
+    Raises InputError.
+    """
+    if not isinstance(priors, Mapping):
+        return priors
+    single = {name: prior for name, prior in priors.items() if not isinstance(name, tuple)}
+    joint = {name: prior for name, prior in priors.items() if name not in single}
+    ufloats = {name: one for name, one in single.items() if hasattr(one, "error_components")}
+    if len(ufloats) > 1:
+        from uncertainties import covariance_matrix
+
+        across = np.array(covariance_matrix([*ufloats.values()]))
+        np.fill_diagonal(across, 0.0)
+        together = tuple(compress(ufloats, np.any(across, axis=0)))
+        stated = [single.pop(name) for name in together]
+        if stated:
+            joint[together] = [one.nominal_value for one in stated], covariance_matrix(stated)
+    for names, prior in joint.items():
+        field = f"priors[{', '.join(map(str, names))}]"
+        try:
+            means, cov = (prior.mean, prior.cov) if hasattr(prior, "cov") else prior
+        except (TypeError, ValueError):
+            raise InputError("must be (means, cov) of these", field=field, value=prior) from None
+        means, cov = real_numbers(means, field), check_covariance(cov, len(names), field=field)
+        if means.shape != (len(names),):
+            raise InputError("must have as many means as names", field=field, value=means.size)
+        sds = sds_of(cov)
+        correlation = cov / np.outer(sds, sds)  # one for all: it says which go together
+        for place, name in enumerate(names):
+            if name in single:
+                raise InputError(f"states '{name}' again, which has a prior", field=field)
+            single[name] = JointNormal(
+                float(means[place]), float(sds[place]), correlation=correlation, place=place
+            )
+    return single
 
 
 def _stated_prior(prior: object, field: str, *, low: float, held: str = "") -> Prior:

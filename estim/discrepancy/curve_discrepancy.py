@@ -290,10 +290,7 @@ def _beside(run: Observations, problem: Problem, values: FloatArray) -> TrialInf
 
 def _prior(problem: Problem, values: FloatArray) -> TrialInformation:
     """What the priors say at `values`."""
-    priors = list(zip(problem.parameters, values, strict=True))
-    slope = np.array([p.prior.residual_slope(float(v)) for p, v in priors])
-    off = np.array([p.prior.residual(float(v)) for p, v in priors])
-    return np.diag(slope**2), -slope * off
+    return problem.prior_information(values), -problem.prior_gradient(values[None, :])[0]
 
 
 def _size(linear: Linearised, kind: str, scale: float, long: float) -> DeviationSize:

@@ -70,7 +70,7 @@ def frame_causes(base: Fit) -> tuple[Cause, ...]:
     None of a run whose errors are not normal.
     """
     problem, named, causes = base.problem, base.named, []
-    whole = np.diag(np.square(base.prior_slopes))
+    whole = problem.prior_information(base.values)
     parts = []
     for run, likelihood in zip(problem.runs, base.posterior.likelihoods, strict=True):
         if likelihood.normal is None:
@@ -80,7 +80,7 @@ def frame_causes(base: Fit) -> tuple[Cause, ...]:
         z = root.whiten(likelihood.y - run.drawn(named))
         parts.append((run, root, jacobian, z))
         whole = whole + jacobian.T @ jacobian
-    inverse = np.linalg.pinv(whole, hermitian=True)
+    inverse = np.asarray(np.linalg.pinv(whole, hermitian=True), dtype=np.float64)
     for i, (run, root, jacobian, z) in enumerate(parts):
         moved = run.noise.of_positions(run.points, named)
         matrix = eye_array(run.n_obs, format="csr") if moved is None else moved

@@ -43,18 +43,18 @@ def own_columns(columns: Sequence[Indices], n_par: int) -> list[Indices]:
 
 
 def spreads_by_runs(
-    roots: Sequence[FloatArray], columns: Sequence[Indices], slopes: FloatArray
+    roots: Sequence[FloatArray], columns: Sequence[Indices], pulls: FloatArray
 ) -> list[FloatArray]:
     """For each group a root F (n_used, n_used or fewer) of the covariance F F^T of the least
     squares of all, between the parameters `columns` that it uses.
 
-    roots : of each group (n, n_used), in units of the standard deviation.  slopes : (n_par,) of the
-        priors.  A parameter of which nothing is said has no covariance.
+    roots : of each group (n, n_used), in units of the standard deviation.  pulls : (n_par, n_par)
+        rows of the priors.  A parameter of which nothing is said has no covariance.
     """
-    rows = [np.diag(slopes)]
+    rows = [pulls]
     for root, used in zip(roots, columns, strict=True):
         triangle = np.linalg.qr(root, mode="r")
-        rows.append(np.zeros((len(triangle), slopes.size)))
+        rows.append(np.zeros((len(triangle), len(pulls))))
         rows[-1][:, used] = triangle
     design = np.linalg.qr(np.vstack(rows), mode="r")
     scale = np.linalg.norm(design, axis=0)
@@ -121,9 +121,9 @@ def _shape(posterior: Posterior, values: FloatArray) -> tuple[FloatArray, FloatA
     """Slope (n_par,) and curvature (n_par, n_par) of that, points without derivatives left out."""
     with np.errstate(all="ignore"):
         pairs = posterior.narrow_scoring(values)
-    slopes = posterior.prior_slopes(values)
-    slope, curvature = slopes * posterior.prior_residuals(values), np.diag(slopes**2)
-    for (jacobian, residuals), used in zip(pairs, posterior.problem.columns, strict=True):
+    problem = posterior.problem
+    slope, curvature = problem.prior_gradient(values[None, :])[0], problem.prior_information(values)
+    for (jacobian, residuals), used in zip(pairs, problem.columns, strict=True):
         columns = finite_or(jacobian, 0.0)
         slope[used] += columns.T @ residuals
         curvature[np.ix_(used, used)] += columns.T @ columns

@@ -92,7 +92,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
         )
     free = fixed.scale  # of a parameter on its edge too
     sds = np.where(best.at_bound, np.nan, sds_of(cov))
-    informed = np.square(fixed.posterior.prior_slopes(best.values))
+    informed = fixed.problem.prior_information(best.values)
     dofs = (
         _degrees_of_freedom(cov, informed, dof)
         if math.isfinite(dof)
@@ -157,11 +157,11 @@ def _at_end(run: Observations, fit: Fit) -> bool:
 
 
 def _degrees_of_freedom(cov: FloatArray, pulls: FloatArray, dof: float) -> FloatArray:
-    """(n_par,) of the estimated standard deviations; cov (n_par, n_par), pulls (n_par,) information
+    """(n_par,) of the estimated standard deviations; cov and pulls (n_par, n_par), the information
     of the priors.
     """
     size = np.diag(cov)
-    share = 1.0 - np.einsum("ij,j,ij->i", cov, pulls, cov) / np.where(size > 0.0, size, 1.0)
+    share = 1.0 - np.einsum("ij,jk,ik->i", cov, pulls, cov) / np.where(size > 0.0, size, 1.0)
     return dof / np.clip(share, 1e-3, 1.0) ** 2
 
 

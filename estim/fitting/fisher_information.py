@@ -20,7 +20,7 @@ def information(posterior: Posterior, values: FloatArray) -> FloatArray:
     """(n_par, n_par) Fisher information at `values`, priors included; its inverse is the Gaussian
     covariance.
     """
-    return posterior.information(values) + np.diag(np.square(posterior.prior_slopes(values)))
+    return posterior.information(values) + posterior.problem.prior_information(values)
 
 
 def on_limit(posterior: Posterior, values: FloatArray) -> BoolArray:

@@ -99,13 +99,13 @@ def measure_of(
 def _log_room(posterior: Posterior, values: FloatArray, incidental: frozenset[str]) -> float:
     """log V at `values` (n_par,)."""
     problem, named, room = posterior.problem, posterior.problem.named(values), 0.0
-    uses, slopes = uses_of(problem.runs), posterior.prior_slopes(values)
+    uses, of_priors = uses_of(problem.runs), problem.prior_information(values)
     for likelihood, columns in zip(posterior.likelihoods, problem.columns, strict=True):
         indices = columns[[uses[problem.names[i]] == 1 for i in columns]]
         names = [problem.names[i] for i in indices]
         other = [name not in incidental for name in names]
         root = likelihood.whitened(named, names).root
-        information = root.T @ root + np.diag(slopes[indices] ** 2)
+        information = root.T @ root + of_priors[np.ix_(indices, indices)]
         room += 0.5 * float(
             np.linalg.slogdet(information[np.ix_(other, other)])[1]
             - np.linalg.slogdet(information)[1]

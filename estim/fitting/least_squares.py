@@ -116,9 +116,9 @@ class Fit:
         return self.problem.named(self.values)
 
     @property
-    def prior_slopes(self) -> FloatArray:
-        """(n_par,) those of the priors at the mode."""
-        return self.posterior.prior_slopes(self.values)
+    def prior_jacobian(self) -> FloatArray:
+        """(n_par, n_par) derivatives of the residuals of the priors at the mode."""
+        return self.problem.prior_jacobian(self.values)
 
     @cached_property
     def sampled(self) -> Posterior:
@@ -512,7 +512,7 @@ def _describe(
 ) -> Fit:
     """Raises NumericalError where the curve has no finite derivatives."""
     matrix = known_from_data(posterior, values)
-    matrix += np.diag(np.square(posterior.prior_slopes(values)))
+    matrix += problem.prior_information(values)
     if not all_finite(matrix):
         raise _no_curvature(values, posterior)
     units = diagonal_scale(matrix)

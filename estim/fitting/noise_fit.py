@@ -42,7 +42,7 @@ def fit_noise(posterior: Posterior, values: FloatArray) -> FloatArray:
         minus = 0.5 * float(off @ off) - float(posterior.log_likelihood(full[None, :])[0])
         slopes = scale / np.where(squared, 2.0 * full[free] / scale, 1.0)
         return minus, slopes * (
-            off * posterior.prior_slopes(full)[free]
+            problem.prior_gradient(full[None, :])[0, free]
             - posterior.log_density_noise_gradient(full)[free]
         )
 

@@ -119,7 +119,7 @@ def pressed(fit: Fit, *, estimated: bool = False) -> Mapping[str, float]:
     if not on_edge or fit.singular:
         return {}
     model = around(fit)
-    pull_rows = np.diag(fit.prior_slopes[curve])
+    pull_rows = fit.prior_jacobian[np.ix_(curve, curve)]
     off = fit.posterior.prior_residuals(fit.values)[curve]
     here = model.least(pull_rows, off)[1]
     inferred = estimated or bool(problem.noise_names)

@@ -107,9 +107,10 @@ class ProfileSearch:
         up, down = np.minimum(points + step, self.high), np.maximum(points - step, self.low)
         up = np.where(up > points, up, np.maximum(points - 0.5 * step, self.low))
         down = np.where(down < points, down, np.minimum(points + 0.5 * step, self.high))
-        slopes = _quotients(
-            self._priors(up), self._priors(points), self._priors(down), up, points, down
-        )
+        values = self.coordinates.beside_zero(self.coordinates.values(points))
+        with np.errstate(all="ignore"):
+            slopes = 2.0 * self.posterior.problem.prior_gradient(values)
+        slopes *= self.coordinates.slopes(values)
         for likelihood, indices in zip(
             self.posterior.likelihoods, self.posterior.problem.columns, strict=True
         ):
@@ -130,7 +131,7 @@ class ProfileSearch:
         """(n_par, n_par) the second derivatives that the Fisher information expects at a point, in
         standard deviations.
         """
-        values = self.coordinates.values(point)
+        values = self.coordinates.beside_zero(self.coordinates.values(point))
         units = self.coordinates.slopes(values) * self.scale
         with np.errstate(all="ignore"):
             return 2.0 * information(self.posterior, values) * np.outer(units, units)
@@ -147,17 +148,6 @@ class ProfileSearch:
                 named = {self.posterior.names[i]: batch[:, i : i + 1] for i in own}
                 minus[start : start + _AT_ONCE] = _minus_twice(likelihood.log_likelihood(named))
         return minus.reshape(rows.shape[:-1])
-
-    def _priors(self, points: FloatArray) -> FloatArray:
-        """(n_point, n_par) -2 log density of each prior."""
-        values = self.coordinates.values(points)
-        with np.errstate(all="ignore"):
-            return -2.0 * np.column_stack(
-                [
-                    p.prior.log_density(values[:, i])
-                    for i, p in enumerate(self.posterior.problem.parameters)
-                ]
-            )
 
 
 def _minus_twice(log_density: FloatArray) -> FloatArray:

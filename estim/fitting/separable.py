@@ -70,9 +70,11 @@ class SeparableSearch:
 
         def residuals(points: FloatArray, _which: Indices) -> FloatArray:
             with np.errstate(all="ignore"):
-                pulls = [parameters[i].prior.residual(points[:, i])[:, None] for i in pulling]
                 of_data = self.posterior.residuals_at(points)
-                return np.hstack([of_data, *pulls]) if pulls else of_data
+                if not pulling:
+                    return of_data
+                pulls = self.posterior.problem.prior_residuals(points)[:, pulling]
+                return np.hstack([of_data, pulls])
 
         return LeastSquares(
             residuals,
@@ -121,7 +123,7 @@ class SeparableSearch:
         key = values.tobytes()
         if key not in self._latest:  # an optimum is asked for many times
             pairs = self.posterior.scoring(values)
-            slopes = np.diag(self.posterior.prior_slopes(values))
+            slopes = self.posterior.problem.prior_jacobian(values)
             jacobian = np.vstack([*(pair[0] for pair in pairs), slopes])
             residuals = [*(pair[1] for pair in pairs), self.posterior.prior_residuals(values)]
             self._latest.clear()

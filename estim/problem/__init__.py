@@ -63,6 +63,7 @@ from estim.problem.priors import (
     PRIORS,
     Flat,
     HalfNormal,
+    JointNormal,
     LogNormal,
     Normal,
     Prior,

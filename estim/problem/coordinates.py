@@ -67,10 +67,14 @@ class Coordinates:
         rows[:, i] = places
         return self.values(rows)[:, i]
 
+    def beside_zero(self, values: FloatArray) -> FloatArray:
+        """Values (..., n_par) with none so small that its slope has no bound."""
+        return np.where(self._squared, np.maximum(values, _LEAST * self.unit), values)
+
     def slopes(self, values: FloatArray) -> FloatArray:
         """Derivatives (..., n_par) of the values in the coordinates."""
         with np.errstate(all="ignore"):
-            roots = 0.5 * np.square(self.unit) / np.maximum(values, _LEAST * self.unit)
+            roots = 0.5 * np.square(self.unit) / self.beside_zero(values)
         return np.where(self.by_size, np.abs(values), np.where(self._squared, roots, 1.0))
 
     @property

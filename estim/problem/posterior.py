@@ -13,10 +13,11 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray
+from estim.arrays import BoolArray, FloatArray, IntArray, finite_or
 from estim.common import InputError
 from estim.problem.coordinates import Coordinates
 from estim.problem.correlated_runs import Group as Group
@@ -24,7 +25,7 @@ from estim.problem.correlated_runs import SharedNoise, grouped
 from estim.problem.likelihood import Ends, Likelihood
 from estim.problem.observations import Observations, Parameter, parameters_of, uses_of
 from estim.problem.prior_measures import JeffreysPrior, Measure
-from estim.problem.priors import Flat, Prior
+from estim.problem.priors import Flat, JointNormal, Prior
 
 _BLOCK = 4_000_000  # values of the curve computed at once where there are more points than that
 
@@ -183,7 +184,7 @@ class Problem:
         return np.array([p.prior.centre for p in self.parameters])
 
     def prior_draw(self, rng: np.random.Generator) -> FloatArray:
-        """(n_par,) one draw of the priors."""
+        """(n_par,) one draw of the priors, of a joint one each by itself: to start from."""
         return np.array([float(p.prior.draw(rng, 1)[0]) for p in self.parameters])
 
     def with_priors(self, priors: Mapping[str, Prior]) -> Problem:
@@ -207,9 +208,61 @@ class Problem:
         """(n_draw,) log density of the priors at draws (n_draw, n_par); -inf outside their
         support.
         """
-        return np.sum(
+        total: FloatArray = np.sum(
             [p.prior.log_density(draws[:, i]) for i, p in enumerate(self.parameters)], axis=0
         )
+        if self.decorrelation is not None:
+            alone, joint = self._alone(draws), self.prior_residuals(draws)
+            with np.errstate(invalid="ignore"):  # beyond the support of others
+                more = finite_or(0.5 * (alone**2 - joint**2), 0.0)
+            total += np.sum(more + np.log(np.diag(self.decorrelation)), 1)
+        return total
+
+    @cached_property
+    def decorrelation(self) -> FloatArray | None:
+        """(n_par, n_par) inverse of the triangular root L of the correlation matrix L L^T of the
+        priors; None where all are independent.
+        """
+        priors = enumerate(p.prior for p in self.parameters)
+        joint = {i: prior for i, prior in priors if isinstance(prior, JointNormal)}
+        correlation = np.eye(self.n_par)
+        for (i, one), (j, other) in product(joint.items(), repeat=2):
+            if one.correlation is other.correlation:
+                correlation[i, j] = one.correlation[one.place, other.place]
+        return np.linalg.inv(np.linalg.cholesky(correlation)) if joint else None
+
+    def _alone(self, draws: FloatArray) -> FloatArray:
+        """(n_draw, n_par) residuals of each prior by itself."""
+        columns = zip(self.parameters, draws.T, strict=True)
+        return np.array([p.prior.residual(column) for p, column in columns]).T
+
+    def _slopes(self, draws: FloatArray) -> FloatArray:
+        columns = zip(self.parameters, draws.T, strict=True)
+        return np.array([p.prior.residual_slope(column) for p, column in columns]).T
+
+    def decorrelated(self, residuals: FloatArray) -> FloatArray:
+        """(..., n_par) independent ones from those of each prior by itself."""
+        return residuals if self.decorrelation is None else residuals @ self.decorrelation.T
+
+    def prior_residuals(self, draws: FloatArray) -> FloatArray:
+        """(n_draw, n_par) one residual for each prior at draws (n_draw, n_par); 0 for a uniform
+        one, and of a joint one independent residuals.
+        """
+        return self.decorrelated(self._alone(draws))
+
+    def prior_jacobian(self, values: FloatArray) -> FloatArray:
+        """(n_par, n_par) their derivatives at `values` (n_par,)."""
+        return self.decorrelated(np.diag(self._slopes(values[None, :])[0])).T
+
+    def prior_information(self, values: FloatArray) -> FloatArray:
+        """(n_par, n_par) that of the priors: J^T J with J their `prior_jacobian`."""
+        jacobian = self.prior_jacobian(values)
+        return jacobian**2 if self.decorrelation is None else jacobian.T @ jacobian
+
+    def prior_gradient(self, draws: FloatArray) -> FloatArray:
+        """(n_draw, n_par) derivatives of half the squares of `prior_residuals`."""
+        residuals, whiten = self.prior_residuals(draws), self.decorrelation
+        return self._slopes(draws) * (residuals if whiten is None else residuals @ whiten)
 
     def linearised(self, values: FloatArray) -> Posterior:
         """The posterior with noise covariance and truncation taken at `values` (n_par,)."""
@@ -362,12 +415,7 @@ class Posterior:
 
     def prior_residuals(self, values: FloatArray) -> FloatArray:
         """(n_par,) one residual for each prior; 0 for a uniform one."""
-        return np.array(
-            [
-                p.prior.residual(float(v))
-                for p, v in zip(self.problem.parameters, values, strict=True)
-            ]
-        )
+        return self.problem.prior_residuals(values[None, :])[0]
 
     def jacobian(self, values: FloatArray) -> FloatArray:
         """(n_obs + n_par, n_par) derivatives of `residuals` at fixed noise parameters."""
@@ -376,16 +424,7 @@ class Posterior:
             self._widened(likelihood.jacobian(named, names), columns)
             for likelihood, names, columns in self._parts
         )
-        return np.vstack([*parts, np.diag(self.prior_slopes(values))])
-
-    def prior_slopes(self, values: FloatArray) -> FloatArray:
-        """(n_par,) derivatives of `prior_residuals`."""
-        return np.array(
-            [
-                p.prior.residual_slope(float(v))
-                for p, v in zip(self.problem.parameters, values, strict=True)
-            ]
-        )
+        return np.vstack([*parts, self.problem.prior_jacobian(values)])
 
     @cached_property
     def _parts(self) -> tuple[tuple[Likelihood, tuple[str, ...], IntArray], ...]:

@@ -1,4 +1,4 @@
-"""Prior distributions of one parameter.
+"""Prior distributions of one parameter, and of several with a joint one.
 
 Which to choose:
 - `Normal`: a measured value with its standard uncertainty (what "0.187(10)" in a campaign means).
@@ -11,6 +11,7 @@ Which to choose:
 - `Beta`: between two limits, with one peak and nothing left at either of them (a share, a
   coefficient of restitution).
 - `Flat`: nothing known, limits or none.
+- `JointNormal`: several measured values that are correlated, one for each.
 
 A prior enters least squares as one residual whose half square is minus its log density up to a
 constant, exactly; where that is no square, as the signed root of what the density has lost since
@@ -26,6 +27,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from dataclasses import field as field_of
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -264,6 +266,25 @@ class Normal(_CutNormal):
 
     def measured_again(self, truth: float, z: float) -> Prior:
         return as_prior(Quantity(truth + self.sd * z, self.sd), low=self.low)
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointNormal(Normal):
+    """Normal, that of one of several parameters with a joint normal distribution.
+
+    correlation : (n, n) matrix of these, one object that all of them have; place : of this one in
+        it.  `Problem` says how they go together, of those that are left where some are held.  What
+        is made of one of them (`widened`) stands by itself.
+    """
+
+    correlation: FloatArray = field_of(compare=False)
+    place: int
+
+    def describe(self, unit: str = "1") -> str:
+        words = phrase(
+            "normal, {mean:.4g} ± {sd:.4g}, correlated with others", mean=self.mean, sd=self.sd
+        )
+        return _in_unit(words, unit)
 
 
 @dataclass(frozen=True)

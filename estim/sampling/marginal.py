@@ -30,7 +30,7 @@ import numpy as np
 from estim.arrays import FloatArray, IntArray
 from estim.common import Finding, InputError, Kind, NumericalError, phrase
 from estim.fitting import Fit
-from estim.problem import LogNormal, Measure
+from estim.problem import JointNormal, LogNormal, Measure
 from estim.sampling.chain import Progress
 from estim.sampling.conditional import expand, run_terms
 from estim.sampling.importance import (
@@ -232,7 +232,9 @@ def sampled_columns(fit: Fit) -> IntArray:
     problem = fit.problem
     users = Counter(name for run in problem.runs for name in run.parameters)
     shared = [
-        i for i, name in enumerate(problem.names) if users[name] != 1 or len(problem.runs) == 1
+        i
+        for i, p in enumerate(problem.parameters)
+        if users[p.name] != 1 or len(problem.runs) == 1 or isinstance(p.prior, JointNormal)
     ]
     sds = fit.scale
     edges, candidates = [], set(range(problem.n_par)).difference(shared)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -37,6 +38,11 @@ class Marginal:
     def names(self) -> tuple[str, ...]:
         return tuple(self.problem.names[i] for i in self.columns)
 
+    @cached_property
+    def priors(self) -> Problem:
+        """The sampled parameters alone."""
+        return Problem(tuple(self.problem.parameters[i] for i in self.columns), ())
+
     def given(self, term: RunTerm, shared: FloatArray) -> FloatArray:
         """The columns of shared (n_draw, n_sampled) that one run uses."""
         return shared[:, np.searchsorted(self.columns, term.columns[term.shared])]
@@ -57,9 +63,7 @@ class Marginal:
 
     def log_prior(self, shared: FloatArray) -> FloatArray:
         """(n_draw,) of the sampled parameters, with the measure."""
-        log_p = np.zeros(shared.shape[0])
-        for i, column in enumerate(self.columns):
-            log_p += self.problem.parameters[column].prior.log_density(shared[:, i])
+        log_p = self.priors.log_prior(shared)
         return (
             log_p
             if self.weight is None

@@ -22,7 +22,6 @@ The draws check it without any linearity: for a normal prior the posterior mean 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -101,9 +100,9 @@ def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
         return None
     quantities = _quantities(fit, draws)
     along = cov @ np.column_stack([q.gradient for q in quantities])  # S g
-    slopes = np.abs(fit.prior_slopes)  # 1/u_i
-    informative = np.flatnonzero(slopes > 0.0)
-    stated = along[informative] * slopes[informative, None]
+    pulls = fit.prior_jacobian  # 1/u_i
+    informative = np.flatnonzero(np.diag(pulls))
+    stated = pulls[informative] @ along
     sds = np.sqrt(np.einsum("ij,ij->j", np.column_stack([q.gradient for q in quantities]), along))
     parts = parts_of_errors(fit.posterior, fit.values, along)
     rest = (
@@ -114,9 +113,8 @@ def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
     priors = [Source(fit.names[i], _kind_of(problem.parameters[i].prior)) for i in informative]
     further = [Source(name, "curve") for name in parts]
     values = np.column_stack([q.values for q in quantities])
-    drawn = _drawn(
-        [problem.parameters[i].prior for i in informative], draws[:, informative], values
-    )
+    plain = [isinstance(problem.parameters[i].prior, Normal) for i in informative]
+    drawn = np.where(np.array(plain)[:, None], _drawn(pulls[informative], draws, values), np.nan)
     nothing = np.full(sds.size, np.nan)
     return Budget(
         sources=(*priors, *further, Source(READINGS, READINGS)),
@@ -134,13 +132,12 @@ def _kind_of(prior: Prior) -> str:
     return STATED if isinstance(prior, Normal) else PRIOR
 
 
-def _drawn(priors: Sequence[object], draws: FloatArray, values: FloatArray) -> FloatArray:
-    """(n_prior, n_quantity) Cov(q, p)/u for a normal prior with standard deviation u; nan for
-    another.  draws : (n_draw, n_prior).
+def _drawn(pulls: FloatArray, draws: FloatArray, values: FloatArray) -> FloatArray:
+    """(n_prior, n_quantity) Cov(q, p)/u for a normal prior with standard deviation u.  pulls :
+    (n_prior, n_par) 1/u.  draws : (n_draw, n_par).
     """
-    sds = np.array([prior.sd if isinstance(prior, Normal) else np.nan for prior in priors])
     off = draws - draws.mean(axis=0)
-    return off.T @ (values - values.mean(axis=0)) / (len(draws) - 1) / sds[:, None]
+    return pulls @ (off.T @ (values - values.mean(axis=0))) / (len(draws) - 1)
 
 
 def _quantities(fit: Fit, draws: FloatArray) -> list[_Quantity]:
