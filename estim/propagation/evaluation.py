@@ -241,11 +241,18 @@ def _least(value: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray
 
 
 def _kink(value: FloatArray, right: FloatArray, left: FloatArray, steps: FloatArray) -> FloatArray:
-    """Slope to the right minus slope to the left, each to second order from two steps."""
-    near, far = _SETTLED + 1, _SETTLED
-    slope_right = (4.0 * right[near] - right[far] - 3.0 * value) / steps[far]
-    slope_left = -(4.0 * left[near] - left[far] - 3.0 * value) / steps[far]
-    return slope_right - slope_left
+    """Slope to the right minus slope to the left, each to second order from two steps; 0 where it
+    shrinks with the steps, as that of a smooth function, or is no more than rounding.
+    """
+    apart = []
+    for far in (_SETTLED, _SETTLED + 3):
+        near = far + 1
+        slope_right = (4.0 * right[near] - right[far] - 3.0 * value) / steps[far]
+        slope_left = -(4.0 * left[near] - left[far] - 3.0 * value) / steps[far]
+        apart.append(slope_right - slope_left)
+    rounding = 100.0 * _EPSILON * np.maximum(np.abs(right), np.abs(left))[near] / steps[near]
+    small = (np.abs(apart[1]) < 0.5 * np.abs(apart[0])) | (np.abs(apart[1]) < rounding)
+    return np.where(small, 0.0, apart[0])
 
 
 def _as_floats(returned: Any) -> FloatArray:
