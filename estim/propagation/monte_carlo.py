@@ -394,8 +394,9 @@ def _undefined_notes(undefined: FloatArray, conditional: bool, *, scalar: bool) 
         phrase("the statistics are conditional on the function being defined")
         if conditional
         else phrase(
-            "no mean, u or interval is given there (where_defined gives them conditional "
-            "on the function being defined)"
+            "no mean, u or interval is given there; state a distribution of the inputs for "
+            "which it has one everywhere, as lognormal of a positive quantity (distribution in "
+            "a file of the model; in Python, where_defined leaves these draws out)"
         )
     )
     values = {"share": 100.0 * undefined.max(), "consequence": consequence}
