@@ -446,12 +446,12 @@ class CurveFit:
 
     @property
     def r_squared(self) -> float:
-        """Share of the scatter of y about its mean that the curve explains, unweighted; no test of
-        the curve.
+        """Share of the scatter of y about the mean of its data set that the curve explains,
+        unweighted; no test of the curve.
         """
-        every = np.concatenate([run.y for run in self.problem.runs])
-        total = float(np.sum((every - every.mean()) ** 2))
-        return 1.0 - float(np.sum(self.residuals**2)) / total if total > 0.0 else math.nan
+        total = sum(run.n_obs * float(np.var(run.y)) for run in self.problem.runs)
+        squares = float(np.sum(np.abs(self.residuals) ** 2))
+        return 1.0 - squares / total if total > 0.0 else math.nan
 
     def summary(self) -> str:
         """What `print` shows, with criteria for comparing curves on the same points, and

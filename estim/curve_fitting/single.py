@@ -36,6 +36,7 @@ from estim.checks import (
     wrong_curves,
 )
 from estim.common import PROBABILITIES, Amount, Finding, Kind, Status, decide, phrase, wrong
+from estim.curve_fitting.complex_values import ComplexFit, parts_of
 from estim.curve_fitting.result import CurveFit, unnamed
 from estim.curves import (
     AxisNames,
@@ -46,11 +47,13 @@ from estim.curves import (
     JointProblem,
     Points,
     in_time,
+    join,
     numbered,
     pose_curve,
     provisional,
     refuse_quantities,
     require_points,
+    roughness,
     started,
     unstarted,
     with_defaults,
@@ -79,6 +82,7 @@ from estim.fitting import (
     spread,
     with_other_modes,
 )
+from estim.given_numbers import are_complex
 from estim.problem import Problem
 from estim.words import tell
 
@@ -127,6 +131,8 @@ def fit_curve(
         formula; a function is called with the same mapping, or with an array (n_x, n_obs) where
         one was given.  Only parameters in which a formula is linear then need no start, and x has
         neither errors nor an order along which the curve could deviate.
+    y : (n_obs,); complex where a function returns complex numbers, whose real and imaginary parts
+        are then fit together (`ComplexFit`): u_y is that of each part, or u_re + 1j*u_im.
     start : starting values; without any, a function's numbers by default are those (beside others
         they are held); the order of magnitude and the sign matter, several further starts are
         tried.  Those that a formula or models by name lack are found from the points; a function
@@ -188,7 +194,8 @@ def fit_curve(
     """
     rng = np.random.default_rng(1) if rng is None else rng
     n_start = getattr(curve, "n_start", N_START) if n_start is None else n_start
-    curve, x = numbered(curve, x)
+    whole = are_complex(y)
+    curve, x = (curve, x) if whole else numbered(curve, x)
     said: dict[str, Any] = {
         "start": with_defaults(curve, start, fixed, tied),
         "bounds": bounds,
@@ -203,21 +210,32 @@ def fit_curve(
         curve, getattr(axes, "x_name", ""), said["start"], said["fixed"], bounds, priors, tied
     )
     points = DataSet(x, y, u_y, cov_y, u_x, noise, curve, axes, jitter, robust, cov_x, r_xy)
-    posed = pose_points(points, said, errors, deviation=deviation, correlated=correlated)
-    require_points(posed.parameters, posed.x.size, stated=posed.stated)
+    posed: CurveProblem | JointProblem
+    if whole:
+        lacking = None if correlated is False else correlated
+        parts = parts_of(points, deviation=deviation or None, correlated=lacking)
+        both = {name: pose_points(part, said, errors) for name, part in parts.items()}
+        posed = join(both, shared=None, common=(), same_size=True)
+    else:
+        posed = pose_points(points, said, errors, deviation=deviation, correlated=correlated)
+        require_points(posed.parameters, posed.x.size, stated=posed.stated)
     if posed.infers_errors:
-        return fit_errors(posed, posed.with_unknown_errors(), rng, n_start)
-    complete = (
-        fit_stated(posed, posed.with_sigma(1.0), rng, n_start)
-        if posed.stated
-        else _fit_estimated(posed, rng, n_start)
-    )
-    usable = (
-        complete.status not in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED) and complete.goodness
-    )
-    return (
-        _fit_discrepancy(posed, complete, rng) if posed.lacks is not None and usable else complete
-    )
+        problem = (
+            posed.with_sigma(1.0)
+            if posed.stated
+            else posed.with_unknown_sigma(roughness(posed.y, robust=True))
+        )
+        complete = fit_errors(posed, problem, rng, n_start)
+    elif posed.stated:
+        complete = fit_stated(posed, posed.with_sigma(1.0), rng, n_start)
+    else:
+        complete = _fit_estimated(posed, rng, n_start)
+    if isinstance(posed, JointProblem):
+        return ComplexFit(**vars(complete))
+    unusable = complete.status in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED)
+    if posed.lacks is None or unusable or not complete.goodness:
+        return complete
+    return _fit_discrepancy(posed, complete, rng)
 
 
 def pose_points(
@@ -295,7 +313,9 @@ def fit_stated(
     return _concluded(posed, best, problem, fit, fit, rng=rng)
 
 
-def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) -> CurveFit:
+def _fit_estimated(
+    posed: CurveProblem | JointProblem, rng: np.random.Generator, n_start: int
+) -> CurveFit:
     """The fit whose residuals say how large the errors are; with informative priors, in rounds
     until that size settles.
     """
@@ -473,7 +493,7 @@ def _squares(problem: Problem, values: FloatArray) -> float:
     return float(sum(np.sum((run.y - run.drawn(named)) ** 2) for run in problem.runs))
 
 
-def _residual_sd(posed: CurveProblem, problem: Problem, best: Optimum) -> float:
+def _residual_sd(posed: CurveProblem | JointProblem, problem: Problem, best: Optimum) -> float:
     """Square root of the residuals' squares over the degrees of freedom, no smaller than rounding
     errors of y.
     """
