@@ -35,7 +35,17 @@ from estim.checks import (
     values_outside,
     wrong_curves,
 )
-from estim.common import PROBABILITIES, Amount, Finding, Kind, Status, decide, phrase, wrong
+from estim.common import (
+    PROBABILITIES,
+    Amount,
+    Finding,
+    InputError,
+    Kind,
+    Status,
+    decide,
+    phrase,
+    wrong,
+)
 from estim.curve_fitting.complex_values import ComplexFit, parts_of
 from estim.curve_fitting.result import CurveFit, unnamed
 from estim.curves import (
@@ -166,7 +176,8 @@ def fit_curve(
         mixture over its size and length, linear in the parameters (`estim.deviation`).
     noise : what y counts, in place of u_y: "poisson", or `Poisson(bins=...)`,
         `Binomial(trials=...)`, `EventTimes(low, high)` with y = None (`estim.curves.count_data`).
-        Intervals are then profiles of the likelihood, and chi2 is the deviance.
+        Intervals are then profiles of the likelihood, and chi2 is the deviance.  `LogDensity()`
+        with y = None: the curve is the logarithm of the density of each observation x.
     jitter : whether y has further independent errors beside u_y, whose common standard deviation is
         the parameter "jitter": True where nothing is known of it (a flat prior from 0 to the range
         of y), or its prior.  Nothing then tests the size of the errors.
@@ -295,6 +306,9 @@ def pose_points(
     )
     if named is None:
         return posed
+    if posed.counted is not None and posed.counted.noise.own_density:
+        rule = "must give each parameter of a log density its starting value, like {'a': 1.0}"
+        raise InputError(rule, field="start")
     return started(replace(posed, called=named.text), named, held=start, beside=beside)
 
 
@@ -529,7 +543,9 @@ def _concluded(
         np.sum(posed.y**2)
     )
     perfect = cancelled or squares <= problem.n_obs * _floor(posed) ** 2
-    p_value = chi2_p(chi2, dof) if sigma is None and dof > 0 else math.nan
+    p_value = (
+        chi2_p(chi2, dof) if sigma is None and dof > 0 and not problem.own_density else math.nan
+    )
     uncertainty = spread(
         held,
         best,
@@ -575,7 +591,7 @@ def _concluded(
         status=decide(findings),
         findings=findings,
         seen=unnamed([*uncertainty.notes, *remarks], fit),
-        complete=not (findings or perfect or modelled),
+        complete=not (findings or perfect or modelled or problem.own_density),
         message=_message(best, sigma, perfect, [*map(tell, same_curve(fit)), *_said(problem)]),
         goodness=goodness,
         fit=fit,
