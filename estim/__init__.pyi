@@ -16,6 +16,7 @@ from estim.curve_fitting.single import fit_curve as fit_curve
 from estim.curve_fitting.tables import read_table as read_table
 from estim.curves.count_data import Binomial as Binomial
 from estim.curves.count_data import EventTimes as EventTimes
+from estim.curves.count_data import LogDensity as LogDensity
 from estim.curves.count_data import Poisson as Poisson
 from estim.curves.curve_problem import AxisNames as AxisNames
 from estim.curves.differential import ode as ode

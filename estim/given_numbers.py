@@ -9,7 +9,7 @@ cure.
 from __future__ import annotations
 
 from datetime import date, timedelta
-from numbers import Real
+from numbers import Number, Real
 from typing import Any
 
 import numpy as np
@@ -64,6 +64,13 @@ def real_number(value: Any, field: str, rule: str = "must be a number") -> float
     if number.ndim:
         raise InputError(rule, field=field, value=value)
     return float(number)
+
+
+def are_complex(values: Any) -> bool:
+    """Whether `values`, an array, a column, a list of numbers or one of them, are complex."""
+    if isinstance(values, list | tuple):
+        return any(map(are_complex, values)) and all(isinstance(one, Number) for one in values)
+    return np.iscomplexobj(values)
 
 
 def check_probability(probability: Any, field: str = "probability") -> None:

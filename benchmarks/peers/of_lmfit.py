@@ -647,19 +647,13 @@ def lmfit_resonator() -> Numbers:
 @example(
     "lmfit",
     "example_complex_resonator_model.py",
-    "complex values, whose two parts are told apart by a second abscissa",
+    "complex values",
     run=lmfit_resonator,
     within=0.1,
     spread=0.05,
     why="lmfit's derivatives are rough differences: the sum of squares is 0.0853405 at its values, 0.0853364 at estim's.",
 )
 def complex_resonator() -> Any:
-    def parts(at: Any, f_0: Any, Q: Any, Q_e_real: Any, Q_e_imag: Any) -> Any:
-        s21 = resonator(at["f"], f_0, Q, Q_e_real, Q_e_imag)
-        return np.where(at["imaginary"], s21.imag, s21.real)
-
     return fit_curve(
-        parts, {"f": np.tile(S21_F, 2), "imaginary": np.repeat([0.0, 1.0], 100)},
-        np.concatenate([S21.real, S21.imag]),
-        start={"f_0": 100.001, "Q": 5000, "Q_e_real": 8000, "Q_e_imag": 0},
-    )  # fmt: skip
+        resonator, S21_F, S21, start={"f_0": 100.001, "Q": 5000, "Q_e_real": 8000, "Q_e_imag": 0}
+    )

@@ -92,7 +92,7 @@ These examples ask for what `fit_curve` and `fit_curves` do not have yet:
 | example | asks for |
 |---|---|
 | kafe2 011_multifit/01_fit_with_parameter_constraints.py | priors given as a matrix |
-| kafe2 012_custom_fit; iminuit generic_least_squares.ipynb; bumps constraints/inequality.py | a likelihood or a penalty of one's own |
+| kafe2 012_custom_fit; iminuit generic_least_squares.ipynb; bumps constraints/inequality.py | a cost function or a penalty of one's own (a log density of each observation is `LogDensity`) |
 | lmfit example_reduce_fcn.py, example_detect_outliers.py; iminuit cost_functions.ipynb, soft_l1 | soft losses (`robust=` is a law of errors with room for outliers, which is another thing) |
 | iminuit template_fits.ipynb, weighted_histograms.ipynb | templates with errors of their own, weighted events |
 | scipy.odr test_explicit, test_implicit, test_multi | errors of x of unknown size, implicit curves, several y for one x |

@@ -95,6 +95,8 @@ def influences(fit: Fit, sds: FloatArray | None = None) -> tuple[Influence, ...]
 
 
 def _errors_of(run: Observations) -> tuple[CommonError, ...]:
+    if run.noise.own_density:
+        return ()
     if run.motion is None:
         kinds = (("scale_x", not run.numbered), ("scale_y", run.noise.counted is None))
         return scale_errors_of(run.curve, [kind for kind, may_be in kinds if may_be])

@@ -182,7 +182,7 @@ def fit_curves(
     if n_start is None:
         n_start = min(getattr(points.curve, "n_start", N_START) for points in sets.values())
     fitted = fit_errors if joint.infers_errors else fit_stated
-    return fitted(joint, joint.problem, rng, n_start)
+    return fitted(joint, joint.with_sigma(1.0), rng, n_start)
 
 
 def _points_of_one(

@@ -80,8 +80,9 @@ class CurveFit:
         end at the limit itself is open.  nan where there is none.
     cov : (n_par, n_par) covariance matrix in the order of `names`.
     chi2 : squared residuals over u_y, priors included; without u_y the plain sum of squared
-        residuals (unit of y squared).  With u_x a residual is the normal score of y, F^-1(P(Y < y |
-        x)); for a line (y - f)/sqrt(u_y^2 + b^2 u_x^2) but for the shrinking of x.
+        residuals (unit of y squared); of a log density -2 log L.  With u_x a residual is the normal
+        score of y, F^-1(P(Y < y | x)); for a line (y - f)/sqrt(u_y^2 + b^2 u_x^2) but for the
+        shrinking of x.
     dof : points and informative priors minus parameters.
     p_value : P(chi2 or more), nan without u_y; with u_x from simulated data
         sets.
@@ -150,7 +151,8 @@ class CurveFit:
     def remarks(self) -> tuple[Finding, ...]:
         """What to know before using it, nothing wrong."""
         lacking = unasked(self.fit) if self.complete else []
-        return (*self.seen, *lacking)
+        untested = [Finding(Kind.NOT_TESTABLE)] if self.problem.own_density else []
+        return (*self.seen, *lacking, *untested)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -208,6 +210,7 @@ class CurveFit:
         """
         parts = []
         for run in self.problem.runs:
+            self._require_readings(run, "residuals")
             off = run.y - run.drawn(self.values)
             if run.order is not None:
                 off[run.order] = off.copy()
@@ -265,6 +268,7 @@ class CurveFit:
             ok has no band.
         """
         run = self._run(data)
+        self._require_readings(run, "plot")
         ends = (run.noise.counted.bins if run.noise.counted is not None else None, run.x)
         low, high = (float(f(next(e for e in ends if e is not None))) for f in (np.min, np.max))
         edges = run.noise.counted is not None or run.spread_in_decades
@@ -449,12 +453,14 @@ class CurveFit:
 
     @property
     def r_squared(self) -> float:
-        """Share of the scatter of y about its mean that the curve explains, unweighted; no test of
-        the curve.
+        """Share of the scatter of y about the mean of its data set that the curve explains,
+        unweighted; no test of the curve.
         """
-        every = np.concatenate([run.y for run in self.problem.runs])
-        total = float(np.sum((every - every.mean()) ** 2))
-        return 1.0 - float(np.sum(self.residuals**2)) / total if total > 0.0 else math.nan
+        if self.problem.own_density:
+            return math.nan
+        total = sum(run.n_obs * float(np.var(run.y)) for run in self.problem.runs)
+        squares = float(np.sum(np.abs(self.residuals) ** 2))
+        return 1.0 - squares / total if total > 0.0 else math.nan
 
     def summary(self) -> str:
         """What `print` shows, with criteria for comparing curves on the same points, and
@@ -485,6 +491,12 @@ class CurveFit:
             raise InputError(f"must be one of {', '.join(runs)}", field="data", value=data)
         return self.problem.runs[0] if data is None else runs[data]
 
+    def _require_readings(self, run: Observations, field: str) -> None:
+        if run.noise.own_density:
+            raise InputError(
+                "is of readings about a curve, which a log density has not", field=field
+            )
+
     def _criterion(self, weight: float) -> float:
         n, k = self.problem.n_obs, len(self.names)
         if any(p.prior.informative for p in self.problem.parameters if p.name in self.names):
@@ -495,10 +507,11 @@ class CurveFit:
                 if self.chi2 > 0.0
                 else -math.inf
             )
-        return (
-            -2.0 * float(self.fit.posterior.log_likelihood(self.fit.values[None, :])[0])
-            + weight * k
-        )
+        return -2.0 * self._log_likelihood + weight * k
+
+    @property
+    def _log_likelihood(self) -> float:
+        return float(self.fit.posterior.log_likelihood(self.fit.values[None, :])[0])
 
     @cached_property
     def _sizes(self) -> ErrorSizes:
@@ -602,6 +615,9 @@ class CurveFit:
         ]
 
     def _summary(self) -> str:
+        if self.problem.own_density:
+            value = phrase("log-likelihood = {value:.6g}", value=self._log_likelihood)
+            return f"{value}; {self.message}"
         if self.held.problem.noise_names or self.problem.robust:
             return f"dof = {self.dof}; {self.message}"  # chi2 tests nothing here
         if self.sigma is None:

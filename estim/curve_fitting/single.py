@@ -35,7 +35,18 @@ from estim.checks import (
     values_outside,
     wrong_curves,
 )
-from estim.common import PROBABILITIES, Amount, Finding, Kind, Status, decide, phrase, wrong
+from estim.common import (
+    PROBABILITIES,
+    Amount,
+    Finding,
+    InputError,
+    Kind,
+    Status,
+    decide,
+    phrase,
+    wrong,
+)
+from estim.curve_fitting.complex_values import ComplexFit, parts_of
 from estim.curve_fitting.result import CurveFit, unnamed
 from estim.curves import (
     AxisNames,
@@ -46,11 +57,13 @@ from estim.curves import (
     JointProblem,
     Points,
     in_time,
+    join,
     numbered,
     pose_curve,
     provisional,
     refuse_quantities,
     require_points,
+    roughness,
     started,
     unstarted,
     with_defaults,
@@ -80,6 +93,7 @@ from estim.fitting import (
     spread,
     with_other_modes,
 )
+from estim.given_numbers import are_complex
 from estim.problem import Problem
 from estim.words import tell
 
@@ -128,6 +142,8 @@ def fit_curve(
         formula; a function is called with the same mapping, or with an array (n_x, n_obs) where
         one was given.  Only parameters in which a formula is linear then need no start, and x has
         neither errors nor an order along which the curve could deviate.
+    y : (n_obs,); complex where a function returns complex numbers, whose real and imaginary parts
+        are then fit together (`ComplexFit`): u_y is that of each part, or u_re + 1j*u_im.
     start : starting values; without any, a function's numbers by default are those (beside others
         they are held); the order of magnitude and the sign matter, several further starts are
         tried.  Those that a formula or models by name lack are found from the points; a function
@@ -163,7 +179,8 @@ def fit_curve(
         mixture over its size and length, linear in the parameters (`estim.discrepancy`).
     noise : what y counts, in place of u_y: "poisson", or `Poisson(bins=...)`,
         `Binomial(trials=...)`, `EventTimes(low, high)` with y = None (`estim.curves.count_data`).
-        Intervals are then profiles of the likelihood, and chi2 is the deviance.
+        Intervals are then profiles of the likelihood, and chi2 is the deviance.  `LogDensity()`
+        with y = None: the curve is the logarithm of the density of each observation x.
     jitter : whether y has further independent errors beside u_y, whose common standard deviation is
         the parameter "jitter": True where nothing is known of it (a flat prior from 0 to the range
         of y), or its prior.  Nothing then tests the size of the errors.
@@ -192,7 +209,8 @@ def fit_curve(
     """
     rng = np.random.default_rng(1) if rng is None else rng
     n_start = getattr(curve, "n_start", N_START) if n_start is None else n_start
-    curve, x = numbered(curve, x)
+    whole = are_complex(y)
+    curve, x = (curve, x) if whole else numbered(curve, x)
     priors = with_joint_priors(priors)
     said: dict[str, Any] = {
         "start": with_defaults(curve, start, fixed, tied),
@@ -208,21 +226,32 @@ def fit_curve(
         curve, getattr(axes, "x_name", ""), said["start"], said["fixed"], bounds, priors, tied
     )
     points = DataSet(x, y, u_y, cov_y, u_x, noise, curve, axes, jitter, robust, cov_x, r_xy)
-    posed = pose_points(points, said, errors, deviation=deviation, correlated=correlated)
-    require_points(posed.parameters, posed.x.size, stated=posed.stated)
+    posed: CurveProblem | JointProblem
+    if whole:
+        lacking = None if correlated is False else correlated
+        parts = parts_of(points, deviation=deviation or None, correlated=lacking)
+        both = {name: pose_points(part, said, errors) for name, part in parts.items()}
+        posed = join(both, shared=None, common=(), same_size=True)
+    else:
+        posed = pose_points(points, said, errors, deviation=deviation, correlated=correlated)
+        require_points(posed.parameters, posed.x.size, stated=posed.stated)
     if posed.infers_errors:
-        return fit_errors(posed, posed.with_unknown_errors(), rng, n_start)
-    complete = (
-        fit_stated(posed, posed.with_sigma(1.0), rng, n_start)
-        if posed.stated
-        else _fit_estimated(posed, rng, n_start)
-    )
-    usable = (
-        complete.status not in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED) and complete.goodness
-    )
-    return (
-        _fit_discrepancy(posed, complete, rng) if posed.lacks is not None and usable else complete
-    )
+        problem = (
+            posed.with_sigma(1.0)
+            if posed.stated
+            else posed.with_unknown_sigma(roughness(posed.y, robust=True))
+        )
+        complete = fit_errors(posed, problem, rng, n_start)
+    elif posed.stated:
+        complete = fit_stated(posed, posed.with_sigma(1.0), rng, n_start)
+    else:
+        complete = _fit_estimated(posed, rng, n_start)
+    if isinstance(posed, JointProblem):
+        return ComplexFit(**vars(complete))
+    unusable = complete.status in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED)
+    if posed.lacks is None or unusable or not complete.goodness:
+        return complete
+    return _fit_discrepancy(posed, complete, rng)
 
 
 def pose_points(
@@ -282,6 +311,9 @@ def pose_points(
     )
     if named is None:
         return posed
+    if posed.counted is not None and posed.counted.noise.own_density:
+        rule = "must give each parameter of a log density its starting value, like {'a': 1.0}"
+        raise InputError(rule, field="start")
     return started(replace(posed, called=named.text), named, held=start, beside=beside)
 
 
@@ -317,7 +349,9 @@ def _better_point(findings: Sequence[Finding]) -> FloatArray | None:
     return None
 
 
-def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) -> CurveFit:
+def _fit_estimated(
+    posed: CurveProblem | JointProblem, rng: np.random.Generator, n_start: int
+) -> CurveFit:
     """The fit whose residuals say how large the errors are; with informative priors, in rounds
     until that size settles.
     """
@@ -501,7 +535,7 @@ def _squares(problem: Problem, values: FloatArray) -> float:
     return float(sum(np.sum((run.y - run.drawn(named)) ** 2) for run in problem.runs))
 
 
-def _residual_sd(posed: CurveProblem, problem: Problem, best: Optimum) -> float:
+def _residual_sd(posed: CurveProblem | JointProblem, problem: Problem, best: Optimum) -> float:
     """Square root of the residuals' squares over the degrees of freedom, no smaller than rounding
     errors of y.
     """
@@ -537,7 +571,9 @@ def _concluded(
         np.sum(posed.y**2)
     )
     perfect = cancelled or squares <= problem.n_obs * _floor(posed) ** 2
-    p_value = chi2_p(chi2, dof) if sigma is None and dof > 0 else math.nan
+    p_value = (
+        chi2_p(chi2, dof) if sigma is None and dof > 0 and not problem.own_density else math.nan
+    )
     uncertainty = spread(
         held,
         best,
@@ -583,7 +619,7 @@ def _concluded(
         status=decide(findings),
         findings=findings,
         seen=unnamed([*uncertainty.notes, *remarks], fit),
-        complete=not (findings or perfect or modelled),
+        complete=not (findings or perfect or modelled or problem.own_density),
         message=_message(best, sigma, perfect, [*map(tell, same_curve(fit)), *_said(problem)]),
         goodness=goodness,
         fit=fit,

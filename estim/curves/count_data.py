@@ -24,7 +24,16 @@ from estim.curves.binned import BinnedCurve
 from estim.curves.columns import column
 from estim.curves.systematic_errors import Component
 from estim.given_numbers import real_number, real_numbers
-from estim.problem import BINOMIAL, POISSON, Counts, Curve, Events, Wording, counted_words
+from estim.problem import (
+    BINOMIAL,
+    POISSON,
+    Counts,
+    Curve,
+    Events,
+    OwnDensity,
+    Wording,
+    counted_words,
+)
 
 MAX_OBS = 1_000_000  # what costs in proportion: independent errors of y alone, counts, events
 _MOST_CELLS = 1000
@@ -87,13 +96,33 @@ class EventTimes:
     cells: int | None = None
 
 
-Counting = Poisson | Binomial | EventTimes
+@dataclass(frozen=True, eq=False)
+class LogDensity:
+    """A density of one's own: the curve is the logarithm of that of each observation.
+
+    x are the observations (n_obs,), or several columns of them, and y is None.  The density must be
+    normalised over what could have been observed, whatever the parameters, or the likelihood
+    prefers those that make it large; a censored observation has the probability of what is known.
+
+    >>> import numpy as np
+    >>> from estim import LogDensity, fit_curve
+    >>> def waiting(t, tau):
+    ...     return -np.log(tau) - t / tau
+    >>> times = [0.1, 0.3, 0.4, 0.8, 0.9, 1.3, 1.7, 2.2, 3.1, 4.2]
+    >>> fit = fit_curve(waiting, times, None, noise=LogDensity(), start={"tau": 1.0})
+    >>> round(fit.values["tau"], 3), round(fit.sds["tau"], 3)  # the mean, and that / sqrt(10)
+    (1.5, 0.474)
+    """
+
+
+Counting = Poisson | Binomial | EventTimes | LogDensity
 
 
 @dataclass(frozen=True, eq=False)
 class CountedPoints:
     """Points (n_obs,) in order of x whose y were counted.
 
+    noise : `Counts`, or `OwnDensity`, which has no y.
     bins : (n_obs, 2) edges, or None.
     total : of events, where only their density counts.  events : (n_event,) their times in order,
         where known.
@@ -101,7 +130,7 @@ class CountedPoints:
 
     x: FloatArray
     y: FloatArray
-    noise: Counts
+    noise: Any
     bins: FloatArray | None
     total: float | None
     events: FloatArray = field(default_factory=lambda: np.zeros(0))
@@ -111,6 +140,8 @@ class CountedPoints:
         """How they are spoken of."""
         if self.total is not None:
             return counted_words(later("cells of events"), later("a new count"))
+        if self.noise.own_density:
+            return counted_words(later("observations"), later("a new observation"))
         law = self.noise.law
         return counted_words(later("bins") if self.bins is not None else law.word, law.new)
 
@@ -137,8 +168,11 @@ def points_of_noise(
     if noise is None:
         return None
     counting = Poisson() if isinstance(noise, str) and noise == "poisson" else noise
-    if not isinstance(counting, Poisson | Binomial | EventTimes):
-        rule = 'must be "poisson", Poisson(bins=...), Binomial(trials=...) or EventTimes(low, high)'
+    if not isinstance(counting, Counting):
+        rule = (
+            'must be "poisson", Poisson(bins=...), Binomial(trials=...), EventTimes(low, high) or '
+            "LogDensity()"
+        )
         raise InputError(rule, field="noise", value=noise)
     for name, value in beside.items():
         if value is not None:
@@ -154,6 +188,9 @@ def points_of_noise(
 def refuse_common_errors(points: CountedPoints, errors: Sequence[Component]) -> None:
     """Raises InputError for an error in common that means nothing beside a density."""
     for component in errors:
+        if points.noise.own_density:
+            rule = "does not go with a log density: put the error into that, with a prior"
+            raise InputError(rule, field="errors", value=component.kind)
         if component.kind == "zero_y" and points.bins is not None:
             raise InputError(
                 "has no zero error for counts in bins: put a background into the formula",
@@ -174,9 +211,12 @@ def counted_points(
     """The points of x and y (n_obs,) as counted.  Raises InputError naming x, y, bins, trials, low
     or high.
     """
+    if isinstance(noise, EventTimes | LogDensity) and y is not None:
+        rule = "must be None where x are the times of single events, or observations of a density"
+        raise InputError(rule, field="y")
+    if isinstance(noise, LogDensity):
+        return CountedPoints(np.sort(x), np.zeros(x.size), OwnDensity(x.size), None, None)
     if isinstance(noise, EventTimes):
-        if y is not None:
-            raise InputError("must be None where x are the times of single events", field="y")
         low, high = real_number(noise.low, "low"), real_number(noise.high, "high")
         if noise.cells is not None and not (
             isinstance(noise.cells, int) and 2 <= noise.cells <= _MOST_CELLS

@@ -127,13 +127,6 @@ class CurveProblem:
         """The problem whose errors are `sigma` times u_y (or times 1)."""
         return self._problem(Scale(sigma), ())
 
-    def with_unknown_errors(self) -> Problem:
-        """The problem with all that is unknown of the errors as further parameters."""
-        if not self.stated:
-            # only robust errors are inferred where none are stated
-            return self.with_unknown_sigma(roughness(self.y, robust=True))
-        return self.with_sigma(1.0)
-
     def with_unknown_sigma(self, typical: float) -> Problem:
         """The problem in which the common standard deviation of y is one more parameter, known to
         be about `typical` to a factor 20.

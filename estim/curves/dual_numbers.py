@@ -240,6 +240,8 @@ def _slopes() -> dict[np.ufunc, tuple[Slope, ...]]:
         np.radians: (lambda r, a: np.pi / 180.0,),
         np.rad2deg: (lambda r, a: 180.0 / np.pi,),
         np.degrees: (lambda r, a: 180.0 / np.pi,),
+        special.gammaln: (lambda r, a: special.digamma(a),),
+        special.log_ndtr: (lambda r, a: np.exp(-0.5 * a * a - r) / np.sqrt(2.0 * np.pi),),
         special.erf: (lambda r, a: two_over_root_pi * np.exp(-a * a),),
         special.voigt_profile: tuple(
             lambda *given, i=i: _voigt_slopes(*given)[i] for i in range(3)

@@ -58,7 +58,7 @@ class DataSet:
 
 @dataclass(frozen=True, eq=False)
 class JointProblem:
-    """Problems that share parameters, whose errors are stated.
+    """Problems that share parameters, whose errors are stated, or of the same size in all.
 
     parts : name of the data set -> its problem.
     sources : the same -> its argument -> name in `parameters`.  y : (n_obs,) of all in turn.
@@ -86,15 +86,30 @@ class JointProblem:
         return any(part.infers_errors for part in self.parts.values())
 
     @property
-    def problem(self) -> Problem:
-        """All data sets, with what is unknown of their errors as further parameters."""
-        runs, sought = [], self.sought
+    def stated(self) -> bool:
+        """Whether the size of their errors is known."""
+        return all(part.stated for part in self.parts.values())
+
+    def with_sigma(self, sigma: float) -> Problem:
+        """All data sets, with what is unknown of their errors as further parameters; errors are
+        `sigma` times u_y (or times 1).
+        """
+        return self._joint(lambda part: part.with_sigma(sigma))
+
+    def with_unknown_sigma(self, typical: float) -> Problem:
+        """The same with one unknown standard deviation of all y, about `typical`."""
+        return self._joint(lambda part: part.with_unknown_sigma(typical))
+
+    def _joint(self, pose: Callable[[CurveProblem], Problem]) -> Problem:
+        runs, sought, further = [], self.sought, dict[str, Parameter]()
         for name, part in self.parts.items():
-            run = part.with_sigma(1.0).runs[0].renamed(self.sources[name])
+            one = pose(part)
+            run = one.runs[0].renamed(self.sources[name])
             runs.append(replace(run, name=name, sought=(*run.sought, *sought)))
             sought = ()
-        further = [unknown for part in self.parts.values() for unknown in part.further]
-        return Problem((*self.parameters, *further), tuple(runs))
+            for unknown in one.parameters[len(part.parameters) :]:
+                further.setdefault(unknown.name, unknown)
+        return Problem((*self.parameters, *further.values()), tuple(runs))
 
 
 def join(
@@ -105,6 +120,7 @@ def join(
     derived: Mapping[str, str] = MappingProxyType({}),
     units: Mapping[str, str] = MappingProxyType({}),
     order: Iterable[str] = (),
+    same_size: bool = False,
 ) -> JointProblem:
     """The joint problem.  shared : parameters of the curves that are one unknown for all, None for
     each that has the same name; `common` are so in any case.  Where a shared one begins, the first
@@ -112,9 +128,10 @@ def join(
 
     derived : what follows from parameters of several data sets, with the stated `units`.
     order : of the data sets in the result, that of `parts` if there is none.
+    same_size : whether errors whose size is not stated are of the same size in all.
     """
     for name, part in parts.items():
-        if not part.stated:
+        if not part.stated and not same_size:
             raise InputError(
                 "needs u_y, cov_y or noise: otherwise the relative weights of the data "
                 "sets are undefined",
@@ -167,7 +184,7 @@ def join(
             for parameter, value in part.fixed.items()
         }
     y = np.concatenate([part.y for part in parts.values()])
-    require_points(ordered, y.size)
+    require_points(ordered, y.size, stated=all(part.stated for part in parts.values()))
     return JointProblem(
         MappingProxyType(dict(parts)),
         MappingProxyType(sources),

@@ -100,7 +100,9 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     )
     ended = any(_at_end(run, fixed) for run in fixed.problem.runs)
     noises = [run.noise for run in fixed.problem.runs]
-    skewed = any(noise.counted or noise.share or noise.sides is not None for noise in noises)
+    skewed = fixed.problem.counted or any(
+        noise.share or noise.sides is not None for noise in noises
+    )
     beside = _within_reach(fixed, np.where(best.at_bound, free, sds_of(cov)), dofs)
     symmetric = _symmetric(names, best.values, sds, dofs)
     bent = vague(fixed, sds)

@@ -57,7 +57,7 @@ class Fit:
     at_bound : names of parameters whose mode lies on a bound of their prior.
     posterior : the density with covariances at the mode.
     chi2 : whitened squares of the data (of normal scores, with errors of x) and of informative
-        priors.
+        priors; of a log density -2 log L in place of the data's.
     dof : their number minus the fitted parameters of the curve that lie on no limit.
         p_value : P(chi2 or more); nan where the size of the noise was inferred or its tails are
             heavy (it proves nothing), or y was counted (simulations say it).
@@ -526,12 +526,14 @@ def _describe(
     curve = problem.of_curve
     # what lies on a limit is held there, and so is what its prior says
     pulls = [i for i in curve if problem.parameters[i].prior.informative and not at_bound[i]]
-    chi2 = float(
-        np.sum(posterior.size_residuals(values) ** 2)
-        + np.sum(posterior.prior_residuals(values)[pulls] ** 2)
+    of_data = (
+        -2.0 * posterior.log_likelihood(values[None, :])[0]
+        if problem.own_density
+        else np.sum(posterior.size_residuals(values) ** 2)
     )
+    chi2 = float(of_data + np.sum(posterior.prior_residuals(values)[pulls] ** 2))
     dof = problem.n_obs + len(pulls) - int(np.sum(~at_bound[list(curve)]))
-    unlike = any(run.noise.robust or run.noise.counted is not None for run in problem.runs)
+    unlike = problem.robust or problem.counted
     place = np.where(curvature > 0.0, curvature, np.inf)
     n_same = (
         len(same)

@@ -58,7 +58,7 @@ def _endless(fit: Fit) -> list[Finding]:
     posterior, stays above e^-15 of the highest: it has no integral, and chains find out by chance.
     """
     problem = fit.problem
-    if fit.singular or all(run.noise.counted is None for run in problem.runs):
+    if fit.singular or not problem.counted:
         return []
     own = problem.incidental if fit.measure is not None else ()
     flat = [

@@ -36,6 +36,7 @@ from estim.problem.likelihood import (
     shift_of,
     spread_of,
 )
+from estim.problem.own_density import OwnDensity
 from estim.problem.noise import (
     STENCILS,
     Derivative,

@@ -387,6 +387,10 @@ class Noise(ABC):
         """How y were counted; None where they are readings, which have errors."""
         return None
 
+    own_density: bool = False
+    """Whether the curve is the logarithm of the density of each observation, which is the user's
+    own: there are no readings, and no residual tests anything."""
+
     @property
     def made_of_positions(self) -> bool:
         """Whether the ordinates are differences of positions in time: then these are what is

@@ -55,8 +55,13 @@ class Problem:
 
     @property
     def counted(self) -> bool:
-        """Whether the y of some run are counts."""
-        return any(run.noise.counted is not None for run in self.runs)
+        """Whether the y of some run are counts, or its density is a user's own."""
+        return self.own_density or any(run.noise.counted is not None for run in self.runs)
+
+    @property
+    def own_density(self) -> bool:
+        """Whether some run has a log density of the user's own."""
+        return any(run.noise.own_density for run in self.runs)
 
     @property
     def many(self) -> bool:

@@ -47,6 +47,11 @@ def curve_report(
     """
     if kind not in KINDS:
         raise InputError(f"must be one of {', '.join(KINDS)}", field="kind", value=kind)
+    if fit.problem.own_density:
+        raise InputError(
+            "is of readings about a curve, which a log density has not: use sample_curve",
+            field="fit",
+        )
     tables = {run.name: _table_of(run) for run in fit.problem.runs}
     text = hashlib.sha256(
         "; ".join(

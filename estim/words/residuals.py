@@ -210,6 +210,10 @@ WORDS: Table = {
         "have their nominal coverage",
         share=100.0 * f.numbers["coverage"],
     ),
+    Kind.NOT_TESTABLE: (
+        "a likelihood alone has no goodness of fit: nothing here tests the density, so compare it "
+        "with the data by a histogram, or with another density by AIC"
+    ),
     Kind.NO_SCATTER: (
         "the points have no scatter beyond rounding errors (are they computed values, "
         "not readings?), so the size of their errors "
