@@ -240,6 +240,29 @@ def test_readings_of_a_line_do_what_the_closed_form_says(tmp_path: Path) -> None
         )
 
 
+def test_additional_readings_share_an_error_with_each_other_alone(tmp_path: Path) -> None:
+    """Where groups of readings share one: by generalised least squares, written out."""
+    keys = 'u_y = 0.1\nerrors = {day = {kind = "zero_y", u = 0.3, groups = "day"}}\n'
+    path = line(tmp_path, text=LINE.replace("u_y = 0.1\n", keys))
+    x, day = np.arange(10.0), np.repeat([1.0, 2.0], 5)
+    rows = zip(x, 1.0 + 2.0 * x, day, strict=True)
+    (tmp_path / "line.csv").write_text("x,y,day\n" + "".join(f"{a},{b},{c}\n" for a, b, c in rows))
+    campaign = load_campaign(path)
+    fit = fit_problem(campaign.problem(["line"]), rng=np.random.default_rng(1))
+    basis = CurveBasis(campaign, ("line",), fit)
+    (b,) = targets_of(campaign, fit.problem, ["b"])
+    further = Change("", MORE, readings=(Readings("line", 30.0, 4),))
+    sds = []
+    for group in (3.0, 2.0):  # their own, and that of the nearest
+        at, of = np.r_[x, np.full(4, 30.0)], np.r_[day, np.full(4, group)]
+        cov = 0.01 * np.eye(14) + 0.09 * (of[:, None] == of)
+        rows_of_line = np.column_stack([np.ones(14), at])
+        inverse = np.linalg.inv(rows_of_line.T @ np.linalg.solve(cov, rows_of_line))
+        sds.append(float(np.sqrt(inverse[1, 1])))
+    assert sds_with(basis.outlook(further), {}, [b])[0] == pytest.approx(sds[0], rel=1e-6)
+    assert sds[1] < 0.9 * sds[0] or sds[1] > 1.1 * sds[0]
+
+
 @pytest.mark.parametrize("stated", ['"5%"', '"5% of y"', "0.1", None])
 def test_half_the_error_of_a_reading_halves_what_it_makes_uncertain(
     tmp_path: Path, stated: str | None

@@ -20,6 +20,7 @@ from estim.campaign.quantities import EFFECTS
 from estim.campaign.planned_campaign import (
     NewRun,
     axis_columns,
+    group_columns,
     otherwise,
     planned_quantities,
     quantity_of_key,

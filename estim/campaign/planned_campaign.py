@@ -105,6 +105,13 @@ def axis_columns(campaign: Campaign) -> tuple[str, str]:
     return campaign.x_column, campaign.y_column
 
 
+def group_columns(campaign: Campaign, run: str) -> tuple[str, ...]:
+    """The columns of a run of a user's own curve that say which points share an error."""
+    assert isinstance(campaign, CurveCampaign), "asked of a campaign with a formula"
+    columns = campaign.runs[run].columns
+    return tuple(column for key, column in columns.items() if key.startswith("errors["))
+
+
 def with_own_gamma(problem: Problem, runs: Sequence[NewRun]) -> Problem:
     """The problem in which each of `runs` that says a gamma has that one in place of its body's."""
     gammas = {run.name: run.said["gamma"] for run in runs if "gamma" in run.said}

@@ -12,7 +12,7 @@ import numpy as np
 
 from estim.arrays import FloatArray, all_finite
 from estim.calibration import curve_at
-from estim.campaign import Campaign, axis_columns, with_tables
+from estim.campaign import Campaign, axis_columns, group_columns, with_tables
 from estim.common import InputError, later
 from estim.fitting import Fit, expected_information
 from estim.planning.changes import Change
@@ -44,6 +44,8 @@ class CurveBasis:
             x[rows.size - len(new) :] = new
             columns = {name: column[rows].copy() for name, column in table.columns.items()}
             columns |= {x_column: x, y_column: _curve(run, x, named)}
+            for name in group_columns(self.campaign, run.name):  # another day, or instrument
+                columns[name][rows.size - len(new) :] = np.max(columns[name]) + 1.0
             order = np.argsort(x, kind="stable")
             arranged = {name: column[order] for name, column in columns.items()}
             tables[run.name] = table.with_columns(arranged, lines=np.arange(order.size))
