@@ -3,7 +3,7 @@ docs/statistics.md and those of docs/means.md and docs/propagation.md.
 
     nice python benchmarks/intervals.py [STUDY ...] [--seconds 90] [--sets 1000] [--out FOLDER]
 
-A study is a word that its cases begin with (jitter, robust, mean, groups, readings, bent); all
+A study is a word that its cases begin with (jitter, robust, mean, groups, readings, bent, law); all
 without one.  Data are SYNTHETIC and made with NumPy alone; the same seed makes the same data.  Each
 case stops after as many sets or seconds of a core, whichever comes first, and prints a row with the
 sets that it had.  With --out it is kept in a file of FOLDER, and taken up there the next time.
@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy import special
 
 import estim
 
@@ -256,7 +257,120 @@ def mistyped(kind: str | None) -> Case:
     return Case(f"robust {kind}, one reading ten times as large, decay, 12 points", truth, once)
 
 
+def with_unequal_errors(*, jitter: bool = True) -> Case:
+    """A jitter of 0.2 beside stated errors from 0.05 to 0.6."""
+    x, u, truth = np.linspace(0.0, 5.0, 12), np.linspace(0.05, 0.6, 12), {"a": 1.0, "b": 2.0}
+
+    def once(rng: np.random.Generator) -> Found:
+        y = 1.0 + 2.0 * x + np.hypot(u, 0.2) * rng.standard_normal(12)
+        return fitted("a + b*x", x, y, truth, u_y=u, jitter=jitter)
+
+    return Case(
+        f"jitter beside unequal u_y, line, 12 points{'' if jitter else ', without'}", truth, once
+    )
+
+
+def single_trials(*, wrong: bool = False) -> Case:
+    """Success or failure at 60 places, as by a logistic law; the wrong one holds its width."""
+    x, truth = np.linspace(-3.0, 3.0, 60), {"a": -0.375, "b": 1.25}
+
+    def once(rng: np.random.Generator) -> Found:
+        y = rng.binomial(1, 1.0 / (1.0 + np.exp(-(x - 0.3) / 0.8)))
+        formula = "1/(1+exp(-(a + b*x)))" if not wrong else "1/(1+exp(-(a + b*x/2)))"
+        return fitted(formula, x, y, truth, noise=estim.Binomial(trials=1))
+
+    return Case(f"law of single trials, 60{', half the slope' if wrong else ''}", truth, once)
+
+
+def lifetimes(*, wrong: bool = False) -> Case:
+    """30 times of a Gamma law, k = 2, by its log density; the wrong one is exponential."""
+    truth = {"s": 6.0} if wrong else {"k": 2.0, "s": 3.0}
+
+    def gamma(t, k, s):
+        return (k - 1.0) * np.log(t) - t / s - k * np.log(s) - special.gammaln(k)
+
+    def exponential(t, s):
+        return -t / s - np.log(s)
+
+    def once(rng: np.random.Generator) -> Found:
+        t = np.sort(rng.gamma(2.0, 3.0, 30))
+        law = exponential if wrong else gamma
+        bounds = dict.fromkeys(truth, (0.001, None))
+        return fitted(law, t, None, truth, noise=estim.LogDensity(), bounds=bounds)
+
+    return Case(f"law of one's own, Gamma, 30 times{', exponential' if wrong else ''}", truth, once)
+
+
+def complex_values(*, wrong: bool = False) -> Case:
+    """A resonator's response at 12 frequencies; the wrong errors are half of them."""
+    f, truth = np.linspace(9.0, 11.0, 12), {"f_0": 10.1, "q": 12.0}
+
+    def response(f, f_0, q):
+        return 1.0 / (1.0 + 2j * q * (f - f_0) / f_0)
+
+    def once(rng: np.random.Generator) -> Found:
+        errors = rng.standard_normal(12) + 1j * rng.standard_normal(12)
+        y = response(f, **truth) + 0.05 * errors
+        return fitted(response, f, y, truth, u_y=0.025 if wrong else 0.05)
+
+    return Case(f"law of complex values, 12{', half their error' if wrong else ''}", truth, once)
+
+
+def joint_priors(*, wrong: bool = False) -> Case:
+    """A line through 6 points beside an earlier result, r = -0.9; the wrong one leaves r out."""
+    x, truth = np.linspace(0.0, 5.0, 6), {"a": 1.0, "b": 2.0}
+    sds, r = np.array([0.2, 0.07]), -0.9
+    cov = np.array([[sds[0] ** 2, r * sds[0] * sds[1]], [r * sds[0] * sds[1], sds[1] ** 2]])
+
+    def once(rng: np.random.Generator) -> Found:
+        earlier = rng.multivariate_normal([1.0, 2.0], cov)
+        y = 1.0 + 2.0 * x + 0.1 * rng.standard_normal(6)
+        alone = {"a": (earlier[0], sds[0]), "b": (earlier[1], sds[1])}
+        priors = (
+            {name: f"{value:.6f} +/- {sd:.6f}" for name, (value, sd) in alone.items()}
+            if wrong
+            else {("a", "b"): (earlier, cov)}
+        )
+        return fitted("a + b*x", x, y, truth, u_y=0.1, priors=priors)
+
+    return Case(f"law of joint priors, line{', each alone' if wrong else ''}", truth, once)
+
+
+def in_groups(*, wrong: bool = False) -> Case:
+    """A line whose 12 points share a zero error by threes; the wrong one does not know it."""
+    x, day, truth = np.linspace(0.0, 5.0, 12), np.repeat(range(4), 3), {"a": 1.0, "b": 2.0}
+    errors = [] if wrong else [estim.Component("zero_y", 0.3, "day", groups=day)]
+
+    def once(rng: np.random.Generator) -> Found:
+        zeros = 0.3 * rng.standard_normal(4)
+        y = 1.0 + 2.0 * x + 0.1 * rng.standard_normal(12) + zeros[day]
+        return fitted("a + b*x", x, y, truth, u_y=0.1, errors=errors)
+
+    return Case(f"law of errors in groups, line{', as independent' if wrong else ''}", truth, once)
+
+
+def two_sided(*, wrong: bool = False) -> Case:
+    """A line whose errors are 0.3 above and 0.1 below (two-piece normal); the wrong way round."""
+    x, truth = np.linspace(0.0, 5.0, 20), {"a": 1.0, "b": 2.0}
+    below, above = (0.3, 0.1) if wrong else (0.1, 0.3)
+
+    def once(rng: np.random.Generator) -> Found:
+        size = np.abs(rng.standard_normal(20))
+        # the truth lies above a reading with probability 0.3/(0.1 + 0.3)
+        off = np.where(rng.random(20) < 0.75, -0.3 * size, 0.1 * size)
+        y = 1.0 + 2.0 * x + off
+        u_y = np.full(20, below), np.full(20, above)
+        return fitted("a + b*x", x, y, truth, u_y=u_y)
+
+    return Case(f"law of two-sided errors, line{', wrong way round' if wrong else ''}", truth, once)
+
+
 def cases() -> Iterator[Case]:
+    for jitter in (True, False):
+        yield with_unequal_errors(jitter=jitter)
+    for law in (single_trials, lifetimes, complex_values, joint_priors, in_groups, two_sided):
+        for wrong in (False, True):
+            yield law(wrong=wrong)
     for curve in CURVES:
         for n in (20, 60):
             for ratio in (0.0, 0.5, 2.0):
