@@ -224,12 +224,12 @@ def test_repeated_runs_share_a_force_agree_and_leave_white_residuals(joint: Fit)
     )
 
 
-def rolled(folder: Path, resistances: list[float], *, tilt: str) -> Campaign:
+def rolled(folder: Path, resistances: list[float], *, tilt: str, seed: int = 3) -> Campaign:
     """Runs of one wheel by an ODE solver: a force that all share and one of each, both of mean 0
     over the track; angles by the encoder.
     """
     rng, step, turns = (
-        np.random.default_rng(3),
+        np.random.default_rng(seed),
         2.0 * np.pi / 500.0,
         2.0 * np.pi * np.arange(1, 6) / 15.0,
     )
@@ -302,6 +302,27 @@ def test_runs_whose_own_values_differ_do_not_agree_though_each_may_have_a_force_
     )
     varying = load_campaign(tmp_path / "c.toml")
     assert check_consistency(_from_the_stated_values(varying, varying.run_names)).agree
+
+
+@pytest.mark.slow
+def test_the_resistance_of_a_run_is_the_average_over_what_was_fitted_within_its_own_part(
+    tmp_path: Path,
+) -> None:
+    """The force of `rolled`, averaged by hand; without it the errors are no part of the own sds."""
+    held, rng = rolled(tmp_path, [0.03] * 4, tilt="-5.5", seed=104), np.random.default_rng(104)
+    turns, shared = 2.0 * np.pi * np.arange(1, 6) / 15.0, 0.006 * rng.standard_normal(5)
+    off, with_force = [], []
+    for name in held.run_names:
+        waves = shared + 0.005 * rng.standard_normal(5)
+        rng.uniform()
+        fit = _from_the_stated_values(held, [name])
+        x = fit.problem.runs[0].x
+        along = np.linspace(x.min(), x.max(), 2000)
+        value, sd = _resistance(fit)
+        off.append((value - 0.03) / sd)
+        with_force.append(off[-1] + np.mean(waves @ np.cos(turns[:, None] * along)) / sd)
+    assert np.sqrt(np.mean(np.square(with_force))) < 1.5
+    assert np.sqrt(np.mean(np.square(off))) > 2.0
 
 
 def test_the_level_of_the_key_says_which_runs_share(tmp_path: Path) -> None:
