@@ -28,6 +28,7 @@ from estim.curves.starting_values import guess_starts
 from estim.problem import MOST_REWEIGHTED, Counts, Flat, errors_widened, typical_size
 
 _SIZE = "size_of_density"
+_FEW = 2  # parameters of models whose names are ordinary words
 _ENOUGH = 3  # trials to either side that tell a share from a step
 Points = tuple[FloatArray, FloatArray, FloatArray]
 """x, y and their standard uncertainties, or 1."""
@@ -63,7 +64,19 @@ def unstarted(
                 raise InputError(rule, field=f"tied[{place}]", value=tied[place])
     constant = formula.names == (formula.text,)
     missing = {*formula.names} - {*start, *fixed}
+    for name in sorted(missing):
+        _refuse_model(name, formula.text)
     return ModelSum("", formula) if (formula.uses_x or constant) and missing else None
+
+
+def _refuse_model(name: str, text: str) -> None:
+    """Raises InputError for a parameter that is called like a model, which a formula cannot hold;
+    short names (power, line, constant) may be meant.
+    """
+    model = named_model(name)
+    if model is not None and len(model.parameters) > _FEW:
+        rule = f"has the model '{name}' in a formula, where only its own formula can stand"
+        raise InputError(f"{rule}: {model.formula.text}", field="curve", value=text)
 
 
 def in_time(curve: Any, axis: str, *named: object) -> Any:
