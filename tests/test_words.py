@@ -49,6 +49,7 @@ NUMBERS = dict.fromkeys(
         "apart",
         "bayes",
         "before",
+        "after",
         "chi2",
         "correlated",
         "correlated_length",

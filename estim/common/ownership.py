@@ -21,6 +21,7 @@ from estim.common.storage import names_in, read_file, remove_empty, remove_files
 REPORT_FILES = ("report.md", "report.html", "report.pdf", "draws.nc")
 """What would pass for a part of any report that is written beside it."""
 FIGURES = (
+    "abscissas",
     "budget",
     "chances",
     "comparison",
