@@ -388,6 +388,7 @@ def cases() -> Iterator[Case]:
             yield robust(curve, 40, law, kind)
     for law, kind in (("student", "student-t"), ("blunders", "mixture")):
         yield robust("line", 40, law, kind, stated=False)
+    yield robust("line", 12, "blunders", "mixture", stated=False)
     yield from map(mistyped, ("mixture", None))
     for n in (2, 3, 5, 10):
         for tau in (0.0, 1.0, 3.0):

@@ -290,6 +290,14 @@ def test_a_displaced_zero_or_a_lasting_step_of_a_users_own_curve_is_named_with_i
         assert wrong not in {cause.name for cause in again.causes}
 
 
+def test_a_step_left_of_the_origin_is_written_as_a_formula_takes_it(tmp_path: Path) -> None:
+    x = np.linspace(-3.0, 3.0, 60)
+    y = 2.0 * x + 1.0 + 0.05 * np.random.default_rng(4).standard_normal(60) + 0.5 * (x > -1.4)
+    first = own_curve(tmp_path, "b*x + c", x, y).candidates[0]
+    (term,) = re.findall(r"(\+ s\*heaviside\(x \+ 1\.\d+, 0\))", first.words)
+    assert own_curve(tmp_path, f"b*x + c {term}", x, y).found == ()
+
+
 def test_errors_that_follow_each_other_are_told_from_white_ones(tmp_path: Path) -> None:
     for name in ("alike", "none"):
         found = explain(

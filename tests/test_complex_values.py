@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from functools import partial
 from typing import Any
 
@@ -137,6 +138,7 @@ REFUSED: dict[str, dict[str, Any]] = {
     "a share": {"u_y": "2%"},
     "a matrix": {"u_y": None, "cov_y": np.eye(40)},
     "errors of x": {"u_x": 0.1},
+    "a zero": {"errors": [Component("zero_y", 0.1)]},
     "a deviation": {"deviation": 0.1},
     "correlation": {"correlated": True},
     "counts": {"u_y": None, "noise": "poisson"},
@@ -183,3 +185,10 @@ def test_intervals_of_complex_fits_hold_what_they_say(u_y: float | None) -> None
     assert np.all(np.abs(share - (0.68, 0.95)) < 4.0 * np.sqrt(np.array([0.2176, 0.0475]) / 1200))
     assert abs(wrong / (3 * n_fit) - 0.68) > 8.0 * np.sqrt(0.2176 / 1200)
     assert ok > 0.95 * n_fit
+
+
+def test_a_complex_fit_can_be_kept() -> None:
+    found = fit_curve(resonance, F, readings(9), u_y=0.05, start=START)
+    again = pickle.loads(pickle.dumps(found))
+    assert again.values == found.values
+    np.testing.assert_array_equal(again(F), found(F))

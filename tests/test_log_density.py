@@ -323,3 +323,23 @@ def test_intervals_of_a_density_hold_what_they_say_and_those_of_a_wrong_one_do_n
     # the profile of 30 readings is good to about 1/n
     assert np.all(np.abs(hits / n_fit - [[0.68], [0.95]]) < 3.5 * sd + 0.02)
     assert wrong[0] / n_fit > 0.68 + 8.0 * sd[0]
+
+
+def test_a_density_beside_readings_of_unknown_error_is_told_by_its_likelihood() -> None:
+    """The height of a log density is arbitrary: its squares say nothing by their ratio."""
+
+    def gauss(x: Any, m: float, s: float) -> Any:
+        return -np.log(s) - 0.5 * np.log(2.0 * np.pi) - 0.5 * ((x - m) / s) ** 2
+
+    rng = np.random.default_rng(1)
+    z, x = rng.normal(1.0, 2.0, 30), np.arange(12.0)
+    y = 1.0 + 2.0 * x + 0.1 * rng.standard_normal(12)
+    density = DataSet(z, None, noise=LogDensity(), curve=gauss)
+    line = DataSet(x, y, u_y=0.05, jitter=True, curve=lambda x, m, b: m + b * x)
+    found = fit_curves(
+        None, {"density": density, "line": line}, start={"m": 0.0, "s": 1.0, "b": 1.0}
+    )
+    assert found.status == "ok"
+    assert found.values["s"] == pytest.approx(
+        np.sqrt(np.mean((z - found.values["m"]) ** 2)), rel=1e-4
+    )

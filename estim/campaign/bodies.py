@@ -84,8 +84,10 @@ class RollingCampaign(Campaign):
                     posed=partial(self._posed, names, noise=noise, as_stated=True, usual=True),
                 )
             )
-        key = "offset_rad" if self.tables[names[0]].coordinate == "theta_rad" else "offset_m"
-        if all(self.levels(name).first(key) is None for name in names):
+        coordinates = {self.tables[name].coordinate for name in names}
+        key = "offset_rad" if "theta_rad" in coordinates else "offset_m"
+        one = len(coordinates) == 1  # angles and lengths have no zero in common
+        if one and all(self.levels(name).first(key) is None for name in names):
             causes.append(self._displaced(names, key, max(max_abs(r.position) for r in plain.runs)))
         for slip in unit_slips(self.source):
             try:

@@ -44,7 +44,7 @@ from estim.campaign.curve_tables import (
 )
 from estim.campaign.noise_models import NoiseModel
 from estim.campaign.own_curve_run import MAX_ROWS, NUMBER, RunOfCurve, rows_of
-from estim.common import InputError, PhraseTable, language, later, phrase, same_numbers
+from estim.common import InputError, language, later, phrase, same_numbers
 from estim.curves import (
     AxisNames,
     Component,
@@ -63,12 +63,6 @@ from estim.problem import Parameter, Problem, shared_first
 from estim.reading import KeyPath, Places, bare_name, of_any_curve, run_of_table
 
 Keys = TypeVar("Keys", bound=CurveKeys)
-_ZEROS = PhraseTable(
-    {
-        "zero_y": "a constant offset of y (+ c in the formula, + constant after a model)",
-        "zero_x": "a displaced zero of x (x - x0 in the formula)",
-    }
-)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -289,13 +283,21 @@ class CurveCampaign(Campaign):
             "correlated: allow for it (correlated)"
         )
         plain, errors = self._posed(names), self.table.errors
+        zeros = {
+            "zero_y": phrase(
+                "a constant offset of y (+ c in the formula, + constant after a model)"
+            ),
+            "zero_x": phrase(
+                "a displaced zero of {x} ({x} - x0 in the formula)", x=self.curve.variable
+            ),
+        }
         causes = []
-        for kind in _ZEROS if not (plain.counted or plain.runs[0].numbered) else ():
+        for kind in zeros if not (plain.counted or plain.runs[0].numbered) else ():
             reach = max(np.ptp(run.x if kind == "zero_x" else run.y) for run in plain.runs)
             if reach > 0.0 and kind not in errors:
                 table = msgspec.structs.replace(self.table, errors={**errors, kind: float(reach)})
                 problem = replace(self, table=table)._posed(names)
-                causes.append(Cause(kind, _ZEROS[kind], problem, (kind,), ()))
+                causes.append(Cause(kind, zeros[kind], problem, (kind,), ()))
         return Suspects(plain, room, tuple(causes))
 
     def refuse_discrepancy(self, command: str) -> None:

@@ -5,7 +5,7 @@ the fit of both as that of one complex curve.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, wraps
+from functools import cached_property, update_wrapper
 from typing import Any
 
 import numpy as np
@@ -64,12 +64,18 @@ def parts_of(points: DataSet, **others: Any) -> dict[str, DataSet]:
         raise InputError(rule, field="curve", value=curve)
     parts = {}
     for name, part in (("real", np.real), ("imaginary", np.imag)):
-        own, x = numbered(_part_of(curve, part), points.x)
+        own, x = numbered(_Part(curve, part), points.x)
         u_own = part(u_y) if are_complex(u_y) else u_y
         parts[name] = replace(points, x=x, y=part(y), u_y=u_own, curve=own)
     return parts
 
 
-def _part_of(curve: Any, part: Any) -> Any:
+class _Part:
     """The curve of one part, with the name and the arguments of `curve`."""
-    return wraps(curve)(lambda x, **parameters: part(curve(x, **parameters)))
+
+    def __init__(self, curve: Any, part: Any) -> None:
+        update_wrapper(self, curve)
+        self.curve, self.part = curve, part
+
+    def __call__(self, x: Any, **parameters: Any) -> Any:
+        return self.part(self.curve(x, **parameters))

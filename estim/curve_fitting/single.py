@@ -229,7 +229,9 @@ def fit_curve(
     posed: CurveProblem | JointProblem
     if whole:
         lacking = None if correlated is False else correlated
-        parts = parts_of(points, deviation=deviation or None, correlated=lacking)
+        of_zero = [one for one in errors if one.kind == "zero_y"]  # which the parts do not share
+        zeros = {f"errors[{one.parameter_name}]": one.kind for one in of_zero}
+        parts = parts_of(points, deviation=deviation or None, correlated=lacking, **zeros)
         both = {name: pose_points(part, said, errors) for name, part in parts.items()}
         posed = join(both, shared=None, common=(), same_size=True)
     else:
@@ -570,7 +572,9 @@ def _concluded(
     cancelled = float(np.sum(whitened**2)) <= best.rounding and squares <= _NO_SCATTER**2 * float(
         np.sum(posed.y**2)
     )
-    perfect = cancelled or squares <= problem.n_obs * _floor(posed) ** 2
+    perfect = not problem.own_density and (
+        cancelled or squares <= problem.n_obs * _floor(posed) ** 2
+    )
     p_value = (
         chi2_p(chi2, dof) if sigma is None and dof > 0 and not problem.own_density else math.nan
     )

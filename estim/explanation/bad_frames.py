@@ -158,13 +158,17 @@ def _cause(
                 "a shift of all readings from row {n} onwards (lost counts, a mark that moved)", n=n
             )
         remark = phrase("fit the readings before and after that one separately (window)")
-        if run.motion is None:
-            before, after = run.x[frame - 1 : frame + 1]
-            at = format_rounded(0.5 * (before + after), 2.0 * (after - before))
+        before, after = run.x[frame - 1 : frame + 1]
+        if run.motion is None and after > before:
+            at = 0.5 * (before + after)
+            size = format_rounded(abs(at), 2.0 * (after - before))
             words = phrase(
-                "a shift of all readings beyond x = {at} (lost counts, another range; "
-                "+ s*heaviside(x - {at}, 0) in the formula)",
-                at=at,
+                "a shift of all readings beyond {x} = {at} (lost counts, another range; "
+                "+ s*heaviside({x} {sign} {size}, 0) in the formula)",
+                x=getattr(run.curve, "variable", "x"),
+                at=size if at >= 0.0 else f"−{size}",
+                sign="-" if at >= 0.0 else "+",
+                size=size,
             )
     else:
         words = phrase("one bad reading, number {n} of the fitted points", n=n)

@@ -369,11 +369,12 @@ def _unheld(search: SeparableSearch, found: Optimum, period: FloatArray) -> Find
     dof = max(1, problem.n_obs - search.free.size)
     spread = spread_at(search, (found.values, found.chi2))
 
+    # the squares of a log density have any height
+    scaled = search.unstated and not problem.own_density
+
     def rises_of(places: FloatArray, squares: FloatArray) -> FloatArray:
         if not problem.robust:
-            return (
-                dof * np.log(np.maximum(squares / best, 1.0)) if search.unstated else squares - best
-            )
+            return dof * np.log(np.maximum(squares / best, 1.0)) if scaled else squares - best
         ends = np.array([fit_noise(search.posterior, end) for end in (found.values, *places)])
         density = search.posterior.log_density(ends)
         return 2.0 * dof / problem.n_obs * (density[0] - density[1:])
