@@ -20,7 +20,7 @@ from estim.reports.comparison import _verdict
 from estim.sampling.certificate import certify
 from estim.sampling.chain import Target
 from estim.sampling.proposal import adapt_proposal
-from estim.studies.refits import compare_noise
+from estim.studies.noise_comparison import compare_noise
 
 QUICK = Target(ess=300.0, max_step=400)
 RADIUS = 0.15

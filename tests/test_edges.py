@@ -17,13 +17,13 @@ from troubles import TROUBLES, Disk, uniform
 
 from estim.calibration.trial import posterior_draws
 from estim.campaign import load_campaign
-from estim.checks.quoted_results import interval_cell, value_cell
 from estim.cli.commands import cli
 from estim.common.labels import Notation
 from estim.curves.curve_problem import AxisNames, pose_curve
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.fitting.prior_limits import PRESSED_BELOW, Limit, limit_cell, limit_of, pressed
 from estim.problem.priors import HalfNormal, Normal, Prior, Uniform
+from estim.sampling import interval_cell, value_cell
 from estim.sampling.summary import summarise_parameter
 
 X = np.linspace(0.0, 1.0, 12)

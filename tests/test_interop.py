@@ -323,7 +323,7 @@ def test_fit_without_the_extra_says_how_to_get_it_and_that_is_no_error(
 def test_notebook_shows_the_values_that_the_report_has(
     campaign: estim.Campaign, analysis: Analysis
 ) -> None:
-    from estim.checks import value_cell
+    from estim.sampling import value_cell
 
     result = estim.result_of(campaign, analysis)
     for shown in (analysis._repr_markdown_(), result._repr_markdown_(), str(analysis), str(result)):

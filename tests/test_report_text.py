@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from estim.checks.quoted_results import parameter_cells, value_cell
 from estim.common import markdown, spoken
 from estim.common.labels import Notation
 from estim.common.quantity_text import format_quantity, format_rounded, signed
@@ -17,6 +16,7 @@ from estim.reports.derived import derived_rows
 from estim.reports.records import Labels
 from estim.reports.rendering import render, translated
 from estim.reports.result import RunSummary
+from estim.sampling import parameter_cells, value_cell
 from estim.sampling.summary import Summary, summarise
 
 

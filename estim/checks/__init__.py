@@ -6,20 +6,16 @@ from estim.checks.quoted_results import (
     Estimate,
     estimates_of,
     headline,
-    interval_cell,
     is_measured,
     not_measured,
     p_sentence,
-    parameter_cells,
 )
 from estim.checks.quoted_results import (
     best_words,
-    lopsided,
     print_lines,
     result_table,
     screen_lines,
     upper_limit,
-    value_cell,
 )
 from estim.checks.conflict import (
     NOTE_BELOW,

@@ -29,7 +29,7 @@ def compare(
     from estim.reports.analysis import analysis_report
     from estim.reports.comparison import compare_report, folder_of
     from estim.sampling import Target
-    from estim.studies.refits import compare_noise
+    from estim.studies.noise_comparison import compare_noise
 
     all_ok = True
     for group in groups:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.checks import headline, parameter_cells
+from estim.checks import headline
 from estim.common import (
     Finding,
     Kind,
@@ -40,7 +40,15 @@ from estim.line.regression import (
 )
 from estim.line.slope_interval import SlopeInterval, slope_interval
 from estim.line.theta_min_series import ThetaMinSeries
-from estim.sampling import Chain, Progress, Target, adapt_proposal, sample_posterior, summarise
+from estim.sampling import (
+    Chain,
+    Progress,
+    Target,
+    adapt_proposal,
+    parameter_cells,
+    sample_posterior,
+    summarise,
+)
 from estim.words import advice_for, tell
 
 

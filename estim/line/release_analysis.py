@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.checks import PRIOR_DOMINATED, headline, parameter_cells, sampling_findings
+from estim.checks import PRIOR_DOMINATED, headline, sampling_findings
 from estim.common import (
     Finding,
     Kind,
@@ -53,6 +53,7 @@ from estim.sampling import (
     adapt_proposal,
     certified_chain,
     certify,
+    parameter_cells,
     summarise,
 )
 from estim.words import advice_for, tell

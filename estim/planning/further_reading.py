@@ -15,6 +15,9 @@ from estim.planning.own_curve import CurveBasis
 from estim.planning.rolling import Outlook
 from estim.problem import Parameter
 
+_BEYOND = 0.25  # of the range of x on either side: how far readings may lie outside
+_N_PLACE = 61
+
 
 @dataclass(frozen=True, eq=False)
 class Along:
@@ -41,7 +44,7 @@ def weigh_places(
     now, found = sds_by(here.information, columns), []
     for run in here.problem.runs:
         x, ratios = [], []
-        for place in basis.places(run.name):
+        for place in _places(run.x):
             try:
                 there = basis.outlook(
                     Change("", MORE, readings=(Readings(run.name, float(place), 1),))
@@ -60,6 +63,16 @@ def weigh_places(
                 )
             )
     return tuple(found)
+
+
+def _places(x: FloatArray) -> FloatArray:
+    """(n,) abscissas at which a further reading is weighed: over the range of x (n_obs,), and a
+    quarter of it on either side.
+    """
+    low, high = float(np.min(x)), float(np.max(x))
+    beyond = _BEYOND * (high - low)
+    start = max(low - beyond, 0.0) if low >= 0.0 else low - beyond
+    return np.linspace(start, high + beyond, _N_PLACE)
 
 
 def more_readings(

@@ -71,17 +71,6 @@ class CurveBasis:
             if not all_finite(run.y):
                 raise InputError(later("the curve is not finite there"), field="x", value=one.x)
 
-    def places(self, run: str) -> FloatArray:
-        """(n,) abscissas at which a further reading is weighed: over the range of the run, and a
-        quarter of it on either side.
-        """
-        x = next(one.x for one in self.fit.problem.runs if one.name == run)
-        low, high = float(np.min(x)), float(np.max(x))
-        # of the range of x on either side: how far readings may lie outside
-        beyond = 0.25 * (high - low)
-        start = max(low - beyond, 0.0) if low >= 0.0 else low - beyond
-        return np.linspace(start, high + beyond, 61)
-
 
 Basis: TypeAlias = RollingBasis | CurveBasis
 """What plans start from: a campaign and its fit."""

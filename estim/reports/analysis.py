@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import partial
 
 from estim.campaign import Campaign
-from estim.checks import P_CONFLICT, P_POOR_FIT, P_TOLD, value_cell
+from estim.checks import P_CONFLICT, P_POOR_FIT, P_TOLD
 from estim.common import (
     FigureChoice,
     Label,
@@ -63,7 +63,7 @@ from estim.reports.result import (
 )
 from estim.reports.rolling import friction_cell, rolling_figure
 from estim.reports.sections import sections_called, written
-from estim.sampling import Summary
+from estim.sampling import Summary, value_cell
 from estim.studies.determination import determine
 from estim.words import first_step, name_of_test, one_sided
 

@@ -16,7 +16,7 @@ from estim.reports.pages import page
 from estim.reports.records import Record
 from estim.reports.result import provenance
 from estim.sampling import Summary
-from estim.studies.refits import Refit, in_common
+from estim.studies.noise_comparison import Refit, in_common
 
 _DATA = PhraseTable({"positions": "positions", "speeds": "speeds"})
 

@@ -14,8 +14,9 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from estim.checks import Estimate, lopsided
+from estim.checks import Estimate
 from estim.common import Label, Markdown, as_csv, format_quantity, one_line, phrase, powers_in
+from estim.sampling import lopsided
 
 _BASES = {
     "m": "metre",

@@ -13,13 +13,12 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.campaign import way_back
-from estim.checks import parameter_cells
 from estim.common import Label, Quantity, format_quantity, phrase
 from estim.pipeline import Analysis
 from estim.problem import Derived, Observations, Problem
 from estim.reading import Run
 from estim.reports.records import DRAWS, Labels, RunSummary
-from estim.sampling import Summary, summarise, trusted
+from estim.sampling import Summary, parameter_cells, summarise, trusted
 
 T = TypeVar("T")
 

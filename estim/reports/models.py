@@ -39,7 +39,7 @@ from estim.studies.model_comparison import (
     log_odds,
     rival_of,
 )
-from estim.studies.refits import in_common
+from estim.studies.noise_comparison import in_common
 
 _WORTH = (
     (

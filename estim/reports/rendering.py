@@ -16,7 +16,7 @@ from collections.abc import Callable, Collection, Iterable
 from functools import cache
 from typing import TYPE_CHECKING
 
-from estim.checks import P_FLOOR, interval_cell, parameter_cells, value_cell
+from estim.checks import P_FLOOR
 from estim.common import (
     Markdown,
     Quantity,
@@ -35,6 +35,7 @@ from estim.common import (
     signed,
     significant,
 )
+from estim.sampling import interval_cell, parameter_cells, value_cell
 from estim.words import status_words
 
 if TYPE_CHECKING:

@@ -21,4 +21,13 @@ from estim.sampling.importance import K_HAT_LIMIT, log_mean_uncertainty, pareto_
 from estim.sampling.marginal_draws import marginal_chain
 from estim.sampling.proposal import adapt_proposal
 from estim.sampling.log_density import InCoordinates
-from estim.sampling.summary import Summary, summarise, summarise_parameter, trusted
+from estim.sampling.summary import (
+    Summary,
+    interval_cell,
+    lopsided,
+    parameter_cells,
+    summarise,
+    summarise_parameter,
+    trusted,
+    value_cell,
+)

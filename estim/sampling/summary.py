@@ -1,5 +1,5 @@
 """The summary of one quantity's draws: mean, standard deviation, quantiles, as far as the status
-allows them.
+allows them; and how it is quoted.
 """
 
 from __future__ import annotations
@@ -8,8 +8,12 @@ import msgspec
 import numpy as np
 
 from estim.arrays import FloatArray, all_finite
-from estim.common import QUANTILES, Status, number
-from estim.fitting import Fit, Limit, limit_of
+from estim.common import QUANTILES, Label, Status, format_quantity, format_rounded, number
+from estim.fitting import Fit, Limit, limit_cell, limit_of
+
+_LOPSIDED = 1.5
+# standard deviations over half of the 68 % interval: a ratio whose denominator comes near 0
+_HEAVY = 2.0
 
 
 class Summary(msgspec.Struct, frozen=True):
@@ -69,3 +73,64 @@ def trusted(summary: Summary, status: Status, *, sampled: bool = True) -> Summar
     if not (status.draws_count and sampled):
         return Summary(summary.unit, summary.meaning, None, None, None, None, None, None, None)
     return msgspec.structs.replace(summary, mean=None, sd=None)
+
+
+def value_cell(p: Summary, shown: Label) -> str:
+    """mean ± sd, median +up −down where the posterior is lopsided, or the limit of what lies on an
+    edge.
+    """
+    if p.limit is not None:
+        return limit_cell(p.limit, shown.factor)
+    if p.mean is None or p.sd is None or p.median is None or p.q16 is None or p.q84 is None:
+        return "n/a"
+    if lopsided(p):
+        up, down = (p.q84 - p.median) * shown.factor, (p.median - p.q16) * shown.factor
+        centre = format_rounded(p.median * shown.factor, min(up, down))
+        return (
+            f"{centre} +{format_rounded(up, min(up, down))} −{format_rounded(down, min(up, down))}"
+        )
+    return format_quantity(p.mean * shown.factor, p.sd * shown.factor)
+
+
+def lopsided(p: Summary) -> bool:
+    """Whether one half of the 68 or of the 95 % interval is more than 1.5 times the other, or tails
+    make the sd say little: then ± misleads.
+    """
+    if p.median is None or p.q16 is None or p.q84 is None or p.q025 is None or p.q975 is None:
+        return False
+    halves = ((p.median - p.q16, p.q84 - p.median), (p.median - p.q025, p.q975 - p.median))
+    return _heavy(p) or any(max(pair) > _LOPSIDED * min(pair) for pair in halves)
+
+
+def _heavy(p: Summary) -> bool:
+    return (
+        p.sd is not None
+        and p.q84 is not None
+        and p.q16 is not None
+        and p.sd > _HEAVY * 0.5 * (p.q84 - p.q16)
+    )
+
+
+def interval_cell(p: Summary, shown: Label) -> str:
+    """The 95 % interval, rounded by its width; from the edge on for what lies on one."""
+    if p.limit is not None:
+        ends = sorted((p.limit.edge * shown.factor, p.limit.limit_95 * shown.factor))
+        low, high = (format_rounded(end, 0.25 * (ends[1] - ends[0])) for end in ends)
+        return f"[{low}, {high}]"
+    if p.q025 is None or p.q975 is None:
+        return "n/a"
+    u = (p.sd if p.sd is not None and not _heavy(p) else 0.25 * (p.q975 - p.q025)) * shown.factor
+    return (
+        f"[{format_rounded(p.q025 * shown.factor, u)}, {format_rounded(p.q975 * shown.factor, u)}]"
+    )
+
+
+def parameter_cells(p: Summary, shown: Label) -> tuple[str, str, str, str, str]:
+    """Symbol, meaning, value, 95 % interval and unit of one quantity."""
+    return (
+        shown.symbol,
+        p.meaning,
+        value_cell(p, shown),
+        interval_cell(p, shown),
+        "" if shown.unit == "1" else shown.unit,
+    )

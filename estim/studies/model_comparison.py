@@ -41,7 +41,7 @@ from estim.sampling import (
     log_mean_uncertainty,
     pareto_smoothed,
 )
-from estim.studies.refits import (
+from estim.studies.noise_comparison import (
     LOO_DRAWS,
     ProgressOf,
     Refit,

@@ -21,6 +21,7 @@ from estim.pipeline import Analysis, analyse
 from estim.sampling import Progress, Target
 from estim.studies.energy import Drift, EnergyRecord, drift_of, energy_along
 from estim.studies.limits import Limit, Narrowing, limits, narrowing
+from estim.studies.noise_comparison import ProgressOf
 from estim.studies.paper_band import PropagatedBand, propagated_bands
 from estim.studies.published import (
     Paper,
@@ -29,7 +30,6 @@ from estim.studies.published import (
     compare_published,
     read_published,
 )
-from estim.studies.refits import ProgressOf
 
 
 @dataclass(frozen=True, eq=False)
