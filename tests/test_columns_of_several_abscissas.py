@@ -179,6 +179,7 @@ def test_what_does_not_go_together_is_refused(plane: Path, options: str, words: 
         ('["u", "v"]', "a*u + b*v + x", "holds x, which is none of its abscissas"),
         ('["u", {column = "angle", unit = "°"}]', "a*u + sin(angle)", "takes radians"),
         ('["u", "v"]', "a*u + exp(b*v)", "'b' must have a start"),
+        ('["u", "v"]\nerrors = {zero_x = 0.1}', "a*u + b*v", "5: 'errors' does not go with"),
     ],
 )
 def test_a_campaign_that_breaks_a_rule_is_told_its_line(

@@ -460,14 +460,14 @@ def _placed(error: InputError, rows: RowsOfRun) -> InputError:
         case "units" | "start":
             path = run.place(of)
         case "errors":
-            path = ("curve", "errors", of)
+            path = ("curve", "errors", of) if of else ("curve", "errors")
         case "curve":
             path = ("curve", "expression" if run.curve.model is None else "model")
         case "bins" | "trials" | "cells":
             path = ("curve", "noise", argument)
         case _:
             path = run.stated(argument)[1]
-    return run.source.error(error.rule, path, value=error.value)
+    return run.source.places.error(error.rule, path, value=error.value, quoted=error.quoted)
 
 
 def rows_of(run: RunOfCurve, data: Run) -> RowsOfRun:
