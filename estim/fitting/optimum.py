@@ -171,7 +171,8 @@ def find_optimum(
                 afar = find_optimum(simpler, start, rng=rng, n_start=n_start, unstated=True)
             except InputError:  # single trials look like a step, which they need not be
                 search = set_apart(problem, start, rng, unstated=unstated)
-                return _found(search, start, rng, n_start)
+                # of counts, profiles tell what they leave open
+                return replace(_found(search, start, rng, n_start), unheld=None)
             # what is known of outliers is in the values of the simpler problem alone
             start = afar.values if problem.robust else start
             search = set_apart(problem, start, rng, unstated=unstated)
