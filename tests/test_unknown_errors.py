@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 from scipy import optimize, stats
 
-from estim import DataSet, InputError, Poisson, fit_curve, fit_curves, load_campaign
+from estim import DataSet, InputError, Poisson, fit_curve, fit_curves, load_campaign, sample_curve
 from estim.cli.commands import cli
 from estim.fitting import contour, error_sizes, fit_problem, profile_intervals
 
@@ -472,3 +472,24 @@ def test_a_size_of_errors_from_few_readings_is_told_alike_whether_some_of_it_is_
     (line,) = [line for line in str(alone).splitlines() if line.startswith("b")]
     assert "standard error" in line
     assert line.split() in [words.split() for words in str(beside).splitlines()]
+
+
+def test_draws_beside_a_factor_known_by_its_size_do_not_fall_to_no_jitter() -> None:
+    """Their coordinates are logarithms and values: where a size went by its square, every place
+    below 0 was a size of 0.
+    """
+    t = np.linspace(300.0, 340.0, 14)
+    k = 1e6 * np.exp(-5000.0 / t)
+    y = k * (1.0 + 0.15 * np.random.default_rng(4).standard_normal(14))
+    given = {"u_y": 0.2 * k, "jitter": True, "start": {"A": 1e6, "E": 5000.0}}
+    fit = fit_curve("A*exp(-E/x)", t, y, **given)
+    assert fit.fit.coordinates.by_size.any()
+    drawn = sample_curve(fit, seed=1)
+    assert drawn.diagnosis.status == "ok"
+    jitter = drawn.chain.flat[:, list(fit.names).index("jitter")]
+    assert (
+        0.0
+        < np.quantile(jitter, 0.025)
+        < np.quantile(jitter, 0.5)
+        < fit.intervals["jitter"][0.95][1]
+    )

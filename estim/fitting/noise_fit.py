@@ -22,12 +22,7 @@ def fit_noise(posterior: Posterior, values: FloatArray) -> FloatArray:
         return values
     priors = [problem.parameters[i].prior for i in free]
     # a likelihood depends on the square of a size: it is level at 0 even where it rises beside it
-    squared = np.array(
-        [
-            problem.names[i] in problem.sizes_of_errors and prior.low == 0.0
-            for i, prior in zip(free, priors, strict=True)
-        ]
-    )
+    squared = problem.sizes_from_zero[free]
     sds = np.array([prior.sd for prior in priors])
     scale = np.where(squared & (values[free] > 10.0 * _LEAST * sds), values[free], sds)
 

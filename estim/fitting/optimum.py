@@ -507,7 +507,7 @@ def fit_optimum(
     there = refit(problem, best.values) if noisy else at_mode(problem, best.values)
     if noisy and not (there.success or there.singular):
         # rounds of curve and noise in turn may creep; steps of both together do not
-        search = search_of(there.posterior, there.values, there.cov)
+        search = search_of(there.posterior, there.values, there.cov, squared=True)
         (end,) = minima(search, [Start(search.coordinates.of(there.values), tolerance=_FLAT)])
         there = refit(problem, search.coordinates.values(end.values))
     fit = with_other_modes(there, best)

@@ -171,7 +171,7 @@ def contour(
 
 def _begun(fit: Fit, level: float) -> tuple[ProfileSearch, End]:
     """The search for rises up to `level`, and the mode."""
-    search = search_of(fit.posterior, fit.values, fit.cov, level)
+    search = search_of(fit.posterior, fit.values, fit.cov, level, squared=True)
     (mode,) = minima(
         search, [Start(search.coordinates.of(fit.values), (), tolerance=_MODE_SETTLED)]
     )

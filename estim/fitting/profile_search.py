@@ -183,17 +183,24 @@ def _quotients(
 
 
 def search_of(
-    posterior: Posterior, values: FloatArray, cov: FloatArray, level: float = np.inf
+    posterior: Posterior,
+    values: FloatArray,
+    cov: FloatArray,
+    level: float = np.inf,
+    *,
+    squared: bool = False,
 ) -> ProfileSearch:
     """The search around the fit `values` (n_par,) of covariance `cov`, with the scales of the
     Gaussian there.
 
     level : the highest rise of the objective that is asked for: where it rises by more towards 0,
         a parameter has one sign.
+    squared : whether sizes of errors go by their squares: of the density itself, for no point has
+        a volume then.
     """
     problem = posterior.problem
     sds = prior_sds(problem, cov)
-    sizes = [p.name in problem.sizes_of_errors and p.prior.low == 0.0 for p in problem.parameters]
+    sizes = problem.sizes_from_zero & squared
     nothing = np.zeros(sds.size, dtype=bool)
     coordinates = Coordinates(values, nothing, np.where(sizes, sds, 0.0))
     slopes = coordinates.slopes(values)

@@ -129,6 +129,12 @@ class Problem:
         return self.noise_names.difference(outliers)
 
     @property
+    def sizes_from_zero(self) -> BoolArray:
+        """(n_par,) which parameters are sizes of errors that may be as small as 0."""
+        sizes = self.sizes_of_errors
+        return np.array([p.name in sizes and p.prior.low == 0.0 for p in self.parameters])
+
+    @property
     def robust(self) -> bool:
         """Whether some errors leave room for outliers."""
         return any(run.noise.robust for run in self.runs)
