@@ -15,6 +15,7 @@ from scipy import optimize, stats
 from estim import DataSet, InputError, Poisson, fit_curve, fit_curves, load_campaign, sample_curve
 from estim.cli.commands import cli
 from estim.fitting import contour, error_sizes, fit_problem, profile_intervals
+from estim.problem import Uniform
 
 X = np.linspace(0.0, 10.0, 40)
 U = np.linspace(0.05, 0.15, 40)
@@ -493,3 +494,11 @@ def test_draws_beside_a_factor_known_by_its_size_do_not_fall_to_no_jitter() -> N
         < np.quantile(jitter, 0.5)
         < fit.intervals["jitter"][0.95][1]
     )
+
+
+@pytest.mark.parametrize("high", [1.0, 2.0])
+def test_the_upper_end_of_a_jitter_does_not_depend_on_a_limit_far_above_it(high: float) -> None:
+    rng, x = np.random.default_rng(3), np.linspace(0.0, 5.0, 15)
+    y = 1.0 + 2.0 * x + 0.3 * rng.standard_normal(15)
+    found = fit_curve("a + b*x", x, y, u_y=0.5, jitter=Uniform(0.0, high))
+    assert found.intervals["jitter"][0.95] == pytest.approx((0.0, 0.46518), abs=1e-4)

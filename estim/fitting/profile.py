@@ -379,11 +379,17 @@ def _stands(search: ProfileSearch, point: End, most: float) -> bool:
     """Whether the objective rises by no more than `most` with any parameter moved a little: one
     that rounding errors make low, where terms cancel, does not.
     """
-    at, units = search.coordinates, search.coordinates.slopes(search.coordinates.centre)
-    steps = _LITTLE * np.diag(search.conditional * units)
-    places = at.values(point.values) + np.vstack([steps, -steps])
+    at = search.coordinates
+    squared = np.greater(at.unit, 0.0)  # by places: a little of a square at 0 is no little value
+    steps = _LITTLE * np.diag(search.conditional)
+    by_value = np.where(squared, 0.0, steps * at.slopes(at.centre))
+    by_place = np.where(squared, steps, 0.0)
+    places = at.values(point.values) + np.vstack([by_value, -by_value])
     inside = np.clip(
-        at.of(np.clip(places, *search.posterior.problem.support())), search.low, search.high
+        at.of(np.clip(places, *search.posterior.problem.support()))
+        + np.vstack([by_place, -by_place]),
+        search.low,
+        search.high,
     )
     return bool(np.all(search.objectives(inside) <= point.objective + most))
 

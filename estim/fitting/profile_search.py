@@ -16,7 +16,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, IntArray, all_finite, sds_of
-from estim.fitting.fisher_information import information, known_from_data, on_limit, prior_sds
+from estim.fitting.fisher_information import (
+    beside_limits,
+    information,
+    known_from_data,
+    on_limit,
+    prior_sds,
+)
 from estim.levenberg_marquardt import Start, minima
 from estim.problem import Coordinates, Likelihood, Posterior, made_up_for
 
@@ -203,7 +209,7 @@ def search_of(
     sizes = problem.sizes_from_zero & squared
     nothing = np.zeros(sds.size, dtype=bool)
     coordinates = Coordinates(values, nothing, np.where(sizes, sds, 0.0))
-    slopes = coordinates.slopes(values)
+    slopes = coordinates.slopes(beside_limits(posterior, values))  # where the data are asked
     sds = np.where(sizes, 1.0, sds)
     with np.errstate(all="ignore"):
         whitened = known_from_data(posterior, values) * np.outer(slopes * sds, slopes * sds)
