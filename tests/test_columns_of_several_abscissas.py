@@ -121,7 +121,7 @@ def test_a_decay_of_time_and_temperature_is_that_of_python(tmp_path: Path) -> No
     same = fit_curve(formula, {"t": t, "theta": theta}, y, u_y=0.05, start={"tau": 3.0})
     assert fit.values == pytest.approx([same.values[name] for name in fit.names], rel=1e-5)
     command = ("fit", table, "--formula", formula, "--out", tmp_path / "out", "--x", "t")
-    assert "must have a start (--start)" in told(*command, "--x", "theta")
+    assert "needs a starting value (--start)" in told(*command, "--x", "theta")
     # t is the abscissa of a formula that names it: theta then is a parameter, and this is told
     assert "'b' is not determined by the data, nor is 'theta'" in told(*command)
     assert "--x takes the column theta for an abscissa" in told(*command)
@@ -156,12 +156,12 @@ def test_a_wrong_surface_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ("--window 0:1", "'window' does not go with several abscissas"),
-        ("--u-x 0.1 --u-y 0.1", "'u_x' does not go with several abscissas"),
-        ("--deviation 0.1", "'deviation' does not go with several abscissas"),
-        ("--x u --x w --y z", "'x' must be called by one name in the formula .*: w"),
-        ("--x u --x u --y z", "'x' must be called by one name in the formula .*: u"),
-        ("--x u --x v --start v=1", "'x' must be called by one name in the formula .*: v"),
+        ("--window 0:1", "'window' cannot be combined with several abscissas"),
+        ("--u-x 0.1 --u-y 0.1", "'u_x' cannot be combined with several abscissas"),
+        ("--deviation 0.1", "'deviation' cannot be combined with several abscissas"),
+        ("--x u --x w --y z", "'x' must appear in the formula under exactly one name .*: w"),
+        ("--x u --x u --y z", "'x' must appear in the formula under exactly one name .*: u"),
+        ("--x u --x v --start v=1", "'x' must appear in the formula under exactly one name .*: v"),
         ("--start q=1", "'--start' names no parameter of the formula"),
     ],
 )
@@ -178,8 +178,8 @@ def test_what_does_not_go_together_is_refused(plane: Path, options: str, words: 
         ('["u", {column = "v", unit = "s"}]', "a*u + b*v", "'x' must be in K, as the header"),
         ('["u", "v"]', "a*u + b*v + x", "holds x, which is none of its abscissas"),
         ('["u", {column = "angle", unit = "°"}]', "a*u + sin(angle)", "takes radians"),
-        ('["u", "v"]', "a*u + exp(b*v)", "'b' must have a start"),
-        ('["u", "v"]\nerrors = {zero_x = 0.1}', "a*u + b*v", "5: 'errors' does not go with"),
+        ('["u", "v"]', "a*u + exp(b*v)", "'b' needs a starting value"),
+        ('["u", "v"]\nerrors = {zero_x = 0.1}', "a*u + b*v", "5: 'errors' cannot be combined"),
     ],
 )
 def test_a_campaign_that_breaks_a_rule_is_told_its_line(
@@ -205,4 +205,6 @@ def test_a_row_without_a_value_is_left_out_and_a_plan_is_refused(plane: Path) ->
     bad.write_text("\n".join(lines) + "\n")
     assert campaign_of_table(bad, TableChoices(formula=PLANE)).problem(["bad"]).n_obs == U.size - 1
     assert run("new", out, "--from", plane, "--formula", PLANE).exception is None
-    assert "'x' must name one column for estim plan" in told("plan", f"{out}.toml")
+    assert "'x' must name a single column: estim plan does not handle several abscissas" in told(
+        "plan", f"{out}.toml"
+    )

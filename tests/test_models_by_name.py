@@ -509,7 +509,7 @@ def test_the_page_has_every_model(project: Path) -> None:
 
 def test_a_model_within_a_formula_is_no_parameter() -> None:
     x = np.linspace(0.0, 5.0, 40)
-    rule = "has the model 'damped_oscillation' in a formula.*amplitude\\*exp"
+    rule = "uses the model 'damped_oscillation' inside a formula.*amplitude\\*exp"
     with pytest.raises(InputError, match=rule):
         fit_curve("damped_oscillation + s*heaviside(x - 3, 0)", x, np.cos(3.0 * x), u_y=0.1)
     fit = fit_curve("gaussian*x", x, 2.0 * x, u_y=0.1, start={"gaussian": 1.0})

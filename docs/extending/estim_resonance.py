@@ -42,7 +42,7 @@ def quality(result: dict) -> str:
     """
     parameters = result["parameters"]
     if result["status"] != "ok" or not {"center", "width"} <= set(parameters):
-        return "Nothing is said of a resonance, for none was fitted."
+        return "No resonance was fitted, so no quality factor is given."
     center, width = (parameters[name] for name in ("center", "width"))
     factor = center["mean"] / width["mean"]
     u = factor * width["sd"] / width["mean"]  # the center is known far better

@@ -118,7 +118,7 @@ class RollingCampaign(Campaign):
         problem = campaign._posed(names, white=True)
         return Cause(
             "offset",
-            phrase("positions that are not counted from the release"),
+            phrase("positions whose zero is not at the release"),
             problem,
             tuple(name for name in problem.names if split_level(name)[0] == "offset"),
             ("[[runs]]", f'{key} = "{prior}"'),

@@ -147,7 +147,7 @@ def of_several(
         free = {*formula.names, *("x" * formula.uses_x)} - {*given, *symbols}
         called = _called(column, name) & free
         if len(called) != 1:
-            rule = "must be called by one name in the formula"
+            rule = "must appear in the formula under exactly one name"
             raise InputError(rule, field="x", value=column, quoted=formula.text)
         symbols += called
     return replace(formula, names=tuple(n for n in formula.names if n not in symbols)), symbols

@@ -102,7 +102,7 @@ class CurveCampaign(Campaign):
             for name in names
         )
         alike = self._called_like_columns
-        words = later("taken for a parameter, not for the column of that name: {names}")
+        words = later("read as a parameter, although the table has a column of that name: {names}")
         return "; ".join(
             [*dict.fromkeys(sentences), *([phrase(words, names=alike)] if alike else [])]
         )
@@ -257,7 +257,10 @@ class CurveCampaign(Campaign):
         parameters, `names`, that nobody gave a start.
         """
         for name in sorted({*names}.difference(linear_in(read_formula(self.curve.text), [*names]))):
-            rule = "must have a start (--start): with several abscissas none is looked for"
+            rule = (
+                "needs a starting value (--start): with several abscissas estim does not search "
+                "for one"
+            )
             raise self.source.error(rule, run.place(name), field=name)
 
     def _refuse_other_units(self, names: Sequence[str]) -> None:
@@ -371,7 +374,9 @@ class CurveCampaign(Campaign):
             return self.source.error(error.rule, ("curve", error.field))
         if error.field in problem.names:
             rule, alike = error.rule, self._called_like_columns
-            rule += f" (--x takes the column {alike} for an abscissa)" if alike else ""
+            rule += (
+                f" (to use the column {alike} as an abscissa, name it with --x)" if alike else ""
+            )
             return self.source.error(rule, self._place(error.field))
         named = problem.named(problem.start())
         for run in problem.runs if self.table.noise is None else ():

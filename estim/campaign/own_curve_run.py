@@ -474,7 +474,7 @@ def rows_of(run: RunOfCurve, data: Run) -> RowsOfRun:
     """The rows that are fit.  Raises InputError."""
     window, path = run.stated("window")
     if window is not None and run.places:
-        raise run.error("does not go with several abscissas", "window")
+        raise run.error("cannot be combined with several abscissas", "window")
     window = RangeTable() if window is None else window
     low = -math.inf if window.min is None else window.min
     high = math.inf if window.max is None else window.max

@@ -101,7 +101,10 @@ def axis_columns(campaign: Campaign) -> tuple[str, str]:
     """The columns of x and y of a user's own curve.  Raises InputError where it has several x."""
     assert isinstance(campaign, CurveCampaign), "asked of a campaign with a formula"
     if campaign.places:
-        raise campaign.source.error("must name one column for estim plan", ("curve", "x"))
+        raise campaign.source.error(
+            "must name a single column: estim plan does not handle several abscissas",
+            ("curve", "x"),
+        )
     return campaign.x_column, campaign.y_column
 
 

@@ -58,9 +58,9 @@ def parts_of(points: DataSet, **others: Any) -> dict[str, DataSet]:
     curve = points.curve
     for field, given in (others | {"u_y": u_y if isinstance(u_y, str) else None}).items():
         if given is not None:
-            raise InputError("does not go with complex y", field=field, value=given)
+            raise InputError("cannot be combined with complex y", field=field, value=given)
     if not callable(curve):
-        rule = "must be a Python function that returns complex numbers where y are complex"
+        rule = "must be a Python function that returns complex numbers, because y is complex"
         raise InputError(rule, field="curve", value=curve)
     parts = {}
     for name, part in (("real", np.real), ("imaginary", np.imag)):

@@ -494,7 +494,7 @@ class CurveFit:
     def _require_readings(self, run: Observations, field: str) -> None:
         if run.noise.own_density:
             raise InputError(
-                "is of readings about a curve, which a log density has not", field=field
+                "needs readings about a curve, and a log density has none", field=field
             )
 
     def _criterion(self, weight: float) -> float:

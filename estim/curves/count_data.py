@@ -189,7 +189,10 @@ def refuse_common_errors(points: CountedPoints, errors: Sequence[Component]) -> 
     """Raises InputError for an error in common that means nothing beside a density."""
     for component in errors:
         if points.noise.own_density:
-            rule = "does not go with a log density: put the error into that, with a prior"
+            rule = (
+                "cannot be combined with a log density: include this error in the density, as a "
+                "parameter with a prior"
+            )
             raise InputError(rule, field="errors", value=component.kind)
         if component.kind == "zero_y" and points.bins is not None:
             raise InputError(

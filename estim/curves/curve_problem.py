@@ -249,7 +249,7 @@ def pose_curve(
         "errors": any(component.kind.endswith("_x") for component in errors),
     }
     for field in (name for name, asked in along_x.items() if places is not None and asked):
-        raise InputError("does not go with several abscissas", field=field)
+        raise InputError("cannot be combined with several abscissas", field=field)
     counted = points_of_noise(
         noise,
         x,
@@ -670,7 +670,9 @@ def with_joint_priors(priors: Any) -> Any:
         try:
             means, cov = (prior.mean, prior.cov) if hasattr(prior, "cov") else prior
         except (TypeError, ValueError):
-            raise InputError("must be (means, cov) of these", field=field, value=prior) from None
+            raise InputError(
+                "must be (means, cov) of these parameters", field=field, value=prior
+            ) from None
         means, cov = real_numbers(means, field), check_covariance(cov, len(names), field=field)
         if means.shape != (len(names),):
             raise InputError("must have as many means as names", field=field, value=means.size)

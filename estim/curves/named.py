@@ -75,7 +75,7 @@ def _refuse_model(name: str, text: str) -> None:
     """
     model = named_model(name)
     if model is not None and len(model.parameters) > _FEW:
-        rule = f"has the model '{name}' in a formula, where only its own formula can stand"
+        rule = f"uses the model '{name}' inside a formula: write out its formula instead"
         raise InputError(f"{rule}: {model.formula.text}", field="curve", value=text)
 
 

@@ -163,7 +163,7 @@ def _cause(
             at = 0.5 * (before + after)
             size = format_rounded(abs(at), 2.0 * (after - before))
             words = phrase(
-                "a shift of all readings beyond {x} = {at} (lost counts, another range; "
+                "a shift of all readings beyond {x} = {at} (lost counts, a change of range; "
                 "+ s*heaviside({x} {sign} {size}, 0) in the formula)",
                 x=getattr(run.curve, "variable", "x"),
                 at=size if at >= 0.0 else f"−{size}",

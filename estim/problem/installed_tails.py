@@ -58,7 +58,7 @@ class InstalledTails(Tails):
         return np.asarray(self.law.ppf(rng.random(size)))
 
     def describe(self) -> str:
-        return phrase("errors of the law '{name}'", name=self.name)
+        return phrase("errors distributed as '{name}'", name=self.name)
 
 
 def known_laws() -> Iterator[str | InputError]:
@@ -70,7 +70,10 @@ def tails_called(name: str) -> InstalledTails:
     """The law of the errors that an installed package has by that name.  Raises InputError."""
     plugin = plugin_called(GROUP, name)
     if plugin is None:
-        rule = 'must be "student-t" or "mixture", or name a law of an installed package'
+        rule = (
+            'must be "student-t" or "mixture", or name an error distribution from an installed '
+            "package"
+        )
         raise InputError(rule, field="robust", value=name)
 
     def checked(law: Any) -> InstalledTails:
@@ -78,7 +81,7 @@ def tails_called(name: str) -> InstalledTails:
         first, second = tails.score(near) / near
         highest = np.max(law.logpdf(law.ppf(_SHARES))) <= law.logpdf(0.0)
         if not (highest and 0.5 * first < second < 2.0 * first):
-            raise ValueError("its density must be highest at 0, and round there")
+            raise ValueError("its density must have its maximum at 0 and be smooth there")
         return tails
 
     return plugin.make(checked, InstalledTails)

@@ -104,4 +104,4 @@ class OwnDensity(Noise):
         return np.zeros((by_y.size, by_y.size)), np.zeros(by_y.size)
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
-        return phrase("a log density of one's own, of each of {n} observations", n=self.n_obs)
+        return phrase("a user-defined log density of {n} observations", n=self.n_obs)

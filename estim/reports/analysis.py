@@ -375,7 +375,10 @@ def caption_of(result: Result, runs: Sequence[Observations]) -> str:
     )
     forces = list((result.deviation or {}).values())
     if all(run.numbered for run in runs):
-        curve = later("Blue: where the data equal the fitted value, of the most probable curve.")
+        curve = later(
+            "The blue line shows where the data would equal the fitted value of the most "
+            "probable curve."
+        )
     elif result.status != "ok":
         curve = (
             later(

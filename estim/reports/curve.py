@@ -49,7 +49,7 @@ def curve_report(
         raise InputError(f"must be one of {', '.join(KINDS)}", field="kind", value=kind)
     if fit.problem.own_density:
         raise InputError(
-            "is of readings about a curve, which a log density has not: use sample_curve",
+            "needs readings about a curve, and a log density has none: use sample_curve",
             field="fit",
         )
     tables = {run.name: _table_of(run) for run in fit.problem.runs}

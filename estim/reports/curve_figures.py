@@ -108,7 +108,7 @@ def phase_figure(analysis: Analysis) -> Figure:
 
 
 def abscissas_figure(analysis: Analysis) -> Figure:
-    """Data less curve against each abscissa, of the runs whose curve has several."""
+    """Residuals (data minus curve) against each abscissa, of the runs whose curve has several."""
     every = residuals_of(analysis)
     drawn = [every[i] for i in drawn_runs(analysis.goodness)]
     panels = [(one, *place) for one in drawn for place in (one.run.places or {}).items()]
