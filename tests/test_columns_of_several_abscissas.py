@@ -124,9 +124,9 @@ def test_a_decay_of_time_and_temperature_is_that_of_python(tmp_path: Path) -> No
     assert "needs a starting value (--start)" in told(*command, "--x", "theta")
     # t is the abscissa of a formula that names it: theta then is a parameter, and this is told
     assert "'b' is not determined by the data, nor is 'theta'" in told(*command)
-    assert "--x takes the column theta for an abscissa" in told(*command)
+    assert "to use the column theta as an abscissa" in told(*command)
     done = run(*command, "--value", "b=0.02", "--figures", "none")
-    assert "taken for a parameter, not for the column of that name: theta" in done.output
+    assert "read as a parameter, although the table has a column of that name: theta" in done.output
 
 
 def test_runs_share_parameters(tmp_path: Path) -> None:
