@@ -343,3 +343,11 @@ def test_a_density_beside_readings_of_unknown_error_is_told_by_its_likelihood() 
     assert found.values["s"] == pytest.approx(
         np.sqrt(np.mean((z - found.values["m"]) ** 2)), rel=1e-4
     )
+
+
+def test_nothing_passes_through_the_points_of_a_density() -> None:
+    found = fit_curve(
+        lambda x, m: -(m**2) + 0.0 * x, np.arange(5.0), None, noise=LogDensity(), start={"m": 1.0}
+    )
+    assert found.status == "ok"
+    assert "rounding" not in str(found)

@@ -357,7 +357,8 @@ def _judged(
     """A run with its whitened residuals z (n_obs,) and their tests."""
     n_run = len(fit.problem.runs)
     among = max(1.0, n_run / MANY_RUNS)
-    empty = run.noise.counted is None and (no_scatter(run, fit) or max_abs(z) < _NO_ERRORS)
+    readings = run.noise.counted is None and not run.noise.own_density
+    empty = readings and (no_scatter(run, fit) or max_abs(z) < _NO_ERRORS)
     if empty:
         checks = {"zero": Check(0.0, P_FLOOR / among, TESTS["zero"])}
     if not math.isnan(run.noise.outlier_share(named)):
