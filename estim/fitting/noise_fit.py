@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.problem import Posterior
+from estim.problem import Coordinates, Posterior
 
 _LEAST = 1e-6  # of a prior's standard deviation: the smallest size
 
@@ -21,32 +21,34 @@ def fit_noise(posterior: Posterior, values: FloatArray) -> FloatArray:
     if not free:
         return values
     priors = [problem.parameters[i].prior for i in free]
-    # a likelihood depends on the square of a size: it is level at 0 even where it rises beside it
-    squared = problem.sizes_from_zero[free]
-    sds = np.array([prior.sd for prior in priors])
-    scale = np.where(squared & (values[free] > 10.0 * _LEAST * sds), values[free], sds)
+    sds, squared = np.array([prior.sd for prior in priors]), problem.sizes_from_zero[free]
+    known = np.where(values[free] > 10.0 * _LEAST * sds, values[free], sds)
+    coordinates = Coordinates(known, np.zeros_like(squared), np.where(squared, known, 0.0))
+    scale = np.where(squared, 1.0, sds)
 
     def filled(places: FloatArray) -> FloatArray:
         full = values.copy()
-        full[free] = np.where(squared, np.sqrt(np.abs(places)), places) * scale
+        full[free] = coordinates.values(places * scale)
         return full
 
     def objective(places: FloatArray) -> tuple[float, FloatArray]:
         full = filled(places)
         off = posterior.prior_residuals(full)[free]
         minus = 0.5 * float(off @ off) - float(posterior.log_likelihood(full[None, :])[0])
-        slopes = scale / np.where(squared, 2.0 * full[free] / scale, 1.0)
-        return minus, slopes * (
+        slopes = (
             problem.prior_gradient(full[None, :])[0, free]
             - posterior.log_density_noise_gradient(full)[free]
         )
+        return minus, coordinates.slopes(full[free]) * scale * slopes
 
-    def scaled(at: FloatArray) -> FloatArray:
-        return np.where(squared, np.square(at / scale), at / scale)
-
-    low = scaled(np.maximum([prior.low for prior in priors], _LEAST * sds))
-    high = scaled(np.array([prior.high for prior in priors]))
-    start = np.clip(scaled(values[free]), low, high)
+    low, high = (
+        coordinates.of(ends) / scale
+        for ends in (
+            np.maximum([prior.low for prior in priors], _LEAST * sds),
+            np.array([prior.high for prior in priors]),
+        )
+    )
+    start = np.clip(coordinates.of(values[free]) / scale, low, high)
     result = minimize(
         objective,
         start,
