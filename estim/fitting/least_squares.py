@@ -380,10 +380,14 @@ def _settle(
     for n_round in range(max_rounds):
         before, step_before, moved_before = values, step, moved
         step = _best(posterior, values, hasty=hasty, tolerance=tolerance) - before
-        values = before + share * step
-        posterior = posterior.problem.linearised(values)
-        scale = _curved(posterior, values)
-        if scale is None:
+        # half way, where there are no derivatives at the end: on a limit they may be missing
+        for part in (share, 0.5 * share):
+            values = before + part * step
+            posterior = posterior.problem.linearised(values)
+            scale = _curved(posterior, values)
+            if scale is not None:
+                break
+        else:
             return values, posterior, math.nan
         moved = float(np.max(np.abs(step) / scale, initial=0.0))
         if (
