@@ -158,10 +158,10 @@ def _cause(
                 "a shift of all readings from row {n} onwards (lost counts, a mark that moved)", n=n
             )
         remark = phrase("fit the readings before and after that one separately (window)")
-        before, after = run.x[frame - 1 : frame + 1]
-        if run.motion is None and after > before:
-            at = 0.5 * (before + after)
-            size = format_rounded(abs(at), 2.0 * (after - before))
+        gap = np.diff(run.x[frame - 1 : frame + 1]) if run.motion is None else np.zeros(0)
+        if gap.size and gap[0] > 0.0:
+            at = run.x[frame] - 0.5 * gap[0]
+            size = format_rounded(abs(at), 2.0 * gap[0])
             words = phrase(
                 "a shift of all readings beyond {x} = {at} (lost counts, a change of range; "
                 "+ s*heaviside({x} {sign} {size}, 0) in the formula)",
