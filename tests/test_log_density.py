@@ -351,3 +351,16 @@ def test_nothing_passes_through_the_points_of_a_density() -> None:
     )
     assert found.status == "ok"
     assert "rounding" not in str(found)
+
+
+@pytest.mark.parametrize("columns", [1, 2])
+def test_a_sum_over_all_observations_is_refused(columns: int) -> None:
+    """It would count for each of them: standard deviations sqrt(n) times too small."""
+    x = np.random.default_rng(1).normal(2.0, 1.0, 30)
+    at: Any = x if columns == 1 else {"u": x, "v": np.ones(30)}
+
+    def total(x: Any, m: float) -> Any:
+        return np.sum(-0.5 * ((x if columns == 1 else x["u"]) - m) ** 2)
+
+    with pytest.raises(InputError, match="each of the 30 observations, not one number"):
+        fit_curve(total, at, None, noise=LogDensity(), start={"m": 1.0})

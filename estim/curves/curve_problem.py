@@ -341,7 +341,8 @@ def pose_curve(
         {name: v for name, v in given.items() if name not in unseen} for given in (values, exact)
     )
     begun |= {name: float(followed(ties, {**values, **exact})[name]) for name in ties}
-    read = _curve(curve, points["x"], begun, held)
+    summed = counted is not None and counted.noise.own_density
+    read = _curve(curve, points["x"], begun, held, summed=summed)
     of_curve = units_of(
         read, axes, (*names, *ties), density=(density := counted is not None and counted.density)
     )
@@ -561,13 +562,15 @@ def _curve(
     x: FloatArray,
     start: Mapping[str, float],
     fixed: Mapping[str, float],
+    *,
+    summed: bool,
 ) -> Formula | PythonCurve:
     names = (*start, *fixed)
     if callable(curve):
         if isinstance(curve, OfPoints):
             _check_formula(curve, start, fixed)
         _check_signature(curve, names)
-        return wrap_function(curve, names, x, {**start, **fixed})
+        return wrap_function(curve, names, x, {**start, **fixed}, summed=summed)
     formula = read_formula(curve, field="curve")
     _check_formula(formula, start, fixed)
     return formula

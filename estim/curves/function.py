@@ -124,9 +124,16 @@ class PythonCurve:
 
 
 def wrap_function(
-    function: Function, names: tuple[str, ...], x: FloatArray, start: Mapping[str, float]
+    function: Function,
+    names: tuple[str, ...],
+    x: FloatArray,
+    start: Mapping[str, float],
+    *,
+    summed: bool = False,
 ) -> PythonCurve:
     """The curve of `function`, tried at the points x (n_obs,) and the values `start`.
+
+    summed : whether its values are added up, so that one number would count for each x.
 
     Raises InputError where it fails there, gives another shape than x, or no finite number.
     """
@@ -147,6 +154,12 @@ def wrap_function(
         raise InputError(
             f"must return one value for each x, shape ({x.size},)", field="curve", value=value.shape
         )
+    if summed and value.shape != (x.size,):
+        rule = (
+            f"must return the log density of each of the {x.size} observations, not one number: it "
+            "would count for each of them"
+        )
+        raise InputError(rule, field="curve", value=float(value))
     if not np.any(np.isfinite(value)):
         raise InputError("is not finite at any x for the starting values", field="curve")
     return PythonCurve(
