@@ -22,7 +22,6 @@ MAX_BYTES = 64 * 1024**2
 TOML_BYTES = 256 * 1024  # limit for files that people write
 _LINE_END = re.compile(r"\r\n|\n|\r")
 _HIDDEN_ROWS = re.compile(r"(?:\A|(?<=[\r\n]))[^\S\r\n]*[#%][^\r\n]*\r(?![\r\n])")
-_NO_TEXT = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0", b"%PDF", b"\x1f\x8b")
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
@@ -95,7 +94,7 @@ def read_text(path: Path, *, limit: int = MAX_BYTES) -> tuple[str, str]:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise not_utf8(data, error) from None
+        raise _not_utf8(data, error) from None
     return _without_nulls(text), hashlib.sha256(data).hexdigest()
 
 
@@ -117,10 +116,6 @@ def decoded(data: bytes, encoding: str | None = None) -> tuple[str, str]:
     encoding : as stated; None: UTF-8, UTF-16 with its mark, else Windows-1252, in which numbers are
         the same as in every other kind of Latin text.  Raises InputError where the file is no text.
     """
-    if data.startswith(_NO_TEXT):
-        raise InputError(
-            "must be text, .xlsx, .ods or a zip of a table: save it as CSV or .xlsx", field="file"
-        )
     note = (
         phrase("read as {encoding}, as stated", encoding=encoding) if encoding is not None else ""
     )
@@ -136,7 +131,7 @@ def decoded(data: bytes, encoding: str | None = None) -> tuple[str, str]:
         try:
             text = data.decode("windows-1252")
         except UnicodeDecodeError:
-            raise not_utf8(data, error) from None
+            raise _not_utf8(data, error) from None
         note = phrase(
             "the file is not UTF-8 and was read as Windows-1252 (state the encoding if "
             "letters of a name look wrong)"
@@ -144,7 +139,7 @@ def decoded(data: bytes, encoding: str | None = None) -> tuple[str, str]:
     return _without_nulls(text), note
 
 
-def not_utf8(data: bytes, error: UnicodeDecodeError) -> InputError:
+def _not_utf8(data: bytes, error: UnicodeDecodeError) -> InputError:
     """Where bytes are no UTF-8, and what they are likely to be instead."""
     line = len(re.findall(rb"\r\n|\n|\r", data[: error.start])) + 1
     if data.startswith(_UTF_16):

@@ -20,6 +20,7 @@ from estim.reading.workbook import sheet_text
 
 GROUP = "estim.readers"  # of entry points
 _TABLES = (".csv", ".txt", ".tsv", ".dat")
+_NO_TEXT = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0", b"%PDF", b"\x1f\x8b")
 _OWN = (*_TABLES, ".trk", ".trz", ".xls", ".xlsx", ".ods", ".zip", ".toml")
 
 
@@ -68,6 +69,9 @@ def read_source(path: Path, dialect: Dialect) -> Source:
     else:
         rule = "names a sheet of a workbook or a table in a zip archive, and this file is neither"
         _refuse(dialect, rule, "sheet")
+    if data.startswith(_NO_TEXT):
+        rule = "must be text, .xlsx, .ods or a zip of a table: save it as CSV or .xlsx"
+        raise InputError(rule, field="file")
     text, note = decoded(data, dialect.encoding)
     return Source(text, digest, None, (*facts, *([note] if note else [])))
 

@@ -16,14 +16,11 @@ from xml.parsers import expat
 
 from estim.common import InputError, listed
 from estim.reading.archive import opened, unpacked
-from estim.reading.input_file import not_utf8
+from estim.reading.input_file import decoded
 
 _MAX_ELEMENTS = 300_000
 _MAX_DEPTH = 100
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
-_ENCODING = re.compile(
-    rb"""(?:\xef\xbb\xbf)?<\?xml[^>]{0,200}?\sencoding\s{0,9}=\s{0,9}["']([\w.-]{1,40})["']"""
-)
 _LIMIT = 1e9
 
 
@@ -105,17 +102,10 @@ class Element:
 
 
 def parse_tracker_xml(data: bytes) -> Element:
-    """The root object of the XML text `data`.  Raises InputError with the line.
-
-    Letters in Windows-1252 under the declaration of UTF-8 are read as what they are: names of
-    tracks alone hold any.
+    """The root object of the XML text `data`, in UTF-8, UTF-16 or Windows-1252, whatever it says:
+    names of tracks alone hold letters that differ.  Raises InputError with the line.
     """
-    encoding = _ENCODING.match(data)
-    as_utf8 = (encoding is None or encoding[1].lower() in (b"utf-8", b"utf8")) and not (
-        data.startswith((b"\xff\xfe", b"\xfe\xff"))
-    )
-    if as_utf8:
-        data = _as_utf8(data)
+    written, _ = decoded(data)
     top: list[Element] = []
     stack: list[Element] = []
     count = 0
@@ -152,41 +142,13 @@ def parse_tracker_xml(data: bytes) -> Element:
     parser.StartElementHandler, parser.EndElementHandler = start, end
     parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = text, doctype
     try:
-        parser.Parse(data, True)
+        parser.Parse(written, True)
     except InputError:
         raise
     except expat.ExpatError as error:
-        if as_utf8:
-            _check_utf8(data)
         rule = f"is not a whole XML text ({expat.ErrorString(error.code)})"
         raise InputError(rule, field="XML", line=error.lineno) from None
-    except (LookupError, ValueError) as error:  # an encoding that is unknown or not supported
-        raise InputError("cannot be decoded", field="XML", quoted=str(error)) from None
     return top[0]
-
-
-def _as_utf8(data: bytes) -> bytes:
-    """UTF-8 as it is; text in Windows-1252 turned into it; what is neither as it is, for the parser
-    to refuse.
-    """
-    try:
-        data.decode("utf-8")
-    except UnicodeDecodeError:
-        try:
-            return data.decode("windows-1252").encode()
-        except UnicodeDecodeError:
-            return data
-    return data
-
-
-def _check_utf8(data: bytes) -> None:
-    """Raises InputError where the text is none in the encoding that its first line states, or that
-    XML takes if it states none.
-    """
-    try:
-        data.decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise not_utf8(data, error) from None
 
 
 def unpack_trz(data: bytes, track: str | None) -> tuple[bytes, str | None]:
