@@ -82,6 +82,8 @@ _POWER = "power"  # a formula cannot say it: ** is turned into it
 _OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div)
 _SIGNS = (ast.UAdd, ast.USub)
 _COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
+_NODES = (ast.Constant, ast.Name, ast.Load, ast.UnaryOp, ast.BinOp, ast.Compare, ast.Call)
+_PARTS = (*_NODES, *_SIGNS, *_OPERATORS, *_COMPARISONS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,27 +225,19 @@ def _compiled(tree: ast.expr) -> tuple[CodeType, dict[str, Any]]:
     """
     known: dict[str, Any] = {**_functions(), **CONSTANTS, "__builtins__": {}}
 
-    def named(node: ast.expr) -> ast.expr:
-        match node:
-            case ast.Name():
-                return node
-            case ast.Constant(value=value):
-                name = f"_{len(known)}"
-                known[name] = value
-                return ast.Name(name, ast.Load())
-            case ast.UnaryOp(op=op, operand=operand):
-                return ast.UnaryOp(op, named(operand))
-            case ast.BinOp(left=left, op=op, right=right):
-                return ast.BinOp(named(left), op, named(right))
-            case ast.Compare(left=left, ops=ops, comparators=[right]):
-                return ast.Compare(named(left), ops, [named(right)])
-            case ast.Call(func=function, args=arguments):
-                return ast.Call(function, [named(argument) for argument in arguments], [])
-        raise TypeError(f"no part of a checked formula: {type(node).__name__}")
+    class Named(ast.NodeTransformer):
+        def visit(self, node: Any) -> Any:
+            if not isinstance(node, _PARTS):
+                raise TypeError(f"no part of a checked formula: {type(node).__name__}")
+            return super().visit(node)
 
-    return compile(
-        ast.fix_missing_locations(ast.Expression(named(tree))), "<formula>", "eval"
-    ), known
+        def visit_Constant(self, node: ast.Constant) -> ast.Name:
+            name = f"_{len(known)}"
+            known[name] = np.float64(node.value)  # type: ignore[arg-type]
+            return ast.Name(name, ast.Load())
+
+    named = ast.fix_missing_locations(Named().visit(copy.deepcopy(tree)))
+    return compile(ast.Expression(named), "<formula>", "eval"), known
 
 
 def local_of(result: Any, x: FloatArray, arguments: Named, names: Iterable[str]) -> LocalCurve:
@@ -413,10 +407,10 @@ def _checked(
     raise InputError(_refusal(node), field=field, value=text)
 
 
-def _number(written: str, field: str) -> np.float64:
+def _number(written: str, field: str) -> float:
     """A number as tables write it: 1_000 and 0x10 are slips here as there."""
     try:
-        value = np.float64(read_number(written))
+        value = read_number(written)
     except ValueError:
         raise InputError(
             "must write numbers with the digits 0 to 9 and a decimal point",
@@ -450,13 +444,8 @@ def _check_constants(tree: ast.expr, field: str) -> None:
             and not np.isfinite(evaluate(node, {}))
         ):
             raise InputError(
-                "holds a part that is not a finite number", field=field, value=_written(node)
+                "holds a part that is not a finite number", field=field, value=ast.unparse(node)
             )
-
-
-def _written(node: ast.expr) -> str:
-    """A part of a checked tree as text."""
-    return re.sub(r"np\.float64\(([^)]*)\)", r"\1", ast.unparse(node))
 
 
 def _constant_names() -> frozenset[str]:
