@@ -26,19 +26,13 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import InputError
-from estim.curves import evaluate, read_formula
+from estim.curves import HALVED, SETTLED, evaluate, extrapolated, read_formula
 from estim.given_numbers import real_numbers
 from estim.propagation.inputs import Input
 
 MeasurementFunction = Callable[[Mapping[str, Any]], ArrayLike | Sequence[ArrayLike]]
 
-_N_STEP = 10  # central differences at scale/8, scale/16, ..., scale/4096
-# extrapolations that end at a step before this one are not trusted (a period of the function may
-# fool them)
-_SETTLED = 4
-_N_COLUMN = 5
 _LARGEST = 1e150  # its square is a number still, as is that of its inverse
-_EPSILON = float(np.finfo(float).eps)
 
 
 def callable_of(
@@ -188,56 +182,19 @@ def gradient(function: MeasurementFunction, inputs: Sequence[Input]) -> Gradient
             if quantity.u > 0.0
             else (1e-3 * abs(quantity.value) or 1.0)
         )
-        steps = np.asarray(scale * 0.5 ** np.arange(3, 3 + _N_STEP), dtype=np.float64)
+        steps = scale * HALVED
         above, below = quantity.value + steps, quantity.value - steps
         right, left = (
             np.array([evaluate_point(function, point | {quantity.name: float(x)}) for x in side])
             for side in (above, below)
         )
+        apart = (above - below).reshape(-1, *(1,) * value.ndim)
         with np.errstate(all="ignore"):
-            difference = (right - left) / (above - below).reshape(-1, *(1,) * value.ndim)
-            rounding = (
-                _EPSILON
-                * np.maximum(np.abs(right), np.abs(left))
-                / steps.reshape(-1, *(1,) * value.ndim)
-            )
-            tables.append((*_extrapolate(difference, rounding), _kink(value, right, left, steps)))
+            tables.append((*extrapolated(right, left, apart), _kink(value, right, left, steps)))
     derivative, error, kink = (np.array(column) for column in zip(*tables, strict=True))
     for array in (value, derivative, error, kink):
         array.flags.writeable = False
     return Gradient(value, derivative, error, kink)
-
-
-def _extrapolate(difference: FloatArray, rounding: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Limit of central differences at halved steps, and its estimated error: (n_step, ...) ->
-    (...), (...).
-
-    Of the extrapolations that end at one step, and then of all steps, the one that changed least is
-    kept.  Its change alone would flatter a function with noise, where two entries agree by chance,
-    so the error is at least the median distance of the values at the other steps.
-    """
-    values, errors = np.full((2, _N_COLUMN, *difference.shape), np.inf)
-    column = difference
-    for j in range(1, _N_COLUMN + 1):
-        extrapolated = (4.0**j * column[1:] - column[:-1]) / (4.0**j - 1.0)
-        change = np.maximum(np.abs(extrapolated - column[1:]), np.abs(extrapolated - column[:-1]))
-        values[j - 1, j:], errors[j - 1, j:] = extrapolated, np.maximum(change, rounding[j:])
-        column = extrapolated
-    value, error = _least(
-        values[:, _SETTLED:], np.where(np.isnan(errors), np.inf, errors)[:, _SETTLED:]
-    )
-    best, smallest = _least(value, error)
-    known = np.isfinite(smallest)
-    apart = np.where(np.isfinite(error), np.abs(value - best), np.inf)
-    return np.where(known, best, np.nan), np.where(
-        known, np.maximum(smallest, np.median(apart, axis=0)), np.inf
-    )
-
-
-def _least(value: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Along the first axis the value of the smallest error, and that error."""
-    at = np.expand_dims(np.argmin(error, axis=0), 0)
-    return np.take_along_axis(value, at, axis=0)[0], np.take_along_axis(error, at, axis=0)[0]
 
 
 def _kink(value: FloatArray, right: FloatArray, left: FloatArray, steps: FloatArray) -> FloatArray:
@@ -245,12 +202,14 @@ def _kink(value: FloatArray, right: FloatArray, left: FloatArray, steps: FloatAr
     shrinks with the steps, as that of a smooth function, or is no more than rounding.
     """
     apart = []
-    for far in (_SETTLED, _SETTLED + 3):
+    for far in (SETTLED, SETTLED + 3):
         near = far + 1
         slope_right = (4.0 * right[near] - right[far] - 3.0 * value) / steps[far]
         slope_left = -(4.0 * left[near] - left[far] - 3.0 * value) / steps[far]
         apart.append(slope_right - slope_left)
-    rounding = 100.0 * _EPSILON * np.maximum(np.abs(right), np.abs(left))[near] / steps[near]
+    rounding = (
+        100.0 * np.finfo(float).eps * np.maximum(np.abs(right), np.abs(left))[near] / steps[near]
+    )
     small = (np.abs(apart[1]) < 0.5 * np.abs(apart[0])) | (np.abs(apart[1]) < rounding)
     return np.where(small, 0.0, apart[0])
 
