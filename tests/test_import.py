@@ -414,7 +414,7 @@ def test_choices_in_a_campaign_are_checked(write) -> None:
     for more, message in cases.items():
         with pytest.raises(InputError, match=message):
             load_campaign(write(CAMPAIGN + run("one", "a.txt", more), "c.toml"))
-    with pytest.raises(InputError, match=r"own.csv:1: 'header' is a table of estim already"):
+    with pytest.raises(InputError, match=r"own.csv:1: 'header' must have a line of column names"):
         load_campaign(write(CAMPAIGN + run("one", "own.csv", 'along = "x"'), "c.toml"))
 
 

@@ -188,16 +188,12 @@ def test_an_export_is_told_from_a_table_of_the_project(mark: str) -> None:
 MIXED = text(";", comma=True).replace("1,200E-01", "0.12")
 NO_NAMES = (
     "a.txt:1: 'header' must have a line of column names with t and x or y, as Tracker exports it "
-    "(where a spreadsheet has changed it: export it again), or be fit as any table "
-    "(estim fit FILE --columns t,x,y)"
+    "(where a spreadsheet has changed it: export it again); any table may be fit (estim fit FILE "
+    "--columns t,x,y), or named in a campaign"
 )
 REFUSED = {
     "empty": ("", "a.txt: must not be empty: its size is 0"),
-    "blank": (
-        "\n# t,x\n",
-        "a.txt: 'header' must have a line of column names with t and x or y, as Tracker "
-        "exports it: nothing",
-    ),
+    "blank": ("\n# t,x\n", f"{NO_NAMES}: nothing".replace(":1:", ":")),
     "no names but 0.0": ("0.0\t0.1\n0.1\t0.2\n", f"{NO_NAMES}: 0.0"),
     "no names but 12.5": ("12.5;0.1\n", "a.txt:1: 'header' must have a line of column names"),
     "begins with a date": ("2019-02-17;0.1\n", f"{NO_NAMES}: 2019-02-17;0.1"),
@@ -206,10 +202,7 @@ REFUSED = {
         "or write one number with a decimal point, as 0.0: 0,5,1,2",
     ),
     "no names": ("1;2;3\n", f"{NO_NAMES}: 1;2;3"),
-    "estim's own": (
-        "t_s,x_m\n0,1\n",
-        "a.txt:1: 'header' is a table of estim already: name it in a campaign as it is: t_s,x_m",
-    ),
+    "estim's own": ("t_s,x_m\n0,1\n", f"{NO_NAMES}: t_s,x_m"),
     "only v": (
         text(names="t v a b"),
         "a.txt:1: 'header' must have a line of column names with t and x or y",
@@ -217,12 +210,11 @@ REFUSED = {
     "two x": (text(names="t x x v"), "a.txt:2: 'x' occurs twice in the header"),
     "mixed decimals": (
         MIXED,
-        "a.txt:6: 'row' has a decimal point after numbers with a decimal comma: a spreadsheet "
-        "has changed this file, so export the table from Tracker again: 0.12",
+        "a.txt:6: 't' must be a number with a decimal comma, not a point: 0.12",
     ),
     "mixed decimals in the speeds alone": (
         text().replace("7.500E-01", "7,500E-01"),
-        "a.txt:5: 'row' has a decimal comma after numbers with a decimal point: a spreadsheet",
+        "a.txt:5: 'v' must be a number with a decimal point, not a comma: 7,500E-01",
     ),
     "nothing below the names": ("t,x,a\n", "a.txt: 'track unnamed' must hold at least 5 points: 0"),
     "decimal commas between commas": (

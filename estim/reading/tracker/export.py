@@ -10,7 +10,6 @@ found here; their cells are read as those of any table (`estim.reading.named_col
 from __future__ import annotations
 
 import csv
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +19,7 @@ import numpy as np
 from estim.arrays import BoolArray, FloatArray
 from estim.common import InputError, in_its_file, listed, phrase
 from estim.reading.cells import Row, is_comment, is_missing, looks_like_a_number
-from estim.reading.dialect import Decimal, Dialect, shown_delimiter
+from estim.reading.dialect import Decimal, Dialect, name_and_unit, shown_delimiter
 from estim.reading.input_file import lines_of, read_text
 from estim.reading.named_columns import table_of
 from estim.reading.table import (
@@ -36,7 +35,6 @@ from estim.reading.tracker.track import METRES, Track
 
 Lines = list[tuple[int, str]]
 
-_NAME = re.compile(r"(.{1,30}?)\s*[(\[]\s*(\w{1,5})\s*[)\]]")
 _COLUMNS = ("t", "x", "y", "v", "frame")
 _SECONDS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3}
 _LIMIT = 1e6  # s and m
@@ -58,7 +56,7 @@ def head_of_export(text: str) -> tuple[int, str, bool] | None:
         return None
     number, line = lines[at]
     delimiter = shown_delimiter(line)
-    names = [_named(cell)[0] for cell in split_cells(line, delimiter)]
+    names = [name_and_unit(cell)[0] for cell in split_cells(line, delimiter)]
     nameless = _track_names(lines[:at], delimiter, len(names)) == [("unnamed", 0)]
     return number, line, nameless and not {"x", "y"} <= set(names)
 
@@ -144,12 +142,6 @@ def _where_given(name: str, layout: Layout, table: Table) -> FloatArray | None:
 # the header
 
 
-def _named(cell: str) -> tuple[str, str]:
-    """Name and unit of a column: ("x", "cm") for `x (cm)`, ("x", "") for `x`."""
-    match = _NAME.fullmatch(cell.strip())
-    return (match[1].strip(), match[2]) if match else (cell.strip(), "")
-
-
 def _header_at(lines: Lines) -> int | None:
     """Index of the line of names among the first lines."""
     return next((i for i, (_, line) in enumerate(lines[:10]) if _is_header(line)), None)
@@ -159,7 +151,7 @@ def _is_header(line: str) -> bool:
     if len(line) > 5000:
         return False
     try:
-        names = {_named(cell)[0] for cell in split_cells(line, shown_delimiter(line))}
+        names = {name_and_unit(cell)[0] for cell in split_cells(line, shown_delimiter(line))}
     except csv.Error:
         return False
     return "t" in names and bool({"x", "y"} & names)
@@ -177,7 +169,7 @@ def _laid_out(file: str, digest: str, lines: Lines, wanted: str | None) -> tuple
     cells = split_cells(text, delimiter)
     while cells and not cells[-1]:
         cells.pop()
-    columns = [_named(cell) for cell in cells]
+    columns = [name_and_unit(cell) for cell in cells]
     starts = _track_names(lines[:at], delimiter, len(cells))
     track, low, high = _chosen(starts, len(cells), wanted, number)
     places: dict[str, int] = {}
@@ -220,24 +212,12 @@ def _laid_out(file: str, digest: str, lines: Lines, wanted: str | None) -> tuple
 
 
 def _decimal_mark(rows: Sequence[Row], places: Sequence[int]) -> Decimal:
-    """The decimal mark of the numbers in the columns at `places`; a comma parts no thousands.
-    Raises InputError where a number has the other one.
+    """The decimal mark of the first number that has one in the columns at `places`; a comma parts
+    no thousands.
     """
-    names: Mapping[str, Decimal] = {".": "point", ",": "comma"}
-    found = ""
-    for row in rows:
-        for cell in (row.cells[place] for place in places):
-            mark = next((mark for mark in names if mark in cell), found)
-            if mark != found and looks_like_a_number(cell):
-                if found:
-                    rule = (
-                        f"has a decimal {names[mark]} after numbers with a decimal "
-                        f"{names[found]}: a spreadsheet has changed this file, so export the "
-                        "table from Tracker again"
-                    )
-                    raise InputError(rule, field="row", value=cell, line=row.number)
-                found = mark
-    return names.get(found, "point")
+    cells = (row.cells[place] for row in rows for place in places)
+    first = next((c for c in cells if ("." in c or "," in c) and looks_like_a_number(c)), "")
+    return "comma" if "," in first else "point"
 
 
 def _track_names(lines: Lines, delimiter: str, width: int) -> list[tuple[str, int]]:
@@ -278,17 +258,12 @@ def _chosen(
 
 def _no_header(lines: Lines) -> InputError:
     """What is said of a file without a line of names."""
-    rule = "must have a line of column names with t and x or y, as Tracker exports it"
-    if not lines:
-        return InputError(rule, field="header", value="nothing")
-    number, line = lines[0]
-    if "t_s" in re.split(r"[\s,;]+", line[:200]):
-        rule = "is a table of estim already: name it in a campaign as it is"
-    else:
-        rule += (
-            " (where a spreadsheet has changed it: export it again), or be fit as any table "
-            "(estim fit FILE --columns t,x,y)"
-        )
+    rule = (
+        "must have a line of column names with t and x or y, as Tracker exports it (where a "
+        "spreadsheet has changed it: export it again); any table may be fit (estim fit FILE "
+        "--columns t,x,y), or named in a campaign"
+    )
+    number, line = lines[0] if lines else (None, "nothing")
     return InputError(rule, field="header", value=line, line=number)
 
 
