@@ -21,7 +21,7 @@ from estim.curves.dimensions import (
     number_in_formula,
     summed,
 )
-from estim.curves.formula import CONSTANTS
+from estim.curves.formula import CONSTANTS, TURNED, names_in
 
 Factors = dict[str, Fraction]
 """A unit: its symbols with their powers; {} for a pure number."""
@@ -30,7 +30,6 @@ _OF_OWN_ZERO = frozenset({"°C", "°F", "degC", "degF"})
 _CELSIUS, _KELVIN, _ZERO_CELSIUS = {"°C": Fraction(1)}, {"K": Fraction(1)}, Fraction("273.15")
 _ENERGIES = frozenset({"J", "kJ", "mJ", "W", "mW", "kW", "eV", "meV", "cal", "kcal", "erg"})
 _SHARES = frozenset({"%", "‰", "ppm", "ppb"})
-_TURNED = ("sin", "cos", "tan")
 _ANGLES = ("arcsin", "arccos", "arctan", "asin", "acos", "atan", "arctan2", "atan2")
 _OF_PURE = (*_ANGLES, "exp", "expm1", "log", "ln", "log10", "log2", "log1p", "sinh", "cosh", "tanh")
 _ALIKE = {
@@ -140,11 +139,7 @@ class _Reading:
 
     def _product(self, node: ast.expr) -> Factors | None:
         parts = list(_parts(node, 1))
-        turns = any(
-            isinstance(subnode, ast.Name) and subnode.id in CONSTANTS
-            for part, _ in parts
-            for subnode in ast.walk(part)
-        )
+        turns = any(names_in(part) & CONSTANTS.keys() for part, _ in parts)
         whole_below = any(sign < 0 and _is_whole(part) for part, sign in parts)
         product: Factors | None = {}
         for part, sign in parts:
@@ -183,7 +178,7 @@ class _Reading:
         ]
         if name in ROOTS:
             return _raised(units[0], ROOTS[name])
-        if name in _TURNED or name in ("radians", "degrees"):
+        if name in TURNED or name in ("radians", "degrees"):
             self._check_angle(name, arguments[0], units[0])
         if name in _OF_PURE and units[0] and _is_other_number(units[0]):
             raise InputError(
@@ -192,7 +187,7 @@ class _Reading:
             )
         if name in _ANGLES or name == "radians":
             return {"rad": Fraction(1)}
-        return {"°": Fraction(1)} if name == "degrees" else {} if name in _TURNED else None
+        return {"°": Fraction(1)} if name == "degrees" else {} if name in TURNED else None
 
     def _check_angle(self, name: str, angle: ast.expr, unit: Factors | None) -> None:
         """Raises InputError where a function of an angle takes something else."""
@@ -203,13 +198,13 @@ class _Reading:
             name == "degrees" and in_unit(1.0, given, "rad") is None
         ):
             return
-        if name in _TURNED and is_in_degrees(given):
+        if name in TURNED and is_in_degrees(given):
             plain = self.symbols[angle.id] if isinstance(angle, ast.Name) else "..."
             raise InputError(
                 f"takes {name} of an angle in {_shown(unit)}, but {name} takes radians: "
                 f"write {name}(radians({plain}))"
             )
-        if name in _TURNED or in_unit(1.0, given, "rad") is not None:
+        if name in TURNED or in_unit(1.0, given, "rad") is not None:
             takes = "degrees" if name == "radians" else "radians"
             raise InputError(f"takes {name} of what is in {_shown(unit)}, but {name} takes {takes}")
 

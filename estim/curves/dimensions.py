@@ -22,7 +22,7 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Literal
 
-from estim.curves.formula import CONSTANTS, Formula
+from estim.curves.formula import CONSTANTS, Formula, angles_in, names_in
 
 Dimension = tuple[float, float]
 """Powers of the unit of x and of that of y."""
@@ -92,26 +92,12 @@ def pure_angles(formula: Formula) -> set[str]:
     whatever stands around that.
     """
     pure: set[str] = set()
-    for node in ast.walk(formula.tree):
-        if (
-            isinstance(node, ast.Call)
-            and isinstance(node.func, ast.Name)
-            and node.func.id in ("sin", "cos", "tan")
-        ):
-            system = _System(any_angle=True, any_logarithm=True, is_pure=is_pure_in_angle)
-            system.equal(_dimension(node.args[0], system), {})
-            names = {
-                subnode.id for subnode in ast.walk(node.args[0]) if isinstance(subnode, ast.Name)
-            }
-            pure |= (
-                set()
-                if system.contradicted
-                else {
-                    name
-                    for name in names & {*formula.names}
-                    if not system.reduced({name: Fraction(1)})
-                }
-            )
+    for angle in angles_in(formula.tree):
+        system = _System(any_angle=True, any_logarithm=True, is_pure=is_pure_in_angle)
+        system.equal(_dimension(angle, system), {})
+        if not system.contradicted:
+            names = names_in(angle) & {*formula.names}
+            pure |= {name for name in names if not system.reduced({name: Fraction(1)})}
     return pure
 
 

@@ -75,6 +75,7 @@ FUNCTIONS: Mapping[str, tuple[str, int]] = MappingProxyType(
     | {"atan2": ("arctan2", 2), "min": ("minimum", 2), "max": ("maximum", 2)}
 )  # name -> NumPy's or SciPy's name, number of arguments
 RESERVED = frozenset({"x", *CONSTANTS, *FUNCTIONS})
+TURNED = ("sin", "cos", "tan")
 
 MAX_LENGTH = 2000
 _MAX_POWER = 1000.0
@@ -113,7 +114,7 @@ class Formula:
     @property
     def uses_x(self) -> bool:
         """Whether it depends on its variable; one that does not is a constant."""
-        return any(isinstance(node, ast.Name) and node.id == "x" for node in ast.walk(self.tree))
+        return "x" in names_in(self.tree)
 
     def value(self, x: FloatArray, arguments: Named) -> FloatArray:
         return _full(evaluate(self.tree, {"x": x, **_arrays(arguments, self.names)}), x, arguments)
@@ -130,6 +131,17 @@ class Formula:
         return time_derivative_of(
             lambda position: evaluate(self.tree, {"x": position, **symbols}), x, arguments, order
         )
+
+
+def names_in(tree: ast.expr) -> set[str]:
+    """All names in a tree, those of constants and functions too."""
+    return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+
+
+def angles_in(tree: ast.expr) -> list[ast.expr]:
+    """What a tree takes sines, cosines and tangents of."""
+    calls = (node for node in ast.walk(tree) if isinstance(node, ast.Call))
+    return [call.args[0] for call in calls if getattr(call.func, "id", "") in TURNED]
 
 
 class Renamed(ast.NodeTransformer):
@@ -423,10 +435,7 @@ def _number(written: str, field: str) -> float:
 
 
 def _check_power(exponent: ast.expr, field: str, text: str) -> None:
-    if not any(
-        isinstance(part, ast.Name) and part.id not in _constant_names()
-        for part in ast.walk(exponent)
-    ):
+    if names_in(exponent) <= _constant_names():
         value = evaluate(exponent, {})
         if not abs(value) <= _MAX_POWER:
             raise InputError(f"holds an exponent beyond {_MAX_POWER:.0f}", field=field, value=text)
@@ -435,12 +444,9 @@ def _check_power(exponent: ast.expr, field: str, text: str) -> None:
 def _check_constants(tree: ast.expr, field: str) -> None:
     """Parts without x and parameters are finite numbers."""
     for node in ast.walk(tree):
-        constant = all(
-            part.id in _constant_names() for part in ast.walk(node) if isinstance(part, ast.Name)
-        )
         if (
-            constant
-            and isinstance(node, ast.BinOp | ast.Call)
+            isinstance(node, ast.BinOp | ast.Call)
+            and names_in(node) <= _constant_names()
             and not np.isfinite(evaluate(node, {}))
         ):
             raise InputError(
