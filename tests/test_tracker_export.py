@@ -189,7 +189,7 @@ MIXED = text(";", comma=True).replace("1,200E-01", "0.12")
 NO_NAMES = (
     "a.txt:1: 'header' must have a line of column names with t and x or y, as Tracker exports it "
     "(where a spreadsheet has changed it: export it again); any table may be fit (estim fit FILE "
-    "--columns t,x,y), or named in a campaign"
+    "--columns t,x,y), or named in a campaign as it is"
 )
 REFUSED = {
     "empty": ("", "a.txt: must not be empty: its size is 0"),

@@ -261,7 +261,7 @@ def _no_header(lines: Lines) -> InputError:
     rule = (
         "must have a line of column names with t and x or y, as Tracker exports it (where a "
         "spreadsheet has changed it: export it again); any table may be fit (estim fit FILE "
-        "--columns t,x,y), or named in a campaign"
+        "--columns t,x,y), or named in a campaign as it is"
     )
     number, line = lines[0] if lines else (None, "nothing")
     return InputError(rule, field="header", value=line, line=number)
