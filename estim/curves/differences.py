@@ -36,27 +36,23 @@ def extrapolated(
     """
     column = (right - left) / apart
     rounding = 2.0 * np.finfo(float).eps * np.maximum(np.abs(right), np.abs(left)) / apart
-    values, errors = np.full((2, _N_COLUMN, *column.shape), np.inf)
+    value, error = np.full((2, *column.shape), np.inf)
     for j in range(1, _N_COLUMN + 1):
         further = (4.0**j * column[1:] - column[:-1]) / (4.0**j - 1.0)
         change = np.maximum(np.abs(further - column[1:]), np.abs(further - column[:-1]))
-        values[j - 1, j:], errors[j - 1, j:] = further, np.maximum(change, rounding[j:])
+        change = np.maximum(change, rounding[j:])
+        better = change < error[j:]
+        np.copyto(value[j:], further, where=better)
+        np.copyto(error[j:], change, where=better)
         column = further
-    value, error = _least(
-        values[:, SETTLED:], np.where(np.isnan(errors), np.inf, errors)[:, SETTLED:]
-    )
-    best, smallest = _least(value, error)
+    value, error = value[SETTLED:], error[SETTLED:]
+    at = np.argmin(error, axis=0)[None]
+    best, smallest = (np.take_along_axis(array, at, axis=0)[0] for array in (value, error))
     known = np.isfinite(smallest)
     off = np.where(np.isfinite(error), np.abs(value - best), np.inf)
     return np.where(known, best, np.nan), np.where(
         known, np.maximum(smallest, np.median(off, axis=0)), np.inf
     )
-
-
-def _least(value: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Along the first axis the value of the smallest error, and that error."""
-    at = np.expand_dims(np.argmin(error, axis=0), 0)
-    return np.take_along_axis(value, at, axis=0)[0], np.take_along_axis(error, at, axis=0)[0]
 
 
 def with_gradient(
