@@ -52,16 +52,9 @@ class Scale:
                 values,
                 rng.uniform(self.low, self.high, values.size),
             )
-        mirrored = (
-            np.where(values <= self.low, 2.0 * self.low - values, values)
-            if math.isfinite(self.low)
-            else values
-        )
-        return (
-            np.where(mirrored >= self.high, 2.0 * self.high - mirrored, mirrored)
-            if math.isfinite(self.high)
-            else mirrored
-        )
+        if math.isfinite(self.low):
+            return self.low + np.abs(values - self.low)
+        return self.high - np.abs(self.high - values) if math.isfinite(self.high) else values
 
 
 def scale_of(

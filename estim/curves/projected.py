@@ -15,7 +15,7 @@ import numpy as np
 from estim.arrays import FloatArray, all_finite, max_abs
 from estim.curves.dimensions import dimensions_of, factors_of
 from estim.curves.dual_numbers import Dual, plain
-from estim.curves.formula import CONSTANTS, FUNCTIONS, Formula, evaluate
+from estim.curves.formula import CONSTANTS, FUNCTIONS, Formula, angles_in, evaluate, names_in
 from estim.curves.models import Limits
 from estim.curves.parameter_sizes import Scale, places_of, scale_of
 from estim.levenberg_marquardt import LeastSquares
@@ -64,7 +64,7 @@ class ProjectedCurve:
 
     scales, blocks : of those drawn; which of them stand in one term of the formula.
     owned : linear parameters of these terms alone.
-    turning : angles that the formula takes the sine or the cosine of.
+    turning : angles that the formula takes the sine, cosine or tangent of.
     """
 
     formula: Formula
@@ -242,7 +242,7 @@ def _blocks(
     """Parameters that stand together in terms of a sum, and the linear parameters of these terms
     alone.
     """
-    terms = [_names(term) for term in _terms(formula.tree)]
+    terms = [names_in(term) for term in _terms(formula.tree)]
     blocks: list[set[str]] = []
     for names in terms:
         block = names & {*nonlinear}
@@ -262,23 +262,12 @@ def _blocks(
 
 
 def _turning(formula: Formula, given: Collection[str]) -> tuple[ast.expr, ...]:
-    """Angles that the formula takes the sine or the cosine of, if they are made of names that are
-    given.
+    """Angles that the formula takes the sine, cosine or tangent of, if they are made of x and of
+    names that are given.
     """
-    angles = [
-        node.args[0]
-        for node in ast.walk(formula.tree)
-        if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("sin", "cos")
-    ]
-    return tuple(
-        angle
-        for angle in angles
-        if (names := _names(angle)) <= {*given, *CONSTANTS, *FUNCTIONS, "power"} and "x" in names
-    )
-
-
-def _names(tree: ast.expr) -> set[str]:
-    return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+    known = {*given, *CONSTANTS, *FUNCTIONS, "power"}
+    angles = angles_in(formula.tree)
+    return tuple(a for a in angles if (names := names_in(a)) <= known and "x" in names)
 
 
 def _terms(tree: ast.expr) -> list[ast.expr]:
