@@ -11,15 +11,15 @@ from __future__ import annotations
 import csv
 import io
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import date, datetime, time, timedelta
 from pathlib import PurePosixPath
-from xml.parsers import expat
 
 from estim.common import InputError, listed
 from estim.reading.archive import opened, unpacked
 from estim.reading.cells import looks_like_a_number
 from estim.reading.dialect import Dialect, column_number
+from estim.reading.markup import walk
 
 _MAX_CELLS = 4_000_000
 _MAX_BYTES = 128 * 1024**2  # of all parts, unpacked
@@ -122,15 +122,15 @@ def _uncomputed_of_xlsx(parts: Mapping[str, bytes], index: int) -> Cells:
         elif tag == "Relationship":
             targets[said["Id"]] = said["Target"]
 
-    _walk(parts.get("xl/workbook.xml", b"<none/>"), of_book)
-    _walk(parts.get("xl/_rels/workbook.xml.rels", b"<none/>"), of_book)
+    walk(parts.get("xl/workbook.xml", b"<none/>"), of_book)
+    walk(parts.get("xl/_rels/workbook.xml.rels", b"<none/>"), of_book)
     target = targets.get(sheets[index], "") if index < len(sheets) else ""
     part = str(PurePosixPath("/xl") / target)[1:]
     if part not in parts:
         raise InputError("is not in the workbook", field="sheet", value=target)
     sheet, texts = _Sheet(), dict[str, str]()
 
-    def begun(tag: str, said: Mapping[str, str]) -> None:
+    def begun(tag: str, said: Mapping[str, str], _: int) -> None:
         if tag == "row":
             sheet.row, sheet.column = int(said.get("r", sheet.row + 2)) - 1, -1
         elif tag == "c":
@@ -145,7 +145,7 @@ def _uncomputed_of_xlsx(parts: Mapping[str, bytes], index: int) -> Cells:
             empty = "f" in texts and not texts.get("v")
             sheet.cell(1, 1, f"={texts['f']}" if empty else error)
 
-    _walk(parts[part], ended, begun)
+    walk(parts[part], ended, begun)
     return sheet.uncomputed
 
 
@@ -154,7 +154,7 @@ def _uncomputed_of_ods(content: bytes) -> dict[str, Cells]:
     found, sheet, texts = dict[str, Cells](), _Sheet(), list[str]()
     pending: list[tuple[int, int, str | None]] = []
 
-    def begun(tag: str, said: Mapping[str, str]) -> None:
+    def begun(tag: str, said: Mapping[str, str], _: int) -> None:
         nonlocal sheet
         if tag == "table":
             sheet = _Sheet()
@@ -185,46 +185,8 @@ def _uncomputed_of_ods(content: bytes) -> dict[str, Cells]:
                 sheet.cell(rows, columns, uncomputed)
             sheet.row += rows - 1
 
-    _walk(content, ended, begun)
+    walk(content, ended, begun)
     return found
-
-
-def _walk(
-    xml: bytes,
-    ended: Callable[[str, dict[str, str], str], None],
-    begun: Callable[[str, dict[str, str]], None] | None = None,
-) -> None:
-    """Calls `begun(tag, attributes)` and `ended(tag, attributes, text)` for each element of an XML
-    text, tags without their prefix.  Raises InputError where it is not whole, or has a document
-    type.
-    """
-    parser = expat.ParserCreate()
-    parser.buffer_text = True
-    stack: list[tuple[str, dict[str, str], list[str]]] = []
-
-    def start(tag: str, said: dict[str, str]) -> None:
-        stack.append((tag.rpartition(":")[2], said, []))
-        if begun is not None:
-            begun(stack[-1][0], said)
-
-    def end(_: str) -> None:
-        tag, said, texts = stack.pop()
-        ended(tag, said, "".join(texts))
-
-    def characters(text: str) -> None:
-        stack[-1][2].append(text)
-
-    def doctype(*_: object) -> None:
-        raise InputError("must not hold a document type or entities", field="workbook")
-
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = characters, doctype
-    try:
-        parser.Parse(xml, True)
-    except InputError:
-        raise
-    except (expat.ExpatError, KeyError, StopIteration, ValueError) as error:
-        raise InputError("cannot be read as a workbook", quoted=str(error)) from None
 
 
 def _written(cell: object, dialect: Dialect) -> str:

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import re
 import zipfile
-from dataclasses import dataclass, field
-from xml.parsers import expat
+from dataclasses import dataclass
 
 from estim.common import InputError, listed
 from estim.reading.archive import opened, unpacked
 from estim.reading.input_file import decoded
+from estim.reading.markup import Attributes, walk
 
 _MAX_ELEMENTS = 300_000
 _MAX_DEPTH = 100
@@ -32,12 +32,8 @@ class Element:
     tag: str
     name: str
     kind: str
-    texts: list[str] = field(default_factory=list)
-    parts: list[Element] = field(default_factory=list)
-
-    @property
-    def text(self) -> str:
-        return "".join(self.texts).strip()
+    text: str
+    parts: list[Element]
 
     def error(self, rule: str, *, value: object = None) -> InputError:
         return InputError(rule, field=self.name or self.tag, value=value, line=self.line)
@@ -107,47 +103,28 @@ def parse_tracker_xml(data: bytes) -> Element:
     """
     written, _ = decoded(data)
     top: list[Element] = []
-    stack: list[Element] = []
+    stack = [(0, top)]  # line and parts of each element that has begun
     count = 0
-    parser = expat.ParserCreate()
-    parser.buffer_text = True
 
-    def refuse(rule: str, value: object = None) -> InputError:
-        return InputError(rule, field="XML", value=value, line=parser.CurrentLineNumber)
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
+    def begun(tag: str, _: Attributes, line: int) -> None:
         nonlocal count
         count += 1
         if count > _MAX_ELEMENTS:
-            raise refuse(f"must hold at most {_MAX_ELEMENTS} elements")
-        if len(stack) >= _MAX_DEPTH:
-            raise refuse(f"must be nested at most {_MAX_DEPTH} deep")
+            raise InputError(f"must hold at most {_MAX_ELEMENTS} elements", field="XML", line=line)
+        if len(stack) > _MAX_DEPTH:
+            raise InputError(f"must be nested at most {_MAX_DEPTH} deep", field="XML", line=line)
         if tag not in ("object", "property"):
-            raise refuse("must hold nothing but <object> and <property>, as Tracker writes it", tag)
+            rule = "must hold nothing but <object> and <property>, as Tracker writes it"
+            raise InputError(rule, field="XML", value=tag, line=line)
+        stack.append((line, []))
+
+    def ended(tag: str, attributes: Attributes, text: str) -> None:
+        line, parts = stack.pop()
         kind = attributes.get("class" if tag == "object" else "type", "")
-        element = Element(parser.CurrentLineNumber, tag, attributes.get("name", ""), kind)
-        (stack[-1].parts if stack else top).append(element)
-        stack.append(element)
+        element = Element(line, tag, attributes.get("name", ""), kind, text.strip(), parts)
+        stack[-1][1].append(element)
 
-    def end(_: str) -> None:
-        stack.pop()
-
-    def text(characters: str) -> None:
-        if stack:
-            stack[-1].texts.append(characters)
-
-    def doctype(*_: object) -> None:
-        raise refuse("must not hold a document type or entities")
-
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = text, doctype
-    try:
-        parser.Parse(written, True)
-    except InputError:
-        raise
-    except expat.ExpatError as error:
-        rule = f"is not a whole XML text ({expat.ErrorString(error.code)})"
-        raise InputError(rule, field="XML", line=error.lineno) from None
+    walk(written, ended, begun)
     return top[0]
 
 
