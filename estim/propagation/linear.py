@@ -29,6 +29,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from estim.arrays import BoolArray, FloatArray
 from estim.common import Shown, Tabled, phrase, rounded
@@ -261,16 +262,8 @@ def _effective_dof(
 
 def _correlated_groups(matrix: FloatArray) -> list[list[int]]:
     """The inputs in groups that are correlated, directly or through others."""
-    groups: list[list[int]] = []
-    waiting = list(range(len(matrix)))
-    while waiting:
-        group = [waiting.pop(0)]
-        for member in group:  # grows while it is walked through
-            linked = [i for i in waiting if matrix[member, i] != 0.0]
-            group += linked
-            waiting = [i for i in waiting if i not in linked]
-        groups.append(sorted(group))
-    return groups
+    n, labels = connected_components(matrix != 0.0, directed=False)
+    return [np.flatnonzero(labels == k).tolist() for k in range(n)]
 
 
 def _derivative_notes(
