@@ -3,7 +3,7 @@
 """
 
 from estim.curves.count_data import Binomial, Counting, EventTimes, Poisson
-from estim.curves.differences import HALVED, SETTLED, extrapolated
+from estim.curves.differences import HALVED, extrapolated
 from estim.curves.dual_numbers import Dual
 from estim.curves.formula import RESERVED, Formula, evaluate, read_formula
 from estim.curves.joining import DataSet, JointProblem, join, of_data_set

@@ -14,15 +14,12 @@ HALVED: FloatArray = 0.5 ** np.arange(3.0, 13.0)
 """Steps of differences that are extrapolated, over a length on which the function is nearly
 straight: 1/8 to 1/4096.
 """
-# extrapolations that end at a step before this one are not trusted (a period of the function may
-# fool them)
-SETTLED = 4
 _N_COLUMN = 5
 _STEP = 1e-4  # relative: motion under any force is good to 1e-10 or so
 
 
 def extrapolated(
-    right: FloatArray, left: FloatArray, apart: FloatArray
+    right: FloatArray, left: FloatArray, apart: FloatArray, *, settled: int = 1
 ) -> tuple[FloatArray, FloatArray]:
     """The derivative and its estimated error, (...) both, nan and inf where there is none, from the
     function at steps to the right and to the left (n_step, ...), each half as far `apart` (n_step,
@@ -33,6 +30,8 @@ def extrapolated(
     that changed least is kept.  Its change alone would flatter a function with noise, where two
     entries agree by chance, so the error is at least the median distance of the values at the other
     steps.
+
+    settled : extrapolations that end at a step before this one are not trusted.
     """
     column = (right - left) / apart
     rounding = 2.0 * np.finfo(float).eps * np.maximum(np.abs(right), np.abs(left)) / apart
@@ -45,7 +44,7 @@ def extrapolated(
         np.copyto(value[j:], further, where=better)
         np.copyto(error[j:], change, where=better)
         column = further
-    value, error = value[SETTLED:], error[SETTLED:]
+    value, error = value[settled:], error[settled:]
     at = np.argmin(error, axis=0)[None]
     best, smallest = (np.take_along_axis(array, at, axis=0)[0] for array in (value, error))
     known = np.isfinite(smallest)

@@ -237,7 +237,7 @@ def _compiled(tree: ast.expr) -> tuple[CodeType, dict[str, Any]]:
     """
     known: dict[str, Any] = {**_functions(), **CONSTANTS, "__builtins__": {}}
 
-    class Named(ast.NodeTransformer):
+    class Numbered(ast.NodeTransformer):
         def visit(self, node: Any) -> Any:
             if not isinstance(node, _PARTS):
                 raise TypeError(f"no part of a checked formula: {type(node).__name__}")
@@ -248,7 +248,7 @@ def _compiled(tree: ast.expr) -> tuple[CodeType, dict[str, Any]]:
             known[name] = np.float64(node.value)  # type: ignore[arg-type]
             return ast.Name(name, ast.Load())
 
-    named = ast.fix_missing_locations(Named().visit(copy.deepcopy(tree)))
+    named = ast.fix_missing_locations(Numbered().visit(copy.deepcopy(tree)))
     return compile(ast.Expression(named), "<formula>", "eval"), known
 
 

@@ -26,12 +26,13 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import InputError
-from estim.curves import HALVED, SETTLED, evaluate, extrapolated, read_formula
+from estim.curves import HALVED, evaluate, extrapolated, read_formula
 from estim.given_numbers import real_numbers
 from estim.propagation.inputs import Input
 
 MeasurementFunction = Callable[[Mapping[str, Any]], ArrayLike | Sequence[ArrayLike]]
 
+_SETTLED = 4  # a period of the function may fool larger steps
 _LARGEST = 1e150  # its square is a number still, as is that of its inverse
 
 
@@ -190,7 +191,12 @@ def gradient(function: MeasurementFunction, inputs: Sequence[Input]) -> Gradient
         )
         apart = (above - below).reshape(-1, *(1,) * value.ndim)
         with np.errstate(all="ignore"):
-            tables.append((*extrapolated(right, left, apart), _kink(value, right, left, steps)))
+            tables.append(
+                (
+                    *extrapolated(right, left, apart, settled=_SETTLED),
+                    _kink(value, right, left, steps),
+                )
+            )
     derivative, error, kink = (np.array(column) for column in zip(*tables, strict=True))
     for array in (value, derivative, error, kink):
         array.flags.writeable = False
@@ -202,7 +208,7 @@ def _kink(value: FloatArray, right: FloatArray, left: FloatArray, steps: FloatAr
     shrinks with the steps, as that of a smooth function, or is no more than rounding.
     """
     apart = []
-    for far in (SETTLED, SETTLED + 3):
+    for far in (_SETTLED, _SETTLED + 3):
         near = far + 1
         slope_right = (4.0 * right[near] - right[far] - 3.0 * value) / steps[far]
         slope_left = -(4.0 * left[near] - left[far] - 3.0 * value) / steps[far]

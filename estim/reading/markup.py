@@ -51,5 +51,5 @@ def walk(
     except expat.ExpatError as error:
         rule = f"is not a whole XML text ({expat.ErrorString(error.code)})"
         raise InputError(rule, field="XML", line=error.lineno) from None
-    except (KeyError, StopIteration, ValueError) as error:
+    except (LookupError, StopIteration, ValueError) as error:
         raise InputError("cannot be read", field="XML", quoted=str(error)) from None
