@@ -21,7 +21,7 @@ from estim.curves.dimensions import (
     number_in_formula,
     summed,
 )
-from estim.curves.formula import CONSTANTS, TURNED, names_in
+from estim.curves.formula import CONSTANTS, TRIGONOMETRIC, names_in
 
 Factors = dict[str, Fraction]
 """A unit: its symbols with their powers; {} for a pure number."""
@@ -178,7 +178,7 @@ class _Reading:
         ]
         if name in ROOTS:
             return _raised(units[0], ROOTS[name])
-        if name in TURNED or name in ("radians", "degrees"):
+        if name in TRIGONOMETRIC or name in ("radians", "degrees"):
             self._check_angle(name, arguments[0], units[0])
         if name in _OF_PURE and units[0] and _is_other_number(units[0]):
             raise InputError(
@@ -187,7 +187,7 @@ class _Reading:
             )
         if name in _ANGLES or name == "radians":
             return {"rad": Fraction(1)}
-        return {"°": Fraction(1)} if name == "degrees" else {} if name in TURNED else None
+        return {"°": Fraction(1)} if name == "degrees" else {} if name in TRIGONOMETRIC else None
 
     def _check_angle(self, name: str, angle: ast.expr, unit: Factors | None) -> None:
         """Raises InputError where a function of an angle takes something else."""
@@ -198,13 +198,13 @@ class _Reading:
             name == "degrees" and in_unit(1.0, given, "rad") is None
         ):
             return
-        if name in TURNED and is_in_degrees(given):
+        if name in TRIGONOMETRIC and is_in_degrees(given):
             plain = self.symbols[angle.id] if isinstance(angle, ast.Name) else "..."
             raise InputError(
                 f"takes {name} of an angle in {_shown(unit)}, but {name} takes radians: "
                 f"write {name}(radians({plain}))"
             )
-        if name in TURNED or in_unit(1.0, given, "rad") is not None:
+        if name in TRIGONOMETRIC or in_unit(1.0, given, "rad") is not None:
             takes = "degrees" if name == "radians" else "radians"
             raise InputError(f"takes {name} of what is in {_shown(unit)}, but {name} takes {takes}")
 

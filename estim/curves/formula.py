@@ -75,7 +75,7 @@ FUNCTIONS: Mapping[str, tuple[str, int]] = MappingProxyType(
     | {"atan2": ("arctan2", 2), "min": ("minimum", 2), "max": ("maximum", 2)}
 )  # name -> NumPy's or SciPy's name, number of arguments
 RESERVED = frozenset({"x", *CONSTANTS, *FUNCTIONS})
-TURNED = ("sin", "cos", "tan")
+TRIGONOMETRIC = ("sin", "cos", "tan")
 
 MAX_LENGTH = 2000
 _MAX_POWER = 1000.0
@@ -141,7 +141,7 @@ def names_in(tree: ast.expr) -> set[str]:
 def angles_in(tree: ast.expr) -> list[ast.expr]:
     """What a tree takes sines, cosines and tangents of."""
     calls = (node for node in ast.walk(tree) if isinstance(node, ast.Call))
-    return [call.args[0] for call in calls if getattr(call.func, "id", "") in TURNED]
+    return [call.args[0] for call in calls if getattr(call.func, "id", "") in TRIGONOMETRIC]
 
 
 class Renamed(ast.NodeTransformer):
