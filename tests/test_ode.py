@@ -108,6 +108,8 @@ def test_a_fast_reaction_leaves_the_slow_one_exact(fast: float) -> None:
 def test_an_equation_may_name_a_parameter_that_is_a_start_too() -> None:
     reached = ode(lambda t, y, k, y0: [k * (y0 / 2.0 - y[0])], ["y0"])
     assert reached(T, k=1.3, y0=3.0) == pytest.approx(1.5 + 1.5 * np.exp(-1.3 * T), abs=1e-8)
+    decay = ode(lambda t, y, k: [-k * y[0]], ["y"])
+    assert decay(T, k=1.3, y=3.0) == pytest.approx(3.0 * np.exp(-1.3 * T), abs=1e-8)
 
 
 @pytest.mark.parametrize("k", [0.3, 1e-7, 0.0])

@@ -60,7 +60,7 @@ class OdeCurve:
         draws = {
             name: np.broadcast_to(np.ravel(value), (n_draw,)) for name, value in parameters.items()
         }
-        asked = signature(self.rhs).parameters
+        asked = list(signature(self.rhs).parameters)[2:]  # after x and y
         own = {
             name: value
             for name, value in draws.items()
