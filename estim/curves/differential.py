@@ -107,7 +107,7 @@ class OdeCurve:
         with np.errstate(all="ignore"):
             covered = reach * np.abs(self._rate(self.x0, state, own))
         # of the state alone: a fast reaction would cover far more than there is
-        size = np.abs(state)
+        size = np.abs(state.real)
         size = np.where(size > 0.0, size, np.minimum(covered, np.max(size) or math.inf))
         size = np.where(
             (size > 0.0) & np.isfinite(size),
