@@ -140,6 +140,22 @@ def test_ranks_of_an_exact_posterior_are_uniform_and_those_of_a_narrow_one_are_n
     assert uniformity_p_value(np.sum(centre + 0.8 * np.sqrt(0.5) * z < mu, axis=0)) < 1e-4
 
 
+def test_of_many_right_intervals_hardly_ever_is_one_called_wrong(rng):
+    """At three standard deviations of each, 25 right quantities were refused in one of eight."""
+    n_trial, n, n_report = 200, 25, 200
+    reported = {f"q{i}": "1" for i in range(n)}
+    refused = 0
+    for _ in range(n_report):
+        places = rng.uniform(size=(n_trial, n))
+        covered = np.abs(places - 0.5)[:, :, None] < 0.5 * np.array([0.68, 0.95])
+        ranks = np.floor(100.0 * places).astype(int)
+        right = Calibration(
+            "coverage", ("r",), reported, {}, places, ranks, covered, 0, {}, 0, {}, (), 1.0, 1
+        )
+        refused += bool(findings(right))
+    assert refused <= 5
+
+
 def test_equal_numbers_get_random_ranks(rng):
     never = np.full((99, 1), np.inf)
     ranks = np.array([_rank(np.array([np.inf]), never, rng)[0] for _ in range(2000)])

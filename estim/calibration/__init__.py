@@ -3,7 +3,6 @@ Read `calibration` first.
 """
 
 from estim.calibration.calibration import (
-    COVERAGE_SDS,
     UNIFORM_BELOW,
     Calibration,
     run_trials,

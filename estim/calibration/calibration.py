@@ -63,6 +63,7 @@ from estim.common import (
     run_parallel,
     stream,
 )
+from estim.distributions import normal_quantile
 from estim.fitting import Fit
 
 TrialProgress = Callable[[int], None]
@@ -70,7 +71,7 @@ TrialProgress = Callable[[int], None]
 
 # chance that ranks are called uneven where none of them are, all quantities considered
 UNIFORM_BELOW = 0.001
-COVERAGE_SDS = 3.0
+OFF_BELOW = 0.0027  # the same of coverage, all intervals considered: 3 standard deviations of one
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +134,12 @@ class Calibration:
         """(2,) standard deviation of that share where intervals keep their word."""
         p = np.array(PROBABILITIES)
         return np.sqrt(p * (1.0 - p) / self.n_trial)
+
+    @property
+    def off_sds(self) -> float:
+        """From how many such standard deviations a share is off, and not one of many by chance."""
+        n_share = len(PROBABILITIES) * len(self.reported)
+        return -float(normal_quantile(0.5 * OFF_BELOW / max(n_share, 1)))
 
 
 def run_trials(
@@ -216,9 +223,9 @@ def findings(calibration: Calibration) -> tuple[Finding, ...]:
     """Where the calibration fails, and in which direction; empty where it does not.
 
     Uneven ranks count for truths drawn from the priors only (p < 0.001, divided by the number of
-    quantities): at one truth they need not be uniform.  Coverage counts where it is more than 3
-    Monte-Carlo standard deviations off; at one truth, where something leans on a prior that is no
-    measurement, only if it is too small.
+    quantities): at one truth they need not be uniform.  Coverage counts where it is more than
+    `Calibration.off_sds` Monte-Carlo standard deviations off; at one truth, where something leans
+    on a prior that is no measurement, only if it is too small.
     """
     faults = []
     least = max(UNIFORM_BELOW / max(len(calibration.reported), 1), 1.01 * LEAST_P)
@@ -237,7 +244,8 @@ def findings(calibration: Calibration) -> tuple[Finding, ...]:
         for p, held, u in zip(
             PROBABILITIES, calibration.share(name), calibration.share_sd(), strict=True
         ):
-            if p - held > COVERAGE_SDS * u or (held - p > COVERAGE_SDS * u and not excused):
+            off = calibration.off_sds * u
+            if p - held > off or (held - p > off and not excused):
                 how = direction(calibration, name) or ("narrow" if held < p else "wide")
                 numbers = {"probability": p, "errors": float(abs(held - p) / u)}
                 faults.append(

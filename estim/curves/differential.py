@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from inspect import signature
 from typing import Any, Literal
 
 import numpy as np
@@ -59,7 +60,12 @@ class OdeCurve:
         draws = {
             name: np.broadcast_to(np.ravel(value), (n_draw,)) for name, value in parameters.items()
         }
-        own = {name: value for name, value in draws.items() if name not in self.at_start}
+        asked = list(signature(self.rhs).parameters)[2:]  # after x and y
+        own = {
+            name: value
+            for name, value in draws.items()
+            if name not in self.at_start or name in asked
+        }
         state = np.array(
             [
                 draws[entry] if isinstance(entry, str) else np.full(n_draw, entry)
@@ -99,7 +105,10 @@ class OdeCurve:
         state, n_draw = state.astype(kind), state.shape[1]
         reach = max_abs(x - self.x0) or 1.0
         with np.errstate(all="ignore"):
-            size = np.abs(state) + reach * np.abs(self._rate(self.x0, state, own))
+            covered = reach * np.abs(self._rate(self.x0, state, own))
+        # of the state alone: a fast reaction would cover far more than there is
+        size = np.abs(state.real)
+        size = np.where(size > 0.0, size, np.minimum(covered, np.max(size) or math.inf))
         size = np.where(
             (size > 0.0) & np.isfinite(size),
             size,
@@ -176,7 +185,8 @@ def ode(
 
     rhs : function of x, the state y (n_state,) and parameters by name, which returns dy/dx
         (n_state,).
-    start : the state at x0, each entry a number or the name of a parameter.
+    start : the state at x0, each entry a number or the name of a parameter, which rhs gets if it
+        has an argument of that name.
     observed : which entry of the state is measured, or a function of x (n_obs,), the states
         (n_state, n_obs) and the parameters of rhs.
     method : of `scipy.integrate.solve_ivp`; "Radau" or "BDF" for stiff equations.  Relative

@@ -220,24 +220,49 @@ def _broadcasts(function: Function, x: FloatArray, start: Mapping[str, float]) -
 
 
 def _derivatives(function: Function, x: FloatArray, start: Mapping[str, float]) -> str:
-    """The best way of differentiation that works and agrees with differences."""
-    reference = [_difference(function, x, start, name) for name in (None, *start)]
-    value = _called(function, x, start)
+    """The best way of differentiation that works and agrees with differences, also where no
+    parameter switches a term off by being 0.
+    """
+    places, on = [start], _switched_on(function, x, start)
+    if on != start:
+        places.append(on)
+    references = [
+        [_difference(function, x, place, name) for name in (None, *start)] for place in places
+    ]
     for way in ("dual", "complex"):
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("error", ComplexWarning)  # the derivative would be lost
-                local = _WAYS[way](function, x, start)
+                found = [_WAYS[way](function, x, place) for place in places]
         # whatever the user's function raises on unusual numbers: then another way is taken
         except Exception:
             continue
-        ours = (local.slope, *(local.gradient[name] for name in start))
-        alike = all(
-            _alike(derivative, *theirs) for derivative, theirs in zip(ours, reference, strict=True)
-        )
-        if alike and np.allclose(local.value, value, rtol=1e-12, equal_nan=True):
+        if all(
+            np.allclose(local.value, _called(function, x, place), rtol=1e-12, equal_nan=True)
+            and all(
+                _alike(derivative, *theirs)
+                for derivative, theirs in zip(
+                    (local.slope, *(local.gradient[name] for name in start)), reference, strict=True
+                )
+            )
+            for local, place, reference in zip(found, places, references, strict=True)
+        ):
             return way
     return "differences"
+
+
+def _switched_on(
+    function: Function, x: FloatArray, start: Mapping[str, float]
+) -> Mapping[str, float]:
+    """`start`, with parameters that are 0 or nearly so moved by a part of their reach."""
+    reaches = {
+        name: _reach(_shifted(function, x, start, name), abs(value) or 1.0)
+        for name, value in start.items()
+    }
+    return {
+        name: value + 0.1 * reaches[name] if reaches[name] > abs(value) else value
+        for name, value in start.items()
+    }
 
 
 def _alike(ours: FloatArray, theirs: FloatArray, error: FloatArray) -> bool:
@@ -295,23 +320,30 @@ def _difference(
     if name is None and isinstance(function, OfPoints):
         return np.zeros(x.size), np.zeros(x.size)
     centre, size = (x, float(np.ptp(x))) if name is None else (values[name], abs(values[name]))
-
-    @cache
-    def shifted(step: float) -> FloatArray:
-        moved = centre + step
-        called = (
-            _called(function, moved, values)
-            if name is None
-            else _called(function, x, {**values, name: moved})
-        )
-        return np.broadcast_to(called, (x.size,))
-
+    shifted = _shifted(function, x, values, name)
     with np.errstate(all="ignore"):
         steps = _reach(shifted, size or 1.0) * HALVED
         right, left = (np.array([shifted(sign * step) for step in steps]) for sign in (1.0, -1.0))
         # as the machine rounds it
         apart = np.array([np.subtract(centre + step, centre - step) for step in steps])
         return extrapolated(right, left, apart.reshape(len(steps), -1))
+
+
+def _shifted(
+    function: Function, x: FloatArray, values: Mapping[str, float], name: str | None
+) -> Callable[[float], FloatArray]:
+    """The curve (n_obs,) where a parameter, or x where `name` is None, is moved by a step."""
+
+    @cache
+    def shifted(step: float) -> FloatArray:
+        called = (
+            _called(function, x + step, values)
+            if name is None
+            else _called(function, x, {**values, name: values[name] + step})
+        )
+        return np.broadcast_to(called, (x.size,))
+
+    return shifted
 
 
 def _reach(shifted: Callable[[float], FloatArray], size: float) -> float:

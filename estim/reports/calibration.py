@@ -8,7 +8,6 @@ from functools import partial
 import numpy as np
 
 from estim.calibration import (
-    COVERAGE_SDS,
     EDGES,
     N_RANK,
     UNIFORM_BELOW,
@@ -120,7 +119,7 @@ def calibration_report(
         title=campaign.title,
         runs=", ".join(calibrations[0].runs),
         uniform_below=UNIFORM_BELOW,
-        coverage_sds=COVERAGE_SDS,
+        coverage_sds=calibrations[0].off_sds,
         n_rank=N_RANK,
         parts=[_part(calibration, records[calibration.what]) for calibration in calibrations],
         unlike=unlike,
@@ -211,15 +210,15 @@ def rank_figure(calibration: Calibration) -> Figure:
 
 
 def coverage_figure(calibration: Calibration) -> Figure:
-    """Share of the trials whose interval held the truth, with one and three Monte-Carlo standard
-    deviations about the stated probability.
+    """Share of the trials whose interval held the truth, with one and `off_sds` Monte-Carlo
+    standard deviations about the stated probability.
     """
     names = list(calibration.reported)
     n = len(PROBABILITIES)
     figure, axes = grid(n, height=0.26 * len(names) + 0.5, columns=n, sharey=True)
     rows = np.arange(len(names))[::-1]
     for i, (ax, p, sd) in enumerate(zip(axes, PROBABILITIES, calibration.share_sd(), strict=True)):
-        for width, shade in ((1.0, 0.35), (COVERAGE_SDS, 0.18)):
+        for width, shade in ((1.0, 0.35), (calibration.off_sds, 0.18)):
             ax.axvspan(
                 100 * (p - width * sd),
                 min(100 * (p + width * sd), 100.0),
@@ -229,7 +228,7 @@ def coverage_figure(calibration: Calibration) -> Figure:
             )
         ax.axvline(100 * p, color=INK, lw=0.8)
         shares = np.array([calibration.share(name)[i] for name in names])
-        off = np.abs(shares - p) > COVERAGE_SDS * sd
+        off = np.abs(shares - p) > calibration.off_sds * sd
         ax.plot(100 * shares[~off], rows[~off], "o", color=BLUE, ms=4)
         ax.plot(100 * shares[off], rows[off], "D", color=ORANGE, ms=5)
         ax.set_xlabel(phrase("covered by the {p} interval (%)", p=percentage(p)))
