@@ -12,7 +12,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from scipy import optimize
+from scipy import optimize, special
 
 from estim import Component, InputError, fit_curve
 from estim.curves.curve_problem import AxisNames
@@ -736,6 +736,21 @@ def test_a_complex_value_is_none() -> None:
     fit = fit_curve(root, x, y, u_y=0.02, start={"a": 1.0, "b": 0.0})
     assert fit.status == "ok"
     assert fit.values["b"] == pytest.approx(-0.3, abs=4.0 * fit.sds["b"])
+
+
+@pytest.mark.parametrize("k", [0.3, 1e-7, 0.0])
+def test_a_term_that_is_off_at_the_start_is_differentiated_as_it_is_later(k: float) -> None:
+    """The size of a complex number has no derivative, which a factor of 0 hides."""
+    x, values = np.linspace(-3.0, 3.0, 40), {"a": 2.0, "b": 1.0, "k": 0.3}
+
+    def bent(x: np.ndarray, a: float, b: float, k: float) -> np.ndarray:
+        y = a * special.dawsn(b * x)
+        return y - k * np.abs(y) * y
+
+    curve = wrap_function(bent, tuple(values), x, {**values, "k": k})
+    shape = special.dawsn(x)
+    exact = shape * (1.0 - 2.0 * 0.3 * np.abs(2.0 * shape))
+    assert curve.local(x, values).gradient["a"][0] == pytest.approx(exact, abs=1e-7)
 
 
 @pytest.mark.parametrize("limits", [("a", "b"), (0.0, math.nan), (0.0,), (5.0, 1.0)])
