@@ -38,7 +38,9 @@ class ManyFits:
     dof : (n_set,) points less the parameters that lie on no limit.
     p_value : (n_set,) of chi2, nan where u_y was not stated.
     sigma : (n_set,) standard deviation of y from the residuals, nan where u_y was stated.
-    status : (n_set,) of "ok", "poor-fit" (p < 0.001), "not-identified" and "not-converged".
+    status : (n_set,) of "ok", "poor-fit" (p < 0.001), "not-identified" (derivatives depend on each
+        other at the optimum) and "not-converged".  No profile is computed: a parameter whose
+        interval has no end is "ok" here, and "not-identified" in `fit_curve`.
 
     >>> from estim import fit_many
     >>> fits = fit_many("a*x", [1, 2, 3], [[2.1, 3.9, 6.0], [3.0, 6.1, 8.9]], u_y=0.1)
