@@ -250,7 +250,7 @@ def test_inferred_noise_of_each_run_is_integrated_out(
     assert found.refined == ("r0", "r1")
     assert np.all(difference < 4.0 * error)
     # the wrong version: own parameters left normal around their mode
-    monkeypatch.setattr(RunTerm, "refine_own", lambda self, shared, own, expansion, rng: own)
+    monkeypatch.setattr(RunTerm, "refine_own", lambda self, shared, own, rng: own)
     wrong = sample_marginal(fit, rng=rng, options=MarginalOptions(n_node=3))
     assert np.max(np.abs(wrong.mean - chain.flat.mean(axis=0)) / error) > 10.0
 

@@ -196,7 +196,7 @@ class RunTerm:
         return np.where(np.isnan(log_m), -np.inf, log_m)
 
     def refine_own(
-        self, shared: FloatArray, own: FloatArray, around: Around, rng: np.random.Generator
+        self, shared: FloatArray, own: FloatArray, rng: np.random.Generator
     ) -> FloatArray:
         """Own parameters (n_draw, n_own), drawn around their mode, moved towards their exact
         distribution given shared.
@@ -205,6 +205,7 @@ class RunTerm:
         the normal density around the mode, made wider: its weights are bounded where the
         distribution is skewed, and about half of the steps are taken.
         """
+        around = self.around(shared)
         mode, root = around.mode, around.root
         excess = self.log_joint(shared, own) + 0.5 * np.sum(
             np.linalg.solve(_WIDER * root, (own - mode)[..., None])[..., 0] ** 2, axis=1
@@ -239,10 +240,6 @@ class Around:
         log_q = np.sum(normal_log_density(z), axis=1) - log_volume(self.root)
         return self.mode + np.einsum("nij,nj->ni", self.root, z), log_q
 
-    def rows(self, which: IntArray) -> Around:
-        """Of some draws."""
-        return Around(self.mode[which], self.root[which])
-
 
 def run_terms(fit: Fit, sampled: IntArray) -> tuple[RunTerm, ...]:
     """The runs of a fit as functions of the parameters `sampled` (n_sampled,) of its problem; each
@@ -261,7 +258,8 @@ def run_terms(fit: Fit, sampled: IntArray) -> tuple[RunTerm, ...]:
         posterior = dataclasses.replace(fit.posterior, problem=alone, likelihoods=(likelihood,))
         cov = fit.cov[np.ix_(columns, columns)]
         own, beside = cov[np.ix_(~given, ~given)], cov[np.ix_(given, ~given)]
-        follow = np.linalg.solve(cov[np.ix_(given, given)], beside).T
+        solved = np.linalg.solve(cov[np.ix_(given, given)], beside)
+        follow: FloatArray = np.asarray(solved.T, dtype=np.float64)
         terms.append(
             RunTerm(
                 posterior,

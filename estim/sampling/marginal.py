@@ -152,36 +152,42 @@ def sample_marginal(
     if options.wide:
         proposal = proposal.widened()
     shared = proposal.draw(rng, options.n_draw)
-    log_beside, by_run, own = target.terms_at(shared, n_node=options.n_node, progress=progress)
+    log_beside = target.log_prior(shared)
+    seen = np.flatnonzero(np.isfinite(log_beside))
+    draws = np.empty((options.n_draw, fit.problem.n_par))
+    draws[:, columns] = shared
+    by_run, log_q = np.zeros((2, len(terms), options.n_draw))
+    runs = target.at_runs(shared[seen], n_node=options.n_node, progress=progress)
+    for i, (log_marginal, around) in enumerate(runs):
+        by_run[i, seen] = log_marginal
+        own, log_q[i, seen] = around.draw(rng)
+        draws[np.ix_(seen, terms[i].columns[terms[i].own])] = own
     log_proposal = proposal.log_density(shared)
     raw = log_beside + np.sum(by_run, axis=0) - log_proposal
     log_weights = raw - np.max(raw)
-    draws = np.empty((options.n_draw, fit.problem.n_par))
-    draws[:, columns] = shared
     inside = np.flatnonzero(np.isfinite(log_weights))
-    kept = np.searchsorted(np.flatnonzero(np.isfinite(log_beside)), inside)
+    nowhere = np.flatnonzero(~np.isfinite(log_weights))
     first = inside[inside < options.n_check]
     raw_all = np.full(min(options.n_check, options.n_draw), -np.inf)
     raw_all[first] = (log_beside - log_proposal)[first]
     refined = []
-    for number, (term, around, log_marginal) in enumerate(
-        zip(terms, own, by_run, strict=True), start=1
+    for number, (term, log_marginal, log_own) in enumerate(
+        zip(terms, by_run, log_q, strict=True), start=1
     ):
         if progress is not None:
             progress(0, phrase("own parameters of run {k} of {n}", k=number, n=len(terms)))
         given, own_columns = target.given(term, shared), term.columns[term.own]
+        own = draws[:, own_columns]
         # where a draw of the shared ones has no weight, the fit
-        own_draws = np.tile(term.linearised(term.centre[None, term.own]), (options.n_draw, 1))
-        around = around.rows(kept)
-        own_draws[inside], log_q = around.draw(rng)
-        excess = term.log_joint(given[first], own_draws[first]) - log_q[: first.size]
+        own[nowhere] = term.linearised(term.centre[None, term.own])
+        excess = term.log_joint(given[first], own[first]) - log_own[first]
         raw_all[first] += excess
         # spread of a run's log weights above which its own parameters are no normal variables: a
         # shift of 0.08 of their sd
         if spread(excess - log_marginal[first], log_weights[first]) > 0.1:
-            own_draws[inside] = term.refine_own(given[inside], own_draws[inside], around, rng)
+            own[inside] = term.refine_own(given[inside], own[inside], rng)
             refined.append(term.run.name)
-        draws[:, own_columns] = term.values(own_draws)
+        draws[:, own_columns] = term.values(own)
     if fit.jeffreys is not None:
         owed = fit.jeffreys.exact(fit.problem.named(draws[inside])) - _log(weight, draws[inside])
         owed += _log(fit.measure, draws[inside])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -51,24 +52,23 @@ class Marginal:
             + self.weight.log(shared[:, np.searchsorted(self.columns, self.weight.columns)])
         )
 
-    def terms_at(
+    def at_runs(
         self, shared: FloatArray, *, n_node: int, progress: Progress | None = None
-    ) -> tuple[FloatArray, FloatArray, list[Around]]:
-        """`log_prior` (n_draw,) of the sampled parameters, -inf outside its support; the marginal
-        (n_run, n_draw) of every run, 0 there; and the own parameters of each inside.
+    ) -> Iterator[tuple[FloatArray, Around]]:
+        """Of every run the marginal (n_draw,) at shared (n_draw, n_sampled), and its own parameters
+        there.
         """
-        log_p = self.log_prior(shared)
-        inside = np.flatnonzero(np.isfinite(log_p))
-        by_run, own = np.zeros((len(self.terms), shared.shape[0])), []
         for i, term in enumerate(self.terms):
             if progress is not None:
                 progress(0, phrase("run {k} of {n}", k=i + 1, n=len(self.terms)))
-            given = self.given(term, shared[inside])
-            own.append(term.around(given))
-            by_run[i, inside] = term.log_marginal(given, own[-1], n_node=n_node)
-        return log_p, by_run, own
+            given = self.given(term, shared)
+            around = term.around(given)
+            yield term.log_marginal(given, around, n_node=n_node), around
 
     def log_density(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) log p(y, s) in Laplace's approximation; -inf outside the priors' support."""
-        log_p, by_run, _ = self.terms_at(draws, n_node=1)
-        return log_p + np.sum(by_run, axis=0)
+        log_p = self.log_prior(draws)
+        inside = np.isfinite(log_p)
+        for log_marginal, _ in self.at_runs(draws[inside], n_node=1):
+            log_p[inside] += log_marginal
+        return log_p
