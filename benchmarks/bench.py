@@ -2,7 +2,7 @@
 RESULTS.md and scaling.png beside this file.
 
     make bench OMP_NUM_THREADS=1 python benchmarks/bench.py [--peers PYTHON] [--only
-    peers|scaling|batch|rates|positions] [--most-runs 64]
+    peers|scaling|batch|rates] [--most-runs 64]
 
 PYTHON is that of an environment of its own in which estim, dynesty, bumps, pymc and nutpie are
 installed; what fails there is named as not run.
@@ -17,8 +17,7 @@ includes its second computation.  Right: means and standard deviations within 4.
 of a long chain of emcee.  Times are told as ratios within one run of this file.
 
 Effective draws a second while sampling (`sampling_rates.py`).  The size of the problem: joint fits
-and long data sets; memory along a batch of a thousand runs (`batch_memory.py`).  Positions in
-machine code against NumPy (`positions_speed.py`).
+and long data sets; memory along a batch of a thousand runs (`batch_memory.py`).
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ _ERRORS = 4.5
 _PEERS = "To 4,000 effective draws of six parameters"
 _SCALING = "Scaling"
 _BATCH = "Memory of a batch"
-_RATES, _POSITIONS = "While sampling", "Positions with and without the extra `fast`"
+_RATES = "While sampling"
 NAMES = {
     "estim": "estim, certified",
     "emcee": "emcee, vectorised, 64 walkers, stretch moves",
@@ -322,7 +321,7 @@ def main() -> None:
     parser.add_argument("--peers", default=sys.executable)
     parser.add_argument(
         "--only",
-        choices=("peers", "scaling", "batch", "rates", "positions"),
+        choices=("peers", "scaling", "batch", "rates"),
         help="makes one section anew and keeps the others",
     )
     parser.add_argument("--most-runs", type=int, default=64)
@@ -358,11 +357,7 @@ def main() -> None:
         from sampling_rates import table as rates_table
 
         sections[_RATES] = rates_table()
-    if asked.only in (None, "positions"):
-        from positions_speed import table as positions_table
-
-        sections[_POSITIONS] = positions_table()
-    for head in (_PEERS, _RATES, _SCALING, _BATCH, _POSITIONS):
+    for head in (_PEERS, _RATES, _SCALING, _BATCH):
         text += ["", f"## {head}", "", *sections[head]] if head in sections else []
     parts.write_text("\n".join(text) + "\n")
 

@@ -23,13 +23,5 @@ def version(package: str) -> str:
 
 
 def engine_versions() -> dict[str, str]:
-    """Versions of what computes the numbers: of numba, too, where it is installed (the extra
-    `fast`), and of packages whose plug-ins were used.
-    """
-    from importlib import metadata
-
-    found = {package: version(package) for package in _ENGINES} | USED.get({})
-    try:
-        return found | {"numba": version("numba")}
-    except metadata.PackageNotFoundError:
-        return found
+    """Versions of what computes the numbers, and of packages whose plug-ins were used."""
+    return {package: version(package) for package in _ENGINES} | USED.get({})

@@ -90,10 +90,8 @@ def test_the_code_is_found():
 
 def test_physics_needs_numpy_and_nothing_else():
     for module in MODEL:
-        # the extra `fast`, without which NumPy computes the same
-        more = {"numba"} if module == "estim.model.compiled" else set()
         others = {name for name in packages(module) if name != "estim"}
-        assert others <= {"numpy", *more, *sys.stdlib_module_names}, module
+        assert others <= {"numpy", *sys.stdlib_module_names}, module
 
 
 def test_the_command_line_alone_knows_click():
@@ -542,10 +540,9 @@ NAMES += (
 
 @pytest.mark.slow
 def test_public_names_are_the_same_in_a_fresh_process_and_after_every_import():
-    absent = {"estim.model.compiled"} if find_spec("numba") is None else set()
     modules = [
         module.removesuffix(".__init__")
-        for module in sorted(FILES.keys() - absent)
+        for module in sorted(FILES)
         if not module.endswith("__main__")
     ]
     fresh, after = (

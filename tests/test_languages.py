@@ -359,7 +359,6 @@ NAMES = frozenset(  # shown as they are in every language
         "scipy",
         "lmfit",
         "emcee",
-        "numba",
         "arviz",
         "stats",
         "uncertainties",

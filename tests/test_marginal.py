@@ -22,7 +22,7 @@ from estim.curve_fitting.joint_fit import fit_curves
 from estim.curves.joining import DataSet
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.pipeline import _hard_for_a_chain, _integrable, analyse_fit
-from estim.problem.posterior import Posterior, Problem
+from estim.problem.posterior import Problem
 from estim.problem.priors import HalfNormal, LogNormal, Normal, Uniform
 from estim.problem.robust_likelihood import RobustErrors
 from estim.problem.tails import StudentT
@@ -160,7 +160,7 @@ def test_exact_weights_notice_a_wrong_marginal(
     monkeypatch.setattr(
         RunTerm,
         "log_marginal",
-        lambda self, s, e, *, n_node: right(self, s, e, n_node=n_node) - log_volume(e.at(s)[1]),
+        lambda self, s, e, *, n_node: right(self, s, e, n_node=n_node) - log_volume(e.root),
     )
     found = sample_marginal(fit, rng=rng)
     assert not found.trusted
@@ -250,7 +250,7 @@ def test_inferred_noise_of_each_run_is_integrated_out(
     assert found.refined == ("r0", "r1")
     assert np.all(difference < 4.0 * error)
     # the wrong version: own parameters left normal around their mode
-    monkeypatch.setattr(RunTerm, "refine_own", lambda self, shared, own, expansion, rng: own)
+    monkeypatch.setattr(RunTerm, "refine_own", lambda self, shared, own, rng: own)
     wrong = sample_marginal(fit, rng=rng, options=MarginalOptions(n_node=3))
     assert np.max(np.abs(wrong.mean - chain.flat.mean(axis=0)) / error) > 10.0
 
@@ -268,9 +268,7 @@ def test_own_parameters_close_to_an_edge_are_sampled_or_refused(rng: np.random.G
         sample_marginal(fitted(problem_of(LINE, prior, own, X, ys, 0.2)), rng=rng)
 
 
-def test_noise_that_is_not_normal_is_refused(
-    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_noise_that_is_not_normal_is_refused(rng: np.random.Generator) -> None:
     fit = fitted(linear_problem(rng)[0])
     heavy = tuple(
         RobustErrors(one.points, one.size, one.form.spectrum, StudentT())
@@ -278,10 +276,6 @@ def test_noise_that_is_not_normal_is_refused(
     )
     with pytest.raises(InputError, match="plain normal noise"):
         sample_marginal(replace(fit, posterior=replace(fit.posterior, likelihoods=heavy)), rng=rng)
-    right = Posterior.log_likelihood
-    monkeypatch.setattr(Posterior, "log_likelihood", lambda self, draws: 0.9 * right(self, draws))
-    with pytest.raises(InputError, match="plain normal noise"):
-        sample_marginal(fit, rng=rng)
 
 
 def test_single_run_is_sampled_in_all_dimensions(rng: np.random.Generator) -> None:

@@ -13,16 +13,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from estim.model import (
-    Body,
-    Forces,
-    back_and_forth,
-    motion,
-    speed,
-    trajectory,
-    travel_time,
-    turning_point,
-)
+from estim.model import Body, Forces, back_and_forth, speed, trajectory, travel_time, turning_point
 
 PAPER = Body(radius=0.15, gamma=0.187, kappa=0.45)
 RUN = {"phi": math.radians(4.0), "theta0": math.radians(60.0), "g": 9.81}
@@ -47,18 +38,6 @@ CASES = [
     pytest.param(WHEEL, {**DOWN, "rolling_resistance": 0.03}, id="wheel-resisted"),
     pytest.param(Body(0.2, 0.0, 0.5), {"phi": -0.1, "theta0": 0.3, "g": 9.81}, id="balanced"),
 ]
-
-
-@pytest.fixture(autouse=True, params=["numpy", "numba"])
-def engine(request, monkeypatch):
-    """Every test with and without the extra `fast`."""
-    if request.param == "numba":
-        pytest.importorskip("numba")
-    else:
-        monkeypatch.setattr(motion, "_compiled", lambda: None)
-
-
-by_numpy = pytest.mark.parametrize("engine", ["numpy"], indirect=True)  # how NumPy goes about it
 
 
 def solve(body, run, last):
@@ -396,7 +375,6 @@ def test_the_place_that_is_read_off_a_table_is_reached_when_the_clock_says(phi, 
         assert np.nanmax(np.abs(back[0] - t[there]) * speeds, initial=0.0) < 1e-9
 
 
-@by_numpy
 def test_draws_in_blocks_are_the_draws_together(monkeypatch):
     from estim.model import time_integration
 
@@ -409,7 +387,6 @@ def test_draws_in_blocks_are_the_draws_together(monkeypatch):
     assert np.any(whole[1] < 0.0)
 
 
-@by_numpy
 def test_draws_that_are_hard_leave_their_neighbours_what_they_are_alone():
     # the third all but stops on its way; the first two come back before the last time
     crest = math.asin(math.sin(math.radians(4.0)) / 0.187)

@@ -70,8 +70,6 @@ def place(project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Pat
     monkeypatch.chdir(tmp_path)
     # what is first imported below would keep the stand-in
     for file in sorted((project / "estim").glob("*/[a-z]*.py")):
-        if file.stem == "compiled":  # it needs the extra fast
-            continue
         import_module(f"estim.{file.parent.name}.{file.stem}")
     for name in (
         "estim.pipeline.analyse",

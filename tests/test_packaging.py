@@ -75,7 +75,7 @@ def test_the_lock_file_has_all_that_the_project_asks_for(
     table = tomllib.loads((project / "pyproject.toml").read_text())
     extras = table["project"]["optional-dependencies"]
     # a cluster brings its own dask; WeasyPrint needs libraries of the system
-    assert extras.keys() == {"arviz", "dask", "dev", "excel", "fast", "pdf", "test", "web"}
+    assert extras.keys() == {"arviz", "dask", "dev", "excel", "pdf", "test", "web"}
     asked = [
         *table["project"]["dependencies"],
         *(r for name, extra in extras.items() if name not in ("dask", "pdf") for r in extra),

@@ -1,16 +1,11 @@
 """Motion in time from rest or a push: travel time, position and velocity at given times.
 
-`estim.model.time_integration` follows the motion by series in time, under any forces.  Where numba
-is there, positions back and forth of a body that starts from rest under no further force come from
-`estim.model.compiled`, which leaves to it the draws that it does not settle.  Everything is
-vectorised over draws: parameters as scalars or (n_draw, 1).
+`estim.model.time_integration` follows the motion by series in time, under any forces.  Everything
+is vectorised over draws: parameters as scalars or (n_draw, 1).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -121,42 +116,13 @@ def back_and_forth(
     >>> x.shape, bool(v[0, 0] > 0.0)
     ((1, 2), True)
     """
-    place: dict[str, Any] = {
-        "phi": phi,
-        "theta0": theta0,
-        "rolling_resistance": rolling_resistance,
-        "g": g,
-    }
-    compiled = _compiled()
-    if compiled is None or release_speed is not None or forces is not None:
-        v0 = 0.0 if release_speed is None else release_speed
-        return driven_motion(t, body, **place, release_speed=v0, forces=forces or Forces())
-    t = np.atleast_1d(np.asarray(t, dtype=float))
-    if t.size == 0:
-        return np.zeros(t.shape), np.zeros(t.shape)
-    columns = [*place.values(), *vars(body).values(), *([t] if t.ndim == 2 else [])]
-    n_draw = max((np.shape(column)[0] for column in columns if np.ndim(column) == 2), default=1)
-    x, v, settled = compiled(t, body, place, n_draw)
-    rest = np.flatnonzero(~settled)
-    if rest.size:
-        own = replace(body, **{name: _of(value, rest) for name, value in vars(body).items()})
-        where = {name: _of(value, rest) for name, value in place.items()}
-        x[rest], v[rest] = driven_motion(_of(t, rest), own, **where, forces=Forces())
-    return x, v
-
-
-def _of(value: Any, rows: NDArray[np.int64]) -> Any:
-    """The part of a column (n_draw, n) that belongs to some draws; what all draws have in common as
-    it is.
-    """
-    return value[rows] if np.ndim(value) == 2 and np.shape(value)[0] > 1 else value
-
-
-@cache
-def _compiled() -> Callable[..., tuple[FloatArray, FloatArray, NDArray[np.bool_]]] | None:
-    """`model.compiled.states`, where numba is there and has a place to keep what it compiles."""
-    try:
-        from estim.model.compiled import states
-    except (ImportError, RuntimeError):
-        return None
-    return states
+    return driven_motion(
+        t,
+        body,
+        phi=phi,
+        theta0=theta0,
+        rolling_resistance=rolling_resistance,
+        g=g,
+        release_speed=0.0 if release_speed is None else release_speed,
+        forces=forces or Forces(),
+    )

@@ -22,7 +22,7 @@ from scipy.sparse import csr_array
 from estim.arrays import FloatArray, Named
 from estim.distributions import normal_log_density
 from estim.problem.differences import covariance_in_bands, used_columns
-from estim.problem.likelihood import Ends, Likelihood, Points, n_draws
+from estim.problem.likelihood import Ends, Likelihood, Points
 from estim.problem.noise_variance import NoiseVariance, Scale
 from estim.problem.roots import DENSE, Band, Dense, Root
 from estim.problem.whitened_residuals import Linear
@@ -252,28 +252,11 @@ class GaussianErrors(Likelihood):
         """The triangular root of C, in the order of the points."""
         return self.form.root(self._diagonal(named)[0])
 
-    def opened(
-        self, named: Named, names: Sequence[str]
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """At draws: standardised residuals and variances (n_draw, n_obs) whose product is the
-        determinant of C; derivatives (n_draw, n_obs, n) in the parameters `names` of the
-        standardised curve and of the logarithm of the variances.
+    def log_variances(self, named: Named) -> FloatArray:
+        """(n, n_obs) logarithms of the squared units of `residuals`, n the number of draws or 1;
+        their sum is the logarithm of the determinant of C up to a constant.
         """
-        n_draw = n_draws(named)
-        local = self.points.curve.local(self.points.x, self.points.bind(named))
-        variance = np.broadcast_to(self._diagonal(named), (n_draw, self.shift.size))
-        sd = np.sqrt(variance)
-        jacobian = self.points.gradients_of(local, named, names, n_draw)
-        for k in range(len(names)):
-            jacobian[:, :, k] = self.form.turned(jacobian[:, :, k]) / sd
-        spread = self.size.slopes(self.form.spectrum, named, names, n_draw) / variance[:, :, None]
-        volume = np.exp(2.0 * self.form.log_volume / self.shift.size)
-        return (
-            self.form.turned(np.broadcast_to(self.y - local.value, variance.shape)) / sd,
-            volume * variance,
-            jacobian,
-            spread,
-        )
+        return np.log(self._diagonal(named))
 
     def _diagonal(self, named: Named) -> FloatArray:
         """(n, n_obs) V, n the number of draws or 1."""

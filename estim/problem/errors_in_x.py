@@ -331,7 +331,7 @@ class LatentErrors(Likelihood):
         gradients = np.concatenate([of_curve, common], axis=-1)
         with np.errstate(all="ignore"):
             of_mean, of_variance = predictive_slopes(values, gradients)
-        of_variance[..., : len(names)] += self.size.slopes(self.weight, named, names)[0][:, None, :]
+        of_variance[..., : len(names)] += self.size.slopes(self.weight, named, names)[:, None, :]
         of_variance += 2.0 * self.share**2 * self._predictive(named).mean[0][..., None] * of_mean
         return of_mean, of_variance
 

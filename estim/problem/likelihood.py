@@ -216,12 +216,12 @@ class NormalErrors(Protocol):
     def root(self, named: Named) -> Root:
         """The triangular root of C, in the order of the points."""
 
-    def opened(
-        self, named: Named, names: Sequence[str]
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """At draws: standardised residuals and variances (n_draw, n_obs) whose product is the
-        determinant of C; derivatives (n_draw, n_obs, n) in the parameters `names` of the
-        standardised curve and of the logarithm of the variances.
+    def residuals(self, named: Named) -> FloatArray:
+        """(n_draw, n_obs) independent and of variance 1."""
+
+    def log_variances(self, named: Named) -> FloatArray:
+        """(n, n_obs) logarithms of the squared units of these, n the number of draws or 1; their
+        sum is the logarithm of the determinant of C up to a constant.
         """
 
 

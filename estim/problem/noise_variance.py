@@ -64,14 +64,12 @@ class NoiseVariance:
         """V, broadcasts to (n_draw, n_obs), for weights w (n_obs,)."""
         return self.reading_variance(named) * weight + np.square(self.scatter.at(named))
 
-    def slopes(
-        self, weight: FloatArray, named: Named, names: Sequence[str], n_draw: int = 1
-    ) -> FloatArray:
-        """(n_draw, n_obs, n) derivatives of V in the parameters `names`."""
-        slopes = np.zeros((n_draw, weight.size, len(names)))
+    def slopes(self, weight: FloatArray, named: Named, names: Sequence[str]) -> FloatArray:
+        """(n_obs, n) derivatives of V in the parameters `names`, for single values."""
+        slopes = np.zeros((weight.size, len(names)))
         for scale, square in ((self.sigma, weight), (self.scatter, np.ones(weight.size))):
             if scale.parameter in names:
-                slopes[:, :, names.index(str(scale.parameter))] += (
+                slopes[:, names.index(str(scale.parameter))] += (
                     2.0 * np.asarray(named[str(scale.parameter)]) * square
                 )
         return slopes
@@ -79,7 +77,7 @@ class NoiseVariance:
     def information(self, weight: FloatArray, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_par, n_par) of the scales, if errors are normal: sum dV_a dV_b/(2 V^2)."""
         relative = (
-            self.slopes(weight, named, names)[0]
+            self.slopes(weight, named, names)
             / np.broadcast_to(self.variance(weight, named), (1, weight.size)).T
         )
         return 0.5 * relative.T @ relative

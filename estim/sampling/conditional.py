@@ -6,10 +6,10 @@ likelihood with its own parameters l (angle of release, tilt, its own noise) int
     m(s) = log integral of p(y | s, l) p(l) dl
 
 The integrand is close to a normal density in l around its mode l*(s).  Mode and covariance are
-found by Gauss-Newton steps at some hundred points s, and follow s as quadratic polynomials in
-between (`Expansion`).  The polynomials only say where to look: `RunTerm.log_marginal` evaluates the
-posterior itself there, at one node (Laplace) or at n x n Gauss-Hermite nodes, and
-`RunTerm.log_joint` serves exact importance weights, which hold however good the expansion is.
+found by Gauss-Newton steps at each s (`RunTerm.around`), from where the fit says that l follows s.
+They only say where to look: `RunTerm.log_marginal` evaluates the posterior itself there, at one
+node (Laplace) or at n x n Gauss-Hermite nodes, and `RunTerm.log_joint` serves exact importance
+weights, which hold however good they are.
 
 What has a log-normal prior, as the size of the errors of a run has, is integrated over its
 logarithm: with few readings that is much nearer to a normal variable.
@@ -25,20 +25,19 @@ from functools import cached_property
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, IntArray, finite_or, log_sum_exp
-from estim.common import InputError, NumericalError
+from estim.common import InputError
 from estim.distributions import normal_log_density
 from estim.fitting import Fit
 from estim.problem import LogNormal, NormalErrors, Observations, Posterior, Prior
 
 _ROWS = 512  # rows of a block: its arrays stay in the cache
-_REACH = 4.0  # standard deviations of s within which the quadratic terms are used
 _N_REFINE, _WIDER = 10, 1.5
 _MOST_STEP = 10  # to a mode, where they are sought at each draw
 # conditional standard deviations: the longest step, steps that are watched, and that end a search
-_LONGEST_STEP, _FROM_AFAR, _WATCHED, _SETTLED = 3.0, 100.0, 1.0, 0.05
+_LONGEST_STEP, _WATCHED, _SETTLED = 100.0, 1.0, 0.1
+_DIFFERENCE = 1e-3  # conditional standard deviations at the fit
 _MOST_HALVING, _LEAST_EIGENVALUE = 8, 1e-12
 _NOT_NORMAL = "must have plain normal noise for a marginal over runs: use the sampler"
-_LOST = "the marginal over runs finds no mode of a run's own parameters: use the sampler"
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +51,8 @@ class RunTerm:
     shared, own : positions within these of the parameters that are shared (given) and its own
         (integrated out).
     centre : (n_used,) the fit.
+    follow, scale : (n_own, n_shared), (n_own,) how the values of its own parameters follow the
+        shared ones there, and their standard deviations given these.
 
     Methods take and give own parameters in the variables of integration: themselves, or their
     logarithms.
@@ -63,6 +64,8 @@ class RunTerm:
     shared: IntArray
     own: IntArray
     centre: FloatArray
+    follow: FloatArray
+    scale: FloatArray
 
     @property
     def run(self) -> Observations:
@@ -90,6 +93,13 @@ class RunTerm:
         own, fit = values.copy(), self.centre[self.own][self.logs]
         own[:, self.logs] = np.log(fit) + values[:, self.logs] / fit - 1.0
         return own
+
+    @cached_property
+    def steps(self) -> FloatArray:
+        """(n_own,) of differences, of variables of integration."""
+        steps = _DIFFERENCE * self.scale
+        steps[self.logs] /= self.centre[self.own][self.logs]
+        return steps
 
     def inside(self, own: FloatArray) -> FloatArray:
         """Own parameters (n, n_own) moved just inside the support of their priors."""
@@ -120,30 +130,21 @@ class RunTerm:
                     log_p[inside] += self.posterior.log_likelihood(rows[inside])
         return np.where(np.isnan(log_p), -np.inf, log_p)
 
-    def around(self, shared: FloatArray, expansion: Expansion) -> tuple[FloatArray, FloatArray]:
-        """Mode (n_draw, n_own) and root (n_draw, n_own, n_own) of the covariance of its own
-        parameters at shared (n_draw, n_shared); not a number where none is found.
-
-        Where polynomials miss the modes by too much they are only where steps to the modes begin:
-        own values that vary between runs follow their spread by no polynomial.
-        """
-        mode, root = expansion.at(shared)
-        if not expansion.rough:
-            return mode, root
-        mode = self._allowed(shared, self.inside(mode))
-        informations = np.empty_like(root)
+    def around(self, shared: FloatArray) -> Around:
+        """Mode and covariance of its own parameters at shared (n_draw, n_shared)."""
+        values = self.centre[self.own] + (shared - self.centre[self.shared]) @ self.follow.T
+        mode = self._allowed(shared, self.inside(self.linearised(values)))
+        informations = np.empty((*mode.shape, self.own.size))
         moving = np.arange(len(mode))
         for _ in range(_MOST_STEP):
-            step, information = _gauss_newton(
-                self, shared[moving], mode[moving], longest=_FROM_AFAR
-            )
+            step, information = _gauss_newton(self, shared[moving], mode[moving])
             length = np.sqrt(np.einsum("nk,nkl,nl->n", step, information, step))
             informations[moving] = information
             mode[moving] = self._uphill(shared[moving], mode[moving], step, length)
             moving = moving[length > _SETTLED]
             if not moving.size:
                 break
-        return mode, covariance_roots(informations)
+        return Around(mode, covariance_roots(informations))
 
     def _allowed(self, shared: FloatArray, own: FloatArray) -> FloatArray:
         """Own parameters (n_draw, n_own); where their density is zero, replaced by the centres of
@@ -178,14 +179,14 @@ class RunTerm:
         moved[watched] = own[watched]
         return moved
 
-    def log_marginal(self, shared: FloatArray, expansion: Expansion, *, n_node: int) -> FloatArray:
+    def log_marginal(self, shared: FloatArray, around: Around, *, n_node: int) -> FloatArray:
         """(n_draw,) m(s) at shared (n_draw, n_shared), with `n_node` Gauss-Hermite nodes along each
         of its own parameters.
 
         One node is Laplace's approximation, log p at the mode + (1/2) log det(2 pi covariance).
         """
         nodes, log_weights = hermite_nodes(n_node, self.own.size)
-        mode, root = self.around(shared, expansion)
+        mode, root = around.mode, around.root
         n_draw, k = mode.shape
         points = mode[:, None, :] + np.einsum("nij,qj->nqi", root, nodes)
         repeated = np.repeat(shared, nodes.shape[0], axis=0)
@@ -194,19 +195,8 @@ class RunTerm:
         log_m = log_sum_exp(terms, axis=1) + log_volume(root)
         return np.where(np.isnan(log_m), -np.inf, log_m)
 
-    def draw_own(
-        self, shared: FloatArray, expansion: Expansion, rng: np.random.Generator
-    ) -> tuple[FloatArray, FloatArray]:
-        """Own parameters (n_draw, n_own) from the normal density around the mode at shared (n_draw,
-        n_shared), and its log density there.
-        """
-        mode, root = self.around(shared, expansion)
-        z = rng.standard_normal(mode.shape)
-        log_q = np.sum(normal_log_density(z), axis=1) - log_volume(root)
-        return mode + np.einsum("nij,nj->ni", root, z), log_q
-
     def refine_own(
-        self, shared: FloatArray, own: FloatArray, expansion: Expansion, rng: np.random.Generator
+        self, shared: FloatArray, own: FloatArray, rng: np.random.Generator
     ) -> FloatArray:
         """Own parameters (n_draw, n_own), drawn around their mode, moved towards their exact
         distribution given shared.
@@ -215,7 +205,8 @@ class RunTerm:
         the normal density around the mode, made wider: its weights are bounded where the
         distribution is skewed, and about half of the steps are taken.
         """
-        mode, root = self.around(shared, expansion)
+        around = self.around(shared)
+        mode, root = around.mode, around.root
         excess = self.log_joint(shared, own) + 0.5 * np.sum(
             np.linalg.solve(_WIDER * root, (own - mode)[..., None])[..., 0] ** 2, axis=1
         )
@@ -232,34 +223,22 @@ class RunTerm:
 
 
 @dataclass(frozen=True, eq=False)
-class Expansion:
-    """Mode and covariance of a run's own parameters as functions of the shared ones.
+class Around:
+    """A run's own parameters given the shared ones of n_draw draws, nearly normal.
 
-    centre, scale : (n_shared,) bring s to unit scale.
-    coefficients : (n_feature, n_out) of 1, z_i, z_i z_j.
-    n_own : own parameters; out of a row come their mode, then the lower triangular root of their
-        covariance (logarithms on its diagonal).
-    rough : whether the polynomials do no more than say where to begin.
+    mode : (n_draw, n_own).
+    root : (n_draw, n_own, n_own) lower triangular, of their covariance; not a number where none is
+        found.
     """
 
-    centre: FloatArray
-    scale: FloatArray
-    coefficients: FloatArray
-    n_own: int
-    rough: bool = False
+    mode: FloatArray
+    root: FloatArray
 
-    def at(self, shared: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Mode (n_draw, n_own) and root (n_draw, n_own, n_own) of the covariance at shared (n_draw,
-        n_shared).
-        """
-        z, k = (shared - self.centre) / self.scale, self.n_own
-        root = np.zeros((shared.shape[0], k, k))
-        lower = np.tril_indices(k)
-        # far out it stays: else a volume that grows without end would make up for any misfit
-        root[:, lower[0], lower[1]] = _features(_near(z)) @ self.coefficients[:, k:]
-        diagonal = np.arange(k)
-        root[:, diagonal, diagonal] = np.exp(root[:, diagonal, diagonal])
-        return _features(z) @ self.coefficients[:, :k], root
+    def draw(self, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+        """One of each (n_draw, n_own), and its log density there."""
+        z = rng.standard_normal(self.mode.shape)
+        log_q = np.sum(normal_log_density(z), axis=1) - log_volume(self.root)
+        return self.mode + np.einsum("nij,nj->ni", self.root, z), log_q
 
 
 def run_terms(fit: Fit, sampled: IntArray) -> tuple[RunTerm, ...]:
@@ -277,77 +256,27 @@ def run_terms(fit: Fit, sampled: IntArray) -> tuple[RunTerm, ...]:
         if likelihood.normal is None:
             raise InputError(_NOT_NORMAL, field="run", value=", ".join(group.run_names))
         posterior = dataclasses.replace(fit.posterior, problem=alone, likelihoods=(likelihood,))
-        term = RunTerm(
-            posterior,
-            likelihood.normal,
-            columns,
-            np.flatnonzero(given),
-            np.flatnonzero(~given),
-            fit.values[columns],
+        cov = fit.cov[np.ix_(columns, columns)]
+        own, beside = cov[np.ix_(~given, ~given)], cov[np.ix_(given, ~given)]
+        solved = np.linalg.solve(cov[np.ix_(given, given)], beside)
+        follow: FloatArray = np.asarray(solved.T, dtype=np.float64)
+        terms.append(
+            RunTerm(
+                posterior,
+                likelihood.normal,
+                columns,
+                np.flatnonzero(given),
+                np.flatnonzero(~given),
+                fit.values[columns],
+                follow,
+                np.sqrt(np.maximum(np.diag(own - follow @ beside), 1e-6 * np.diag(own))),
+            )
         )
-        _require_the_same(term)
-        terms.append(term)
     return tuple(terms)
 
 
-def _require_the_same(term: RunTerm) -> None:
-    """The likelihood that the steps below imply must be that of the run."""
-    centre = term.centre[None, :]
-    residuals, variance, *_ = term.normal.opened(term.posterior.problem.named(centre), ())
-    implied = float(np.sum(normal_log_density(residuals) - 0.5 * np.log(variance)))
-    if not math.isclose(
-        implied, float(term.posterior.log_likelihood(centre)[0]), rel_tol=1e-8, abs_tol=1e-6
-    ):
-        raise InputError(_NOT_NORMAL, field="run", value=term.run.name)
-
-
-def expand(term: RunTerm, shared: FloatArray, start: FloatArray) -> Expansion:
-    """Polynomials through the modes at the points shared (n_point, n_shared), from own parameters
-    `start` (n_point, n_own).
-
-    Points that the run all but excludes are given little weight in the least squares.
-    """
-    modes = start
-    for _ in range(3):
-        step, information = _gauss_newton(term, shared, modes)
-        modes = term.inside(modes + step)
-    k = term.own.size
-    root = covariance_roots(information)
-    diagonal = np.arange(k)
-    log_p = term.log_joint(shared, modes) + log_volume(root)
-    root[:, diagonal, diagonal] = np.log(root[:, diagonal, diagonal])
-    lower = np.tril_indices(k)
-    out = np.hstack([modes, root[:, lower[0], lower[1]]])
-    centre, scale = np.mean(shared, axis=0), np.std(shared, axis=0)
-    scale = np.where(scale > 0.0, scale, 1.0)
-    features = _features((shared - centre) / scale)
-    # from this fall of log m(s) on, a point counts as excluded
-    weight = np.exp(0.125 * np.maximum(log_p - np.nanmax(log_p), -20.0))[:, None]
-    usable = np.all(np.isfinite(out), axis=1) & (weight[:, 0] > 0.0)
-    if np.count_nonzero(usable) < features.shape[1]:
-        raise NumericalError(_LOST, at=term.run.name)
-    coefficients = np.linalg.lstsq(
-        weight[usable] * features[usable], weight[usable] * out[usable], rcond=None
-    )[0]
-    return Expansion(centre, scale, coefficients, k)
-
-
-def _features(z: FloatArray) -> FloatArray:
-    """(n, 1 + d + d (d + 1)/2) constant, linear and quadratic terms of z (n, d); the quadratic ones
-    stop growing at `_REACH`.
-    """
-    near, (i, j) = _near(z), np.triu_indices(z.shape[1])
-    return np.hstack([np.ones((len(z), 1)), z, near[:, i] * near[:, j]])
-
-
-def _near(z: FloatArray) -> FloatArray:
-    """z (n, d), those beyond `_REACH` drawn back to it."""
-    length = np.sqrt(np.sum(z**2, axis=1, keepdims=True))
-    return z * np.minimum(1.0, _REACH / np.maximum(length, 1e-300))
-
-
 def _gauss_newton(
-    term: RunTerm, shared: FloatArray, own: FloatArray, *, longest: float = _LONGEST_STEP
+    term: RunTerm, shared: FloatArray, own: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """The step (n_point, n_own) towards the mode of the own parameters, and their information
     (n_point, n_own, n_own); not numbers where the curve is none or leaves one undetermined.
@@ -355,42 +284,62 @@ def _gauss_newton(
     k = term.own.size
     steps, informations = np.empty_like(own), np.empty((own.shape[0], k, k))
     for block in _blocks(own.shape[0]):
-        rows = term.rows(shared[block], own[block])
-        named, values = term.posterior.problem.named(rows), rows[:, term.own]
-        by_own = np.ones_like(values)  # slope of the values
-        by_own[:, term.logs] = values[:, term.logs]
         with np.errstate(all="ignore"):  # far away a curve may overflow
-            residuals, _, jacobian, spread = term.normal.opened(
-                named, [term.posterior.names[i] for i in term.own]
-            )
-            jacobian, spread = jacobian * by_own[:, None, :], spread * by_own[:, None, :]
+            residuals, jacobian, spread = _slopes(term, shared[block], own[block])
             gradient = np.einsum("nok,no->nk", jacobian, residuals) + 0.5 * np.einsum(
                 "nok,no->nk", spread, residuals**2 - 1.0
             )
             # far from its mode the size of errors is curved by what the residuals are, not by
             # what they are expected to be
             seen = np.einsum("nok,no->nk", spread**2, residuals**2)
-            spread = (
-                spread
-                * np.sqrt(np.maximum(_ratio(seen, np.sum(spread**2, axis=1)), 1.0))[:, None, :]
-            )
+            spread *= np.sqrt(np.maximum(_ratio(seen, np.sum(spread**2, axis=1)), 1.0))[:, None, :]
             information = np.einsum("nok,nol->nkl", jacobian, jacobian) + 0.5 * np.einsum(
                 "nok,nol->nkl", spread, spread
             )
-        for i, prior in enumerate(term.own_priors):
-            with np.errstate(all="ignore"):
-                pull = prior.residual(values[:, i])
-                slope = prior.residual_slope(values[:, i]) * by_own[:, i]
-            gradient[:, i] -= pull * slope
-            information[:, i, i] += slope**2
         gradient[:, term.logs] += 1.0  # of the density of a logarithm
         unusable = ~(np.all(np.isfinite(gradient), axis=1) & _definite(information))
         gradient[unusable], information[unusable] = np.nan, np.nan
         step = np.linalg.solve(information, gradient[..., None])[..., 0]
         length = np.sqrt(np.maximum(np.einsum("nk,nk->n", gradient, step), 0.0))
-        steps[block] = step * np.minimum(1.0, longest / np.maximum(length, 1e-300))[:, None]
+        steps[block] = step * np.minimum(1.0, _LONGEST_STEP / np.maximum(length, 1e-300))[:, None]
         informations[block] = information
     return steps, informations
+
+
+def _slopes(
+    term: RunTerm, shared: FloatArray, own: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Residuals of points and priors (n, n_obs + n_own); minus their derivatives (n, n_obs + n_own,
+    n_own) for errors of the same size, and those of the logarithms of the variances; by
+    differences.
+    """
+    residuals, logs = _residuals(term, shared, own)
+    jacobian = np.empty((*residuals.shape, term.own.size))
+    spread = np.empty_like(jacobian)
+    for i, step in enumerate(term.steps):
+        moved = own.copy()
+        moved[:, i] += step
+        # on the side where the prior is
+        moved[:, i] -= 2.0 * step * (term.inside(moved)[:, i] < moved[:, i])
+        there, logs_there = _residuals(term, shared, moved)
+        away = (moved - own)[:, i, None]
+        spread[:, :, i] = (logs_there - logs) / away
+        jacobian[:, :, i] = (residuals - there) / away - 0.5 * spread[:, :, i] * residuals
+    return residuals, jacobian, spread
+
+
+def _residuals(term: RunTerm, shared: FloatArray, own: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Residuals (n, n_obs + n_own) of the points and of the priors of its own parameters, and the
+    logarithms of their variances (n or 1, n_obs + n_own).
+    """
+    rows = term.rows(shared, own)
+    named = term.posterior.problem.named(rows)
+    priors = zip(term.own, term.own_priors, strict=True)
+    of_priors = [prior.residual(rows[:, i])[:, None] for i, prior in priors]
+    logs = term.normal.log_variances(named)
+    return np.hstack([term.normal.residuals(named), *of_priors]), np.pad(
+        logs, ((0, 0), (0, term.own.size))
+    )
 
 
 def _ratio(a: FloatArray, b: FloatArray) -> FloatArray:

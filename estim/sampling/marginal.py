@@ -10,8 +10,7 @@ Two things can be wrong, and each is checked.  The proposal may miss the margina
 weights tells.  The runs' own parameters may not be normal given the shared ones: on some of the
 draws the weights in ALL dimensions are computed, in which nothing is approximated, and both sets of
 weights must give the same means and standard deviations (a choice of several nodes removes most of
-a difference).  Before that, the polynomials for the modes of the runs are compared with modes found
-by steps, far into the tails: draws of a density that they have cut short would not show it.
+a difference).
 
 Priors with hard edges: sampled parameters are only checked against their support.  A run's own
 parameter that comes close to such an edge is no normal variable and is sampled with the shared
@@ -23,7 +22,7 @@ Source: Rue, Martino, Chopin, J. R. Stat. Soc. B 71 (2009) 319 (nested Laplace a
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -32,7 +31,7 @@ from estim.common import Finding, InputError, Kind, NumericalError, phrase
 from estim.fitting import Fit
 from estim.problem import JointNormal, LogNormal, Measure
 from estim.sampling.chain import Progress
-from estim.sampling.conditional import expand, run_terms
+from estim.sampling.conditional import run_terms
 from estim.sampling.importance import (
     K_HAT_LIMIT,
     difference,
@@ -43,12 +42,11 @@ from estim.sampling.importance import (
     systematic,
 )
 from estim.sampling.marginal_density import Marginal
-from estim.sampling.proposal import Proposal, adapt_proposal
+from estim.sampling.proposal import adapt_proposal
 from estim.words import tell
 
 _LEAST_ESS = 400.0
 _MOST_SAMPLED = 12
-_N_TRIED = 400  # points where polynomials are compared with steps to the modes
 
 
 @dataclass(frozen=True)
@@ -147,38 +145,49 @@ def sample_marginal(
     terms = run_terms(fit, columns)
     weight = fit.measure_of_shared
     target = Marginal(fit.problem, columns, terms, weight)
-    proposal, target = _adapt(fit, target, rng, progress)
+    if progress is not None:
+        progress(0, phrase("adaptation to the marginal over the runs"))
+    mean, cov = fit.values[columns], fit.cov[np.ix_(columns, columns)]
+    proposal = adapt_proposal(target, mean, cov, rng=rng, n_round=1000)
     if options.wide:
         proposal = proposal.widened()
     shared = proposal.draw(rng, options.n_draw)
-    log_beside, by_run = target.terms_at(shared, n_node=options.n_node, progress=progress)
+    log_beside = target.log_prior(shared)
+    seen = np.flatnonzero(np.isfinite(log_beside))
+    draws = np.empty((options.n_draw, fit.problem.n_par))
+    draws[:, columns] = shared
+    by_run, log_q = np.zeros((2, len(terms), options.n_draw))
+    runs = target.at_runs(shared[seen], n_node=options.n_node, progress=progress)
+    for i, (log_marginal, around) in enumerate(runs):
+        by_run[i, seen] = log_marginal
+        own, log_q[i, seen] = around.draw(rng)
+        draws[np.ix_(seen, terms[i].columns[terms[i].own])] = own
     log_proposal = proposal.log_density(shared)
     raw = log_beside + np.sum(by_run, axis=0) - log_proposal
     log_weights = raw - np.max(raw)
-    draws = np.empty((options.n_draw, fit.problem.n_par))
-    draws[:, columns] = shared
     inside = np.flatnonzero(np.isfinite(log_weights))
+    nowhere = np.flatnonzero(~np.isfinite(log_weights))
     first = inside[inside < options.n_check]
     raw_all = np.full(min(options.n_check, options.n_draw), -np.inf)
     raw_all[first] = (log_beside - log_proposal)[first]
     refined = []
-    for number, (term, expansion, log_marginal) in enumerate(
-        zip(terms, target.expansions, by_run, strict=True), start=1
+    for number, (term, log_marginal, log_own) in enumerate(
+        zip(terms, by_run, log_q, strict=True), start=1
     ):
         if progress is not None:
             progress(0, phrase("own parameters of run {k} of {n}", k=number, n=len(terms)))
         given, own_columns = target.given(term, shared), term.columns[term.own]
+        own = draws[:, own_columns]
         # where a draw of the shared ones has no weight, the fit
-        own_draws = np.tile(term.linearised(term.centre[None, term.own]), (options.n_draw, 1))
-        own_draws[inside], log_q = term.draw_own(given[inside], expansion, rng)
-        excess = term.log_joint(given[first], own_draws[first]) - log_q[: first.size]
+        own[nowhere] = term.linearised(term.centre[None, term.own])
+        excess = term.log_joint(given[first], own[first]) - log_own[first]
         raw_all[first] += excess
         # spread of a run's log weights above which its own parameters are no normal variables: a
         # shift of 0.08 of their sd
         if spread(excess - log_marginal[first], log_weights[first]) > 0.1:
-            own_draws[inside] = term.refine_own(given[inside], own_draws[inside], expansion, rng)
+            own[inside] = term.refine_own(given[inside], own[inside], rng)
             refined.append(term.run.name)
-        draws[:, own_columns] = term.values(own_draws)
+        draws[:, own_columns] = term.values(own)
     if fit.jeffreys is not None:
         owed = fit.jeffreys.exact(fit.problem.named(draws[inside])) - _log(weight, draws[inside])
         owed += _log(fit.measure, draws[inside])
@@ -259,58 +268,6 @@ def sampled_columns(fit: Fit) -> IntArray:
             field="shared parameters",
         )
     return np.array(sorted([*shared, *edges]), dtype=np.int64)
-
-
-def _adapt(
-    fit: Fit, target: Marginal, rng: np.random.Generator, progress: Progress | None
-) -> tuple[Proposal, Marginal]:
-    """A proposal adapted to the marginal, and that with the runs expanded over its bulk.
-
-    Both start from the Gaussian approximation of the fit (the Schur complement of its information).
-    """
-    columns = target.columns
-    mean, cov = fit.values[columns], fit.cov[np.ix_(columns, columns)]
-    # (n_par, n_sampled): how the conditional mean of every parameter follows the sampled ones
-    regression: FloatArray = np.asarray(np.linalg.solve(cov, fit.cov[columns]).T, dtype=np.float64)
-    proposal = Proposal.single(mean, cov)
-    for number in range(1, 3):
-        if progress is not None:
-            progress(0, phrase("adaptation to the marginal over the runs, round {k}", k=number))
-        points = _points(target, proposal, rng)
-        conditional = fit.values + (points - mean) @ regression.T
-        expansions = [
-            expand(
-                term,
-                target.given(term, points),
-                term.linearised(conditional[:, term.columns[term.own]]),
-            )
-            for term in target.terms
-        ]
-        target = replace(target, expansions=expansions)
-        proposal = adapt_proposal(target, mean, cov, rng=rng, n_round=1000)
-    careful = target.with_steps(proposal.widened().draw(rng, _N_TRIED))
-    if careful is not target:
-        target, proposal = careful, adapt_proposal(careful, mean, cov, rng=rng, n_round=1000)
-    return proposal, target
-
-
-def _points(target: Marginal, proposal: Proposal, rng: np.random.Generator) -> FloatArray:
-    """(n_point, n_sampled) points of a proposal inside the priors' support, which determine
-    quadratic polynomials six times over.
-    """
-    n = proposal.n_par
-    n_point = max(200, 3 * (n + 1) * (n + 2))
-    points = np.empty((0, n))
-    for _ in range(100):
-        # far out, polynomials would be bent for what hardly counts
-        drawn = replace(proposal, dof=100).draw(rng, 4 * n_point)
-        points = np.vstack([points, drawn[np.isfinite(target.log_prior(drawn))]])
-        if points.shape[0] >= n_point:
-            return points[:n_point]
-    raise NumericalError(
-        "the marginal over runs cannot start: hardly any point around the fit lies inside "
-        "the priors"
-    )
 
 
 def _judge(

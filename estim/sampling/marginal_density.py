@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -12,10 +12,7 @@ from estim.arrays import FloatArray, IntArray
 from estim.common import phrase
 from estim.problem import Measure, Problem
 from estim.sampling.chain import Progress
-from estim.sampling.conditional import Expansion, RunTerm
-
-_DEEP = 6.0  # logarithms of the density below its maximum, from where on a place does not count
-_MISSED = 0.05  # of the logarithm of the density, that polynomials may miss
+from estim.sampling.conditional import Around, RunTerm
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,14 +22,12 @@ class Marginal:
 
     weight : the measure of readings and, to first order, Jeffreys' prior; None where there is
         neither.
-    expansions : of the runs.
     """
 
     problem: Problem
     columns: IntArray
     terms: tuple[RunTerm, ...]
     weight: Measure | None
-    expansions: Sequence[Expansion] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -47,20 +42,6 @@ class Marginal:
         """The columns of shared (n_draw, n_sampled) that one run uses."""
         return shared[:, np.searchsorted(self.columns, term.columns[term.shared])]
 
-    def with_steps(self, points: FloatArray) -> Marginal:
-        """With steps to the modes of all runs at each draw, if polynomials would distort the
-        density at `points` (n_point, n_sampled), which reach into the tails.
-
-        The errors of the runs occur at the same points, so that small ones add up.
-        """
-        points = points[np.isfinite(self.log_prior(points))]
-        careful = replace(self, expansions=[replace(e, rough=True) for e in self.expansions])
-        log_p, by_run = careful.terms_at(points, n_node=1)
-        height = log_p + np.sum(by_run, axis=0)
-        near = height > np.max(height, initial=-np.inf) - _DEEP
-        missed = self.log_density(points[near]) - height[near]
-        return self if np.std(missed) < _MISSED else careful
-
     def log_prior(self, shared: FloatArray) -> FloatArray:
         """(n_draw,) of the sampled parameters, with the measure."""
         log_p = self.priors.log_prior(shared)
@@ -71,24 +52,23 @@ class Marginal:
             + self.weight.log(shared[:, np.searchsorted(self.columns, self.weight.columns)])
         )
 
-    def terms_at(
+    def at_runs(
         self, shared: FloatArray, *, n_node: int, progress: Progress | None = None
-    ) -> tuple[FloatArray, FloatArray]:
-        """`log_prior` (n_draw,) of the sampled parameters, -inf outside its support, and the
-        marginal (n_run, n_draw) of every run, 0 there.
+    ) -> Iterator[tuple[FloatArray, Around]]:
+        """Of every run the marginal (n_draw,) at shared (n_draw, n_sampled), and its own parameters
+        there.
         """
-        log_p = self.log_prior(shared)
-        inside = np.flatnonzero(np.isfinite(log_p))
-        by_run = np.zeros((len(self.terms), shared.shape[0]))
-        for i, (term, expansion) in enumerate(zip(self.terms, self.expansions, strict=True)):
+        for i, term in enumerate(self.terms):
             if progress is not None:
                 progress(0, phrase("run {k} of {n}", k=i + 1, n=len(self.terms)))
-            by_run[i, inside] = term.log_marginal(
-                self.given(term, shared[inside]), expansion, n_node=n_node
-            )
-        return log_p, by_run
+            given = self.given(term, shared)
+            around = term.around(given)
+            yield term.log_marginal(given, around, n_node=n_node), around
 
     def log_density(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) log p(y, s) in Laplace's approximation; -inf outside the priors' support."""
-        log_p, by_run = self.terms_at(draws, n_node=1)
-        return log_p + np.sum(by_run, axis=0)
+        log_p = self.log_prior(draws)
+        inside = np.isfinite(log_p)
+        for log_marginal, _ in self.at_runs(draws[inside], n_node=1):
+            log_p[inside] += log_marginal
+        return log_p
