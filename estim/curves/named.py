@@ -23,7 +23,7 @@ from estim.curves.models import ModelSum as ModelSum
 from estim.curves.models import known_models as known_models
 from estim.curves.models import read_model as read_model
 from estim.curves.projected import linear_in as linear_in
-from estim.curves.several_abscissas import OfPoints, arguments_taken
+from estim.curves.several_abscissas import arguments_taken
 from estim.curves.starting_values import guess_starts
 from estim.problem import MOST_REWEIGHTED, Counts, Flat, errors_widened, typical_size
 
@@ -66,7 +66,8 @@ def unstarted(
     missing = {*formula.names} - {*start, *fixed}
     for name in sorted(missing):
         _refuse_model(name, formula.text)
-    return ModelSum("", formula) if (formula.uses_x or constant) and missing else None
+    whole = isinstance(curve, Formula)  # nobody takes it for a name, or x for forgotten
+    return ModelSum("", formula) if (formula.uses_x or constant or whole) and missing else None
 
 
 def _refuse_model(name: str, text: str) -> None:
@@ -96,11 +97,8 @@ def with_defaults(
 ) -> Mapping[str, float] | None:
     """The starts that were given; where none was, those of the numbers by default of a function of
     Python, but for the arguments `held`.  Beside a start that was given, an argument with a number
-    by default keeps that.  A formula of several abscissas lacks none in which it is linear.
+    by default keeps that.
     """
-    if isinstance(curve, OfPoints) and curve.linear:
-        free = (name for name in curve.linear if not any(name in names for names in held if names))
-        return {**dict.fromkeys(free, 1.0), **(start or {})}
     if not callable(curve) or start:
         return start
     known = {
