@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from estim.campaign.causes import Sketch
+from estim.campaign.causes import Candidate
 from estim.common import PhraseTable, phrase
 from estim.discrepancy import START_SD
 from estim.problem import Prior, Problem
@@ -84,13 +84,13 @@ class Outline:
     name: str
     words: str
     without: frozenset[str]
-    sketch: Sketch | None
+    sketch: Candidate | None
     forced: bool = False
     of_campaign: bool = False
 
 
 def outlines(
-    stated: Mapping[str, float | Prior], sketches: Mapping[str, Sketch], *, forced: bool
+    stated: Mapping[str, float | Prior], sketches: Mapping[str, Candidate], *, forced: bool
 ) -> tuple[Outline, ...]:
     """The models of runs; stated : quantity -> number or prior of what the campaign says; sketches
     : name -> what it does not say but may have.
@@ -115,7 +115,8 @@ def outlines(
                 Outline(name, words, ADDED - included, None, of_campaign=included == active)
             )
         elif _ALWAYS.get(name) in sketches:
-            models.append(Outline(name, words, ADDED, sketches[_ALWAYS[name]]))
+            without = ADDED.difference(quantities)
+            models.append(Outline(name, words, without, sketches[_ALWAYS[name]]))
     if active and not any(outline.of_campaign for outline in models):
         models.append(
             Outline(
