@@ -15,18 +15,17 @@ from types import MappingProxyType
 
 from estim.arrays import max_abs
 from estim.campaign.between_runs import spreads_of, varied
-from estim.campaign.binding import KINDS_OF_QUANTITIES, Bound, bind_quantities, grip_of, total_mass
+from estim.campaign.binding import KINDS_OF_QUANTITIES, bind_quantities, grip_of, total_mass
 from estim.campaign.blur import blurs
 from estim.campaign.campaign import Campaign
 from estim.campaign.campaign_file import NoiseTable
-from estim.campaign.causes import Candidate, Surroundings, sketches, with_lines
+from estim.campaign.causes import Candidate, Surroundings, sketches, with_lines, without
 from estim.campaign.curve_models import ADDED, CurveModel, outlines
 from estim.campaign.effects import ramp_of, setting_of, with_full_curves
 from estim.campaign.lookup_levels import Levels, run_levels, stated_noise
 from estim.campaign.noise_models import NoiseModel, noise_candidates
 from estim.campaign.plausible import check_speeds
 from estim.campaign.points import Observed, observe
-from estim.campaign.quantities import EFFECTS
 from estim.campaign.unit_slips import unit_slips
 from estim.campaign.unmodelled_force import (
     Circumstances,
@@ -95,15 +94,13 @@ class RollingCampaign(Campaign):
             yield with_lines(source, "offset", words, lines)
         yield from unit_slips(source)
 
-    def _surroundings(
-        self, plain: Problem, *, without: frozenset[str] = frozenset()
-    ) -> tuple[Surroundings, ...]:
-        """What is known of the runs; without : quantities that are taken as not said."""
+    def _surroundings(self, plain: Problem) -> tuple[Surroundings, ...]:
+        """What is known of the runs."""
         known = []
         for run in plain.runs:
             levels = self.levels(run.name)
             bound = bind_quantities(levels)
-            sources = {q: b.source for q, b in bound.items() if q not in without and not b.usual}
+            sources = {q: b.source for q, b in bound.items() if not b.usual}
             reach = max_abs(run.position)
             known.append(
                 Surroundings(
@@ -120,27 +117,31 @@ class RollingCampaign(Campaign):
         self.problem(names)
         stated = self._posed(names, compared=True)
         forced = all(run.force for run in stated.runs)
-        known = self._surroundings(stated, without=ADDED)
+        paper = replace(self, source=without(self.source, ADDED))
         sources = {
             q: source
             for run in self._surroundings(stated)
             for q, source in run.sources.items()
             if source != 0.0
         }
-        every = {sketch.name: sketch for sketch in sketches(self.source, known)}
-        models, paper = [], frozenset[str]()
-        for outline in outlines(sources, every, forced=forced):
-            sketch = outline.sketch
-            campaign = self if sketch is None else replace(self, source=sketch.source)
-            problem = campaign._posed(
-                names, white=not forced, without=outline.without, compared=forced, usual=True
+        known = sketches(paper.source, paper._surroundings(stated))
+        every = {sketch.name: sketch for sketch in known}
+        models, of_paper = [], frozenset[str]()
+        for outline in outlines(self.source, sources, every, forced=forced):
+            problem = replace(self, source=outline.source)._posed(
+                names, white=not forced, compared=forced, usual=True
             )
-            paper = paper or frozenset(problem.names)
-            added = tuple(name for name in problem.names if name not in paper)
-            lines = () if sketch is None else sketch.lines
+            of_paper = of_paper or frozenset(problem.names)
+            added = tuple(name for name in problem.names if name not in of_paper)
             models.append(
                 CurveModel(
-                    outline.name, outline.words, problem, added, lines, outline.forced, forced
+                    outline.name,
+                    outline.words,
+                    problem,
+                    added,
+                    outline.lines,
+                    outline.forced,
+                    forced,
                 )
             )
         return tuple(models)
@@ -151,11 +152,10 @@ class RollingCampaign(Campaign):
         *,
         noise: NoiseTable | None = None,
         white: bool = False,
-        without: frozenset[str] = frozenset(),
         compared: bool = False,
         usual: bool = False,
     ) -> Problem:
-        """white : with nothing that the curve may lack.  without : quantities that are left out.
+        """white : with nothing that the curve may lack.
         compared : with room for a force wherever there can be one.
         """
         physics: dict[str, Parameter] = {}
@@ -170,11 +170,6 @@ class RollingCampaign(Campaign):
         for name in names:
             levels = self.levels(name)
             bound = bind_quantities(levels)
-            bound = {
-                q: Bound(q, 0.0) if q in without else b
-                for q, b in bound.items()
-                if not (q in without and q in EFFECTS)
-            }
             observed = every[name]
             mass = total_mass(levels)
             angular = self.tables[name].coordinate == "theta_rad"
@@ -224,13 +219,7 @@ class RollingCampaign(Campaign):
         centres = {name: p.prior.centre for name, p in (physics | unknowns).items()}
         runs = with_full_curves(runs, {name: ramp_of(self.levels(name)) for name in names}, centres)
         spreads = {name: spreads_of(self.levels(name), KINDS_OF_QUANTITIES) for name in names}
-        further, every_run = varied(
-            runs,
-            {
-                name: {q: spread for q, spread in run_spreads.items() if q not in without}
-                for name, run_spreads in spreads.items()
-            },
-        )
+        further, every_run = varied(runs, spreads)
         return Problem(
             (*shared_first([*physics.values(), *further], every_run), *unknowns.values()), every_run
         )

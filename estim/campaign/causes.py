@@ -90,14 +90,25 @@ def with_lines(source: CampaignFile, name: str, words: str, lines: tuple[str, ..
     of = tuple(q for q, kind in kinds.items() if kind.keys.keys() & stated.keys())
     table = msgspec.convert(stated, LevelTable)
     values = {key: getattr(table, key) for key in stated}
-    keys = {*stated, *(key for q in of for key in kinds[q].keys)}
-    source = source.with_levels(lambda level: _replaced(level, dict.fromkeys(keys)))
+    source = without(source, of, *stated)
     if lines[0] == _RUN:
         source = replace(source, runs=tuple(_replaced(run, values) for run in source.runs))
     else:
         source = replace(source, shared=_replaced(source.shared, values))
     begin = _BEGIN if "release_speed" in of else 0.0
     return Candidate(name, words, source, of or (name,), lines, begin=begin)
+
+
+def without(source: CampaignFile, quantities: Iterable[str], *further: str) -> CampaignFile:
+    """The campaign as if nothing were said of some quantities, or under `further` keys."""
+    kinds = {**QUANTITIES, **EFFECTS}
+    keys = {*further, *(key for name in quantities for key in kinds[name].keys)}
+
+    def change(level: LevelTable) -> LevelTable:
+        spread = {key: sd for key, sd in (level.between_runs or {}).items() if key not in keys}
+        return _replaced(level, {**dict.fromkeys(keys), "between_runs": spread or None})
+
+    return source.with_levels(change)
 
 
 def _replaced(table: Any, values: Mapping[str, Any]) -> Any:
