@@ -135,10 +135,7 @@ class CurveCampaign(Campaign):
         said = {name: self._said(self.runs[name]) for name in names}
         own = self._own(said)
         runs = {name: rows_of(self.runs[name], self.tables[name]) for name in names}
-        points = {
-            name: rows.points(self.asked.text or self.curve, self._axes_of(name))
-            for name, rows in runs.items()
-        }
+        points = {name: rows.points(self.asked, self._axes_of(name)) for name, rows in runs.items()}
 
         def pose(name: str, said: Mapping[str, Any], **found: Any) -> CurveProblem:
             posed = runs[name].posed(points[name], said, errors, **found)

@@ -47,7 +47,7 @@ from estim.curves import (
     CurveProblem,
     DataSet,
     EventTimes,
-    Formula,
+    ModelSum,
     Poisson,
     numbered,
     pose_points,
@@ -272,13 +272,14 @@ class RowsOfRun:
         """The column that gives an argument of `pose_points`, of these rows."""
         return np.asarray(self.data.columns[self.run.columns[key]][self.kept])
 
-    def points(self, curve: str | Formula, axes: AxisNames) -> DataSet:
+    def points(self, asked: ModelSum, axes: AxisNames) -> DataSet:
         """The rows as the points of a curve.  Raises InputError."""
         run, size = self.run, self.size
+        curve: Any = asked
         x: Any = {symbol: self.column(f"x[{symbol}]") for symbol in run.places} or self.column("x")
         if run.places:
             with self.placing():
-                curve, x = numbered(getattr(curve, "text", curve), x)
+                curve, x = numbered(asked.formula.text, x)
         return DataSet(
             x,
             None if run.events else self.column("y"),

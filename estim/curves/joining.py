@@ -17,7 +17,6 @@ from estim.common import InputError, same_numbers
 from estim.curves.count_data import Counting
 from estim.curves.curve_problem import AxisNames, CurveProblem
 from estim.curves.derived import SoughtQuantity, check_derived_names, in_units, seek
-from estim.curves.formula import Formula
 from estim.problem import Parameter, Problem
 
 
@@ -49,7 +48,7 @@ class DataSet:
     cov_y: ArrayLike | None = None
     u_x: ArrayLike | None = None
     noise: Counting | str | None = None
-    curve: str | Formula | Callable[..., Any] | None = None
+    curve: str | Callable[..., Any] | None = None
     axes: AxisNames | None = None
     jitter: Any = None
     robust: str | None = None

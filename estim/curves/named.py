@@ -40,6 +40,8 @@ def unstarted(
     """What finds the starts that are not given, of models by name or of a formula of x, with what
     is tied in it replaced; None where none is missing, or nothing can.
     """
+    if isinstance(curve, ModelSum):
+        return curve
     models = called_by_name(curve, start, fixed, tied)
     if models is not None or not (
         isinstance(curve, str | Formula)
@@ -66,8 +68,7 @@ def unstarted(
     missing = {*formula.names} - {*start, *fixed}
     for name in sorted(missing):
         _refuse_model(name, formula.text)
-    whole = isinstance(curve, Formula)  # nobody takes it for a name, or x for forgotten
-    return ModelSum("", formula) if (formula.uses_x or constant or whole) and missing else None
+    return ModelSum("", formula) if (formula.uses_x or constant) and missing else None
 
 
 def _refuse_model(name: str, text: str) -> None:

@@ -53,8 +53,9 @@ def pose_points(
     start, bounds, fixed = said["start"], said["bounds"], said["fixed"]
     if isinstance(curve, OfPoints):  # is searched for none
         known = {**fixed, **said["tied"]}
+        ends = bounds if isinstance(bounds, Mapping) else {}
         free = (name for name in curve.linear if name not in known)
-        start = {**{name: within(bounds.get(name)) for name in free}, **start}
+        start = {**{name: within(ends.get(name)) for name in free}, **start}
     named = unstarted(curve, start, fixed, said["tied"])
     begin, limits = (
         (start, bounds)
@@ -62,7 +63,7 @@ def pose_points(
         else provisional(named, start, bounds, said["priors"], {*fixed, *said["tied"]})
     )
     posed = pose_curve(
-        named.formula if named is not None and named.terms else curve,
+        named.formula if named is not None and (named.terms or named is curve) else curve,
         points.x,
         points.y,
         **{**said, "start": begin, "bounds": limits},
