@@ -150,7 +150,8 @@ class CurveCampaign(Campaign):
             called = (self._called(p, name) for p in of_curve)
             return replace(posed, parameters=(*called, *by_name.values()))
 
-        parts = pose_sets(points, said, dict.fromkeys(names, self.curve.names), own, pose)
+        taken = dict.fromkeys(names, self.curve.names)
+        parts = pose_sets(points, said, taken, own, pose, begun={})
         common = [one.parameter_name for one in errors]
         joint = join(parts, own=own, common=common, same_size=True)
         if len(parts) > 1 and joint.y.size > MAX_ROWS:

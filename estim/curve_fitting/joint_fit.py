@@ -135,8 +135,9 @@ def fit_curves(
         name: set() if shared is None else {*taken[name], *settings[name]["start"]} - {*shared}
         for name in sets
     }
-    begun: dict[str, float] = {}
+    begun: dict[str, float] | None = None
     if any(points.curve is not None for points in data.values()):
+        begun = {}
         for entry in settings.values():
             begun = entry["start"] | begun
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -96,28 +95,31 @@ def pose_sets(
     taken: Mapping[str, Collection[str]],
     own: Mapping[str, Collection[str]],
     pose: Callable[..., CurveProblem],
-    begun: Mapping[str, float] = MappingProxyType({}),
+    begun: Mapping[str, float] | None,
 ) -> dict[str, CurveProblem]:
-    """Name -> problem of its data set; what they share begins where the first found it.
+    """Name -> problem of its data set.
 
     said : of each the `said` of `pose_points`.  taken : the parameters that its curve takes; own :
         those of them that no other data set shares.
     pose : makes a problem of its name, of what is said, and of `found` and `beside`.
-    begun : parameter -> start that is known already.
+    begun : parameter -> start that is known already; what is shared then begins where the first
+        found it, as it does where all points are pooled.  None: each looks for itself.
     """
     parts: dict[str, CurveProblem] = {}
     points = _pooled(sets, said, own)
+    begun = {} if begun is None and points else begun
     for name in sets:
-        one = said[name]
-        missing = {*taken[name]} - {*one["start"], *one["fixed"], *one["tied"], *own[name]}
-        found = {parameter: start for parameter, start in begun.items() if parameter in missing}
+        of_set = said[name]
+        known = {*of_set["start"], *of_set["fixed"], *of_set["tied"], *own[name]}
+        missing = {*taken[name]} - known
+        found = {one: start for one, start in (begun or {}).items() if one in missing}
         beside = [others for other, others in points.items() if other != name]
         parts[name] = pose(
-            name, {**one, "start": {**one["start"], **found}}, found=found, beside=beside
+            name, {**of_set, "start": {**of_set["start"], **found}}, found=found, beside=beside
         )
-        parameters = parts[name].parameters
-        starts = {p.name: p.prior.centre for p in parameters if p.name not in own[name]}
-        begun = {**starts, **begun}
+        if begun is not None:
+            shared = (p for p in parts[name].parameters if p.name not in own[name])
+            begun = {**{p.name: p.prior.centre for p in shared}, **begun}
     return parts
 
 
