@@ -233,8 +233,6 @@ def analyse(
         where runs share a force, which ties them together.
     complete : what takes the curves as complete, without a force that nobody asked for ("estim
         energy"); "" for nothing.
-    beside : fits of these runs with other noise; where one has the same points and the same curve,
-        the search starts from its optima.
 
     >>> from estim import Target, analyse, load_campaign
     >>> campaign = load_campaign("data/gallery/hubble.toml", only="with-intercept")

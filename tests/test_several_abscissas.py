@@ -146,7 +146,7 @@ def test_nothing_is_said_of_an_axis_that_is_only_the_order_of_the_points() -> No
         ("a*u", {"u": U}, {}, "x", "at least two abscissas"),
         ("a*u + b*v", {"u": U, "v": V * np.nan}, {}, r"x\[v\]", "must be finite"),
         ("a*u + b*v", np.array([U, V]), {}, "x", "must map the names"),
-        ("a*exp(b*u) + v", BOTH, {}, "start", "no starting value for 'b'"),
+        ("a*exp(b*u) + v", BOTH, {}, "start[b]", "needs a starting value"),
         ("a*u + b*v", BOTH, {"start": {"q": 1.0}}, "start", "'q', which is not in the formula"),
         ("a*u + b*v", BOTH, {"u_y": 0.1, "u_x": 0.1}, "u_x", "several abscissas"),
         ("a*u + b*v", BOTH, {"u_y": 0.1, "deviation": 0.1}, "deviation", "several abscissas"),

@@ -29,6 +29,7 @@ from tracker_files import point_mass, trk
 from web_pages import Browser, entered, served, words
 from workbooks import xlsx
 
+from estim.campaign import choices_of_table
 from estim.cli.commands import cli, fit
 from estim.common import EstimError, InputError
 from estim.curves.models import read_model
@@ -37,7 +38,7 @@ from estim.web import At
 from estim.web.job_queue import Job, JobQueue
 from estim.web.labels import LABELS, on_page
 from estim.web.listening import listening
-from estim.web.question import MODELS, arguments_of, fields_of
+from estim.web.question import MODELS, arguments_of, fields_of, options_of
 from estim.web.store import MOST_BYTES, MOST_FILES, Store
 
 LINE = b"t [s],U [V],u_U\n0,1.02,0.1\n1,2.95,0.1\n2,5.1,0.1\n3,6.97,0.1\n4,9.02,0.1\n"
@@ -412,6 +413,25 @@ def test_a_model_is_chosen_without_javascript(browser: Browser) -> None:
 
 def test_the_formulas_that_a_click_writes_are_those_of_the_models() -> None:
     assert {name: read_model(name).formula.text for name in MODELS} == MODELS
+
+
+def test_the_start_that_is_drawn_is_that_of_the_command() -> None:
+    fields = {
+        "formula": "a*exp(-x/tau)",
+        "x": "t",
+        "y": "U",
+        "u-y": "0.1",
+        "window": "0:3",
+        "start": "tau = 2; a = 1",
+        "low": "tau = 0",
+        "correlated": "on",
+        "columns": "t, U",
+        "skip-rows": "2",
+        "decimal": "comma",
+    }
+    command = arguments_of(fields, "data.csv", "data")
+    said = fit.make_context("fit", command[1:]).params
+    assert choices_of_table(options_of(fields)) == choices_of_table(said)
 
 
 @pytest.mark.slow

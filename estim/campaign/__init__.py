@@ -14,7 +14,7 @@ from estim.campaign.curve_models import CurveModel
 from estim.campaign.curve_tables import variable_of
 from estim.campaign.new_campaign import columns_of, drafted_campaign
 from estim.campaign.row_selection import way_back
-from estim.campaign.table_campaign import TableChoices, campaign_of_table, pairs, window_of
+from estim.campaign.table_campaign import TableChoices, campaign_of_table, choices_of_table, pairs
 from estim.campaign.body_parts import OUTPUTS, PartedBody, correlations, known_to, notes_of
 from estim.campaign.quantities import EFFECTS
 from estim.campaign.planned_campaign import (

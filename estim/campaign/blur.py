@@ -6,17 +6,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 import msgspec
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.campaign.campaign_file import NoiseTable
+from estim.campaign.campaign_file import LevelTable
+from estim.campaign.causes import Candidate
 from estim.campaign.lookup_levels import Levels, StatedNoise, stated_noise
 from estim.common import Notation, phrase
 from estim.curves import size_with_blur
-from estim.explanation import Cause, Estimated
-from estim.problem import Problem
+from estim.explanation import Estimated
 from estim.reading import Run
 
 # frames on either side over which a speed is taken: its error does not matter beside that of a
@@ -52,14 +53,13 @@ def relative_blur(run: Run, noise: StatedNoise, size: FloatArray) -> FloatArray 
     return size_with_blur(size, speed, exposure) / size
 
 
-def blurs(levels: Sequence[Levels], runs: Sequence[Run]) -> Iterator[tuple[float, NoiseTable]]:
-    """Exposures (s) that pictures may have had which the campaign does not say, each with the noise
-    table that says it.
+def blurs(levels: Sequence[Levels], runs: Sequence[Run]) -> Iterator[Candidate]:
+    """Exposures that pictures may have had which the campaign does not say.
 
     Of runs with one noise table, in m, whose readings have a fixed error; none elsewhere.
     """
     tables = [stated_noise(of_run).table for of_run in levels]
-    first, data = tables[0], runs[0]
+    first = tables[0]
     if (
         any(table != first for table in tables[1:])
         or first.exposure_s is not None
@@ -70,23 +70,25 @@ def blurs(levels: Sequence[Levels], runs: Sequence[Run]) -> Iterator[tuple[float
         "t_s" not in run.columns or run.coordinate != "x_m" for run in runs
     ):
         return
-    interval = min(float(np.median(np.diff(run.columns["t_s"]))) for run in (data, *runs[1:]))
-    # of the time between two frames
-    for share in (1.0, 0.5, 0.25):
-        yield share * interval, msgspec.structs.replace(first, exposure_s=share * interval)
-
-
-def blur_cause(problem: Problem, exposure: float) -> Cause:
-    """Motion blur as a candidate for what is missing; `problem` has it."""
-    lines = ("noise", f"exposure_s = {exposure:.3g}")
-    return Cause(
-        "blur",
-        phrase(
-            "motion blur: the readings are uncertain by the distance that the body moves during an "
-            "exposure"
-        ),
-        problem,
-        (),
-        lines,
-        scanned=Estimated("exposure", exposure, np.nan, Notation("exposure").label("s")),
+    interval = min(float(np.median(np.diff(run.columns["t_s"]))) for run in runs)
+    words = phrase(
+        "motion blur: the readings are uncertain by the distance that the body moves during an "
+        "exposure"
     )
+    # of the time between two frames
+    for exposure in (interval, 0.5 * interval, 0.25 * interval):
+        yield Candidate(
+            "blur",
+            words,
+            levels[0].source.with_levels(partial(_with_exposure, exposure=exposure)),
+            (),
+            ("noise", f"exposure_s = {exposure:.3g}"),
+            scanned=Estimated("exposure", exposure, np.nan, Notation("exposure").label("s")),
+        )
+
+
+def _with_exposure(table: LevelTable, exposure: float) -> LevelTable:
+    if table.noise is None:
+        return table
+    noise = msgspec.structs.replace(table.noise, exposure_s=exposure)
+    return msgspec.structs.replace(table, noise=noise)

@@ -8,27 +8,24 @@ what is one unknown: "phi[heavy-04]" belongs to one run, "gamma[heavy]" to one b
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
 
-import msgspec
-
 from estim.arrays import max_abs
 from estim.campaign.between_runs import spreads_of, varied
-from estim.campaign.binding import KINDS_OF_QUANTITIES, Bound, bind_quantities, grip_of, total_mass
-from estim.campaign.blur import blur_cause, blurs
+from estim.campaign.binding import KINDS_OF_QUANTITIES, bind_quantities, grip_of, total_mass
+from estim.campaign.blur import blurs
 from estim.campaign.campaign import Campaign
 from estim.campaign.campaign_file import NoiseTable
-from estim.campaign.causes import Sketch, Surroundings, sketches
-from estim.campaign.curve_models import ADDED, CurveModel, Outline, outlines
+from estim.campaign.causes import Candidate, Surroundings, sketches, with_lines, without
+from estim.campaign.curve_models import ADDED, CurveModel, outlines
 from estim.campaign.effects import ramp_of, setting_of, with_full_curves
 from estim.campaign.lookup_levels import Levels, run_levels, stated_noise
 from estim.campaign.noise_models import NoiseModel, noise_candidates
 from estim.campaign.plausible import check_speeds
 from estim.campaign.points import Observed, observe
-from estim.campaign.quantities import EFFECTS
 from estim.campaign.unit_slips import unit_slips
 from estim.campaign.unmodelled_force import (
     Circumstances,
@@ -57,83 +54,53 @@ class RollingCampaign(Campaign):
         """The runs `names` as stated, and with what known physics, or the instruments, may add to
         them that the campaign does not say.
         """
-        plain = self._posed(names, white=True)
-        causes = []
-        for sketch in sketches(self._surroundings(plain)):
-            problem = self._posed(names, white=True, sketch=sketch)
-            added = tuple(name for name in problem.names if name not in plain.names)
-            posed = partial(self._posed, names, sketch=sketch, usual=True)
-            causes.append(
-                Cause(
-                    sketch.name,
-                    sketch.words,
-                    problem,
-                    added,
-                    sketch.lines,
-                    begin=sketch.begin,
-                    posed=posed,
-                )
+        plain, causes = self._posed(names, white=True), []
+        for one in self._candidates(plain):
+            campaign = replace(self, source=one.source)
+            try:
+                problem = campaign._posed(names, white=True)
+            except InputError:
+                continue  # it contradicts what is stated: no such angle in radians
+            cause = Cause(
+                one.name,
+                one.words,
+                problem,
+                tuple(name for name in problem.names if split_level(name)[0] in one.of),
+                one.lines,
+                one.remark,
+                one.scanned,
+                begin=one.begin,
+                slip=one.slip,
+                posed=None if one.slip else partial(campaign._posed, names, usual=True),
             )
-        for interval, noise in blurs(
-            [self.levels(name) for name in names], [self.tables[name] for name in names]
-        ):
-            problem = self._posed(names, white=True, noise=noise)
-            causes.append(
-                replace(
-                    blur_cause(problem, interval),
-                    posed=partial(self._posed, names, noise=noise, as_stated=True, usual=True),
-                )
-            )
-        coordinates = {self.tables[name].coordinate for name in names}
+            causes.append(cause)
+        room = phrase("the unmodelled force included in the fit allows for it")
+        return Suspects(plain, room, tuple(causes))
+
+    def _candidates(self, plain: Problem) -> Iterator[Candidate]:
+        """What the runs of `plain` may have that the campaign does not say."""
+        source = self.source
+        yield from sketches(source, self._surroundings(plain))
+        levels = [self.levels(name) for name in plain.run_names]
+        tables = [self.tables[name] for name in plain.run_names]
+        yield from blurs(levels, tables)
+        coordinates = {table.coordinate for table in tables}
         key = "offset_rad" if "theta_rad" in coordinates else "offset_m"
         one = len(coordinates) == 1  # angles and lengths have no zero in common
-        if one and all(self.levels(name).first(key) is None for name in names):
-            causes.append(self._displaced(names, key, max(max_abs(r.position) for r in plain.runs)))
-        for slip in unit_slips(self.source):
-            try:
-                problem = replace(self, source=slip.source)._posed(names, white=True)
-            except InputError:
-                continue  # no such angle in radians
-            added = tuple(name for name in problem.names if split_level(name)[0] in slip.quantities)
-            causes.append(
-                Cause(
-                    "-".join(("radians", *slip.quantities)),
-                    slip.words,
-                    problem,
-                    added,
-                    (),
-                    slip.remark,
-                    slip=True,
-                )
-            )
-        return Suspects(
-            plain, phrase("the unmodelled force included in the fit allows for it"), tuple(causes)
-        )
+        if one and all(of_run.first(key) is None for of_run in levels):
+            reach = _DISPLACED * max(max_abs(run.position) for run in plain.runs)
+            lines = ("[[runs]]", f'{key} = "0 +/- {format_rounded(reach, reach)}"')
+            words = phrase("positions whose zero is not at the release")
+            yield with_lines(source, "offset", words, lines)
+        yield from unit_slips(source)
 
-    def _displaced(self, names: Sequence[str], key: str, reach: float) -> Cause:
-        """A zero of the positions that is not where the body was released."""
-        prior = f"0 +/- {format_rounded(_DISPLACED * reach, _DISPLACED * reach)}"
-        runs = tuple(msgspec.structs.replace(run, **{key: prior}) for run in self.source.runs)
-        campaign = replace(self, source=replace(self.source, runs=runs))
-        problem = campaign._posed(names, white=True)
-        return Cause(
-            "offset",
-            phrase("positions whose zero is not at the release"),
-            problem,
-            tuple(name for name in problem.names if split_level(name)[0] == "offset"),
-            ("[[runs]]", f'{key} = "{prior}"'),
-            posed=partial(campaign._posed, names, usual=True),
-        )
-
-    def _surroundings(
-        self, plain: Problem, *, without: frozenset[str] = frozenset()
-    ) -> tuple[Surroundings, ...]:
-        """What is known of the runs; without : quantities that are taken as not said."""
+    def _surroundings(self, plain: Problem) -> tuple[Surroundings, ...]:
+        """What is known of the runs."""
         known = []
         for run in plain.runs:
             levels = self.levels(run.name)
             bound = bind_quantities(levels)
-            sources = {q: b.source for q, b in bound.items() if q not in without and not b.usual}
+            sources = {q: b.source for q, b in bound.items() if not b.usual}
             reach = max_abs(run.position)
             known.append(
                 Surroundings(
@@ -150,30 +117,31 @@ class RollingCampaign(Campaign):
         self.problem(names)
         stated = self._posed(names, compared=True)
         forced = all(run.force for run in stated.runs)
-        known = self._surroundings(stated, without=ADDED)
+        paper = replace(self, source=without(self.source, ADDED))
         sources = {
             q: source
             for run in self._surroundings(stated)
             for q, source in run.sources.items()
             if source != 0.0
         }
-        every = {sketch.name: sketch for sketch in sketches(known)}
-        models, paper = [], frozenset[str]()
-        for outline in outlines(sources, every, forced=forced):
-            problem = self._posed(
-                names,
-                white=not forced,
-                outline=outline,
-                sketch=outline.sketch,
-                compared=forced,
-                usual=True,
+        known = sketches(paper.source, paper._surroundings(stated))
+        every = {sketch.name: sketch for sketch in known}
+        models, of_paper = [], frozenset[str]()
+        for outline in outlines(self.source, sources, every, forced=forced):
+            problem = replace(self, source=outline.source)._posed(
+                names, white=not forced, compared=forced, usual=True
             )
-            paper = paper or frozenset(problem.names)
-            added = tuple(name for name in problem.names if name not in paper)
-            lines = () if outline.sketch is None else outline.sketch.lines
+            of_paper = of_paper or frozenset(problem.names)
+            added = tuple(name for name in problem.names if name not in of_paper)
             models.append(
                 CurveModel(
-                    outline.name, outline.words, problem, added, lines, outline.forced, forced
+                    outline.name,
+                    outline.words,
+                    problem,
+                    added,
+                    outline.lines,
+                    outline.forced,
+                    forced,
                 )
             )
         return tuple(models)
@@ -184,19 +152,12 @@ class RollingCampaign(Campaign):
         *,
         noise: NoiseTable | None = None,
         white: bool = False,
-        sketch: Sketch | None = None,
-        outline: Outline | None = None,
         compared: bool = False,
         usual: bool = False,
-        as_stated: bool = False,
     ) -> Problem:
-        """white : with nothing that the curve may lack.  sketch : what is added to every run.
-        outline : what is left out of it.
-
+        """white : with nothing that the curve may lack.
         compared : with room for a force wherever there can be one.
-        as_stated : whether `noise` is taken as what the campaign states.
         """
-        without = frozenset[str]() if outline is None else outline.without
         physics: dict[str, Parameter] = {}
         unknowns: dict[str, Parameter] = {}
         runs = []
@@ -209,11 +170,6 @@ class RollingCampaign(Campaign):
         for name in names:
             levels = self.levels(name)
             bound = bind_quantities(levels)
-            bound = {
-                q: Bound(q, 0.0) if q in without else b
-                for q, b in bound.items()
-                if not (q in without and q in EFFECTS)
-            }
             observed = every[name]
             mass = total_mass(levels)
             angular = self.tables[name].coordinate == "theta_rad"
@@ -227,12 +183,6 @@ class RollingCampaign(Campaign):
             setting = setting_of(
                 levels, sources, mass, positions=observed.positions, angular=angular
             )
-            if sketch is not None:
-                bound |= {
-                    q: Bound(f"{q}[{name}]" if sketch.of_run else q, prior)
-                    for q, prior in sketch.priors.items()
-                }
-                setting = sketch.setting(setting)
             for quantity, b in bound.items():
                 if not isinstance(b.source, float):
                     kind = KINDS_OF_QUANTITIES[quantity]
@@ -250,7 +200,7 @@ class RollingCampaign(Campaign):
                 observed,
                 joint=len(names) > 1,
                 tied=points_on[tracks[name]] if sharing[tracks[name]] > 1 else 0,
-                replaced=noise is not None and not as_stated,
+                replaced=noise is not None,
             )
             stance = (
                 Stance(0.0)
@@ -269,13 +219,7 @@ class RollingCampaign(Campaign):
         centres = {name: p.prior.centre for name, p in (physics | unknowns).items()}
         runs = with_full_curves(runs, {name: ramp_of(self.levels(name)) for name in names}, centres)
         spreads = {name: spreads_of(self.levels(name), KINDS_OF_QUANTITIES) for name in names}
-        further, every_run = varied(
-            runs,
-            {
-                name: {q: spread for q, spread in run_spreads.items() if q not in without}
-                for name, run_spreads in spreads.items()
-            },
-        )
+        further, every_run = varied(runs, spreads)
         return Problem(
             (*shared_first([*physics.values(), *further], every_run), *unknowns.values()), every_run
         )

@@ -1,8 +1,8 @@
-"""Known physics that a campaign does not say, as candidates for what its curve lacks: priors as
-wide as such a thing may be, and the lines to add.
+"""What a campaign does not say, or may say wrongly, as candidates for what its curve lacks: each is
+the campaign as it would read with a few other lines.
 
-The lines carry these priors, not what a fit found: an estimate in place of a prior would use the
-data twice.
+Lines carry priors as wide as such a thing may be, not what a fit found: an estimate in place of a
+prior would use the data twice.
 """
 
 from __future__ import annotations
@@ -10,19 +10,20 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from typing import Any
 
 import msgspec
 
-from estim.campaign.prior_table import Value, read_source
+from estim.campaign.campaign_file import CampaignFile, LevelTable
 from estim.campaign.quantities import EFFECTS, QUANTITIES
 from estim.common import format_rounded, phrase
-from estim.curves import Place, Setting
+from estim.explanation import Estimated
 from estim.problem import Prior, centre_of
 
 _RESISTANCE = 0.01  # of the weight
 _SAG, _BOW = 0.005, 0.03  # of the length
 _RUN = "[[runs]]"
+_BEGIN = 0.05  # m/s: positions hardly depend on a speed about 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,41 +50,26 @@ class Surroundings:
 
 
 @dataclass(frozen=True, eq=False)
-class Sketch:
-    """One candidate: what it is called, and the lines of a campaign that say it, the first a table.
-
-    of_run : whether it is one unknown for each run, not for all.
-    ramp, picture : where it needs one.
+class Candidate:
+    """words : what may be missing, or wrong.  source : the campaign with it.  of : quantities, or
+    parameters without their level, that are its own.  The others are those of a `Cause`.
     """
 
     name: str
     words: str
-    lines: tuple[str, ...]
-    of_run: bool = False
-    ramp: Place | None = None
-    picture: Place | None = None
+    source: CampaignFile
+    of: tuple[str, ...]
+    lines: tuple[str, ...] = ()
+    remark: str = ""
+    scanned: Estimated | None = None
     begin: float = 0.0
-
-    @cached_property
-    def priors(self) -> Mapping[str, Prior]:
-        """Quantity -> the prior that the lines give it (SI units)."""
-        stated, priors = tomllib.loads("\n".join(self.lines[1:])), dict[str, Prior]()
-        for name, kind in {**QUANTITIES, **EFFECTS}.items():
-            for key in kind.keys.keys() & stated.keys():
-                written: Value = msgspec.convert(stated[key], Value)
-                value = read_source(written, factor=kind.keys[key], field=key, low=kind.low)
-                assert not isinstance(value, float), "no candidate is exact"
-                priors[name] = value
-        return priors
-
-    def setting(self, stated: Setting) -> Setting:
-        """What is exact of a run with the candidate, from what is stated of it."""
-        return replace(
-            stated, ramp=self.ramp or stated.ramp, picture=self.picture or stated.picture
-        )
+    slip: bool = False
 
 
-def sketches(runs: Sequence[Surroundings]) -> tuple[Sketch, ...]:
+_Lines = tuple[str, str, tuple[str, ...]]  # name, words, and the lines, the first a table
+
+
+def sketches(source: CampaignFile, runs: Sequence[Surroundings]) -> tuple[Candidate, ...]:
     """The candidates for runs fit together: those that none of them says and all of them may
     have.
     """
@@ -91,33 +77,63 @@ def sketches(runs: Sequence[Surroundings]) -> tuple[Sketch, ...]:
     def unsaid(names: Iterable[str]) -> bool:
         return all(run.exact(name) == 0.0 for run in runs for name in names)
 
-    candidates = [*_start(runs), *_forces(runs), *_instruments(runs)]
+    every = [*_start(runs), *_forces(runs), *_instruments(runs)]
     if unsaid(("sag", "phi_slope")):
-        candidates += _ramp(runs)
-    return tuple(sketch for sketch in candidates if unsaid(sketch.priors))
+        every += _ramp(runs)
+    candidates = (with_lines(source, *one) for one in every)
+    return tuple(candidate for candidate in candidates if unsaid(candidate.of))
 
 
-def _start(runs: Sequence[Surroundings]) -> Iterator[Sketch]:
+def with_lines(source: CampaignFile, name: str, words: str, lines: tuple[str, ...]) -> Candidate:
+    """The campaign with `lines`, in the place of whatever says the same at any level."""
+    stated, kinds = tomllib.loads("\n".join(lines[1:])), {**QUANTITIES, **EFFECTS}
+    of = tuple(q for q, kind in kinds.items() if kind.keys.keys() & stated.keys())
+    table = msgspec.convert(stated, LevelTable)
+    values = {key: getattr(table, key) for key in stated}
+    source = without(source, of, *stated)
+    if lines[0] == _RUN:
+        source = replace(source, runs=tuple(_replaced(run, values) for run in source.runs))
+    else:
+        source = replace(source, shared=_replaced(source.shared, values))
+    begin = _BEGIN if "release_speed" in of else 0.0
+    return Candidate(name, words, source, of or (name,), lines, begin=begin)
+
+
+def without(source: CampaignFile, quantities: Iterable[str], *further: str) -> CampaignFile:
+    """The campaign as if nothing were said of some quantities, or under `further` keys."""
+    kinds = {**QUANTITIES, **EFFECTS}
+    keys = {*further, *(key for name in quantities for key in kinds[name].keys)}
+
+    def change(level: LevelTable) -> LevelTable:
+        spread = {key: sd for key, sd in (level.between_runs or {}).items() if key not in keys}
+        return _replaced(level, {**dict.fromkeys(keys), "between_runs": spread or None})
+
+    return source.with_levels(change)
+
+
+def _replaced(table: Any, values: Mapping[str, Any]) -> Any:
+    return msgspec.structs.replace(table, **values)
+
+
+def _start(runs: Sequence[Surroundings]) -> Iterator[_Lines]:
     if any(run.exact(name) != 0.0 for run in runs for name in ("release_energy", "release_speed")):
         return
     words = phrase("a start that is not from rest, or not at x = 0")
     if all(run.positions for run in runs):
-        lines = (_RUN, 'release_speed_m_s = "0.00(10)"')
-        # in m/s: positions hardly depend on a speed about 0
-        yield Sketch("start", words, lines, of_run=True, begin=0.05)
+        yield "start", words, (_RUN, 'release_speed_m_s = "0.00(10)"')
     elif not any(run.positions for run in runs):
-        yield Sketch("start", words, (_RUN, 'release_energy = "0.000(20)"'), of_run=True)
+        yield "start", words, (_RUN, 'release_energy = "0.000(20)"')
 
 
-def _shared(name: str, words: str, *lines: str) -> Sketch:
-    return Sketch(name, words, ("[shared]", *lines))
+def _shared(name: str, words: str, *lines: str) -> _Lines:
+    return name, words, ("[shared]", *lines)
 
 
 def _half_normal(key: str, scale: float) -> str:
     return f'{key} = {{prior = "half-normal", scale = {scale:g}}}'
 
 
-def _forces(runs: Sequence[Surroundings]) -> Iterator[Sketch]:
+def _forces(runs: Sequence[Surroundings]) -> Iterator[_Lines]:
     yield _shared(
         "rolling_resistance",
         phrase("rolling resistance"),
@@ -154,38 +170,36 @@ def _forces(runs: Sequence[Surroundings]) -> Iterator[Sketch]:
         yield _shared(f"moment_{times}", words, *lines)
 
 
-def _instruments(runs: Sequence[Surroundings]) -> Iterator[Sketch]:
+def _instruments(runs: Sequence[Surroundings]) -> Iterator[_Lines]:
     yield _shared("clock", phrase("a wrong clock rate (scale_t)"), 'scale_t = "0.000(20)"')
     if not any(run.angular for run in runs):
         words = phrase("a wrong length scale (scale_x)")
         yield _shared("length_scale", words, 'scale_x = "0.000(20)"')
         length = _length(runs)
-        picture = _shared(
+        yield _shared(
             "distortion",
             phrase("a curved image (lens, camera not perpendicular to the ramp)"),
             f'distortion_m = "0 +/- {_rounded(_BOW * length, 0.1):g}"',
             f"picture_length_m = {length:g}",
             "picture_start_m = 0",
         )
-        yield replace(picture, picture=Place(length, 0.0))
     words = phrase("an unstated error in the reading of θ₀")
     yield _shared("angle_at_release", words, 'theta0_zero_deg = "0.0(30)"')
     words = phrase("an unstated error in the reading of φ")
     yield _shared("tilt", words, 'phi_zero_deg = "0.0(10)"')
 
 
-def _ramp(runs: Sequence[Surroundings]) -> Iterator[Sketch]:
+def _ramp(runs: Sequence[Surroundings]) -> Iterator[_Lines]:
     length = _length(runs)
     words = phrase("a ramp whose tilt changes along its length")
     yield _shared("bend", words, 'phi_slope_deg_m = "0.0(20)"')
-    sagging = _shared(
+    yield _shared(
         "sag",
         phrase("a ramp that sags between its ends"),
         f'sag_m = "0 +/- {_rounded(_SAG * length, 0.1):g}"',
         f"ramp_length_m = {length:g}",
         "ramp_start_m = 0",
     )
-    yield replace(sagging, ramp=Place(length, 0.0))
 
 
 def _length(runs: Sequence[Surroundings]) -> float:

@@ -15,7 +15,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from estim.campaign.causes import Sketch
+from estim.campaign.campaign_file import CampaignFile
+from estim.campaign.causes import Candidate, without
 from estim.common import PhraseTable, phrase
 from estim.discrepancy import START_SD
 from estim.problem import Prior, Problem
@@ -77,55 +78,45 @@ class CurveModel:
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """A model before it is posed.  without : quantities that are left out.  sketch : what is added.
+    """A model before it is posed: the campaign as it would read.  lines : of a `CurveModel`.
     of_campaign : whether it is what is stated.
     """
 
     name: str
     words: str
-    without: frozenset[str]
-    sketch: Sketch | None
+    source: CampaignFile
+    lines: tuple[str, ...] = ()
     forced: bool = False
     of_campaign: bool = False
 
 
 def outlines(
-    stated: Mapping[str, float | Prior], sketches: Mapping[str, Sketch], *, forced: bool
+    source: CampaignFile,
+    stated: Mapping[str, float | Prior],
+    sketches: Mapping[str, Candidate],
+    *,
+    forced: bool,
 ) -> tuple[Outline, ...]:
     """The models of runs; stated : quantity -> number or prior of what the campaign says; sketches
-    : name -> what it does not say but may have.
+    : name -> the paper's model with what the campaign does not say but may have.
 
     forced : whether an unmodelled force can stand beside the curve.
     """
     active = {quantity for quantity in ADDED if stated.get(quantity, 0.0) != 0.0}
-    models = [
-        Outline(
-            PAPER,
-            phrase("the paper's model: only weight and inertia, starting from rest"),
-            ADDED,
-            None,
-            of_campaign=not active,
-        )
-    ]
+    whole = without(source, ADDED - active)
+    paper = phrase("the paper's model: only weight and inertia, starting from rest")
+    models = [Outline(PAPER, paper, without(source, ADDED), of_campaign=not active)]
     for name, quantities in GROUPS.items():
         included = active.intersection(quantities)
         words = phrase("the paper's model with {what}", what=WORDS[name])
         if included:
-            models.append(
-                Outline(name, words, ADDED - included, None, of_campaign=included == active)
-            )
-        elif _ALWAYS.get(name) in sketches:
-            models.append(Outline(name, words, ADDED, sketches[_ALWAYS[name]]))
+            left = without(source, ADDED - included)
+            models.append(Outline(name, words, left, of_campaign=included == active))
+        elif (sketch := sketches.get(_ALWAYS.get(name, ""))) is not None:
+            models.append(Outline(name, words, sketch.source, sketch.lines))
     if active and not any(outline.of_campaign for outline in models):
-        models.append(
-            Outline(
-                STATED,
-                phrase("everything that the campaign states"),
-                ADDED - active,
-                None,
-                of_campaign=True,
-            )
-        )
+        words = phrase("everything that the campaign states")
+        models.append(Outline(STATED, words, whole, of_campaign=True))
     if forced:
         what = next(outline.name for outline in models if outline.of_campaign)
         words = phrase(
@@ -135,5 +126,5 @@ def outlines(
             what=what,
             sd=START_SD,
         )
-        models.append(Outline(FORCE, words, ADDED - active, None, forced=True, of_campaign=True))
+        models.append(Outline(FORCE, words, whole, forced=True, of_campaign=True))
     return tuple(models)

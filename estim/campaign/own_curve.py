@@ -44,22 +44,21 @@ from estim.campaign.curve_tables import (
 )
 from estim.campaign.noise_models import NoiseModel
 from estim.campaign.own_curve_run import MAX_ROWS, NUMBER, RunOfCurve, rows_of
-from estim.common import InputError, language, later, phrase, same_numbers
+from estim.common import InputError, language, later, number, phrase, same_numbers
 from estim.curves import (
     AxisNames,
     Component,
     CurveProblem,
     Formula,
     ModelSum,
-    Points,
-    linear_in,
+    join,
+    pose_sets,
     read_formula,
     refuse_degrees,
-    started,
     units_of,
 )
 from estim.explanation import Cause, Suspects
-from estim.problem import Parameter, Problem, shared_first
+from estim.problem import Parameter, Prior, Problem
 from estim.reading import KeyPath, Places, bare_name, of_any_curve, run_of_table
 
 Keys = TypeVar("Keys", bound=CurveKeys)
@@ -129,139 +128,77 @@ class CurveCampaign(Campaign):
         return self._problems[key]
 
     def _pose(self, names: Sequence[str]) -> Problem:
-        components = self._components()
+        errors = self._components()
         with self.source.places.at(("curve", "expression")):
             for curve, axes in self._along_each():
                 refuse_degrees(curve, axes)
-        shared = {
-            entry.parameter_name: entry.parameter(x_unit=self.axes.x_unit, y_unit=self.axes.y_unit)
-            for entry in components
-            if entry.groups is None
-        }
-        runs = [self.runs[name] for name in names]
-        parameters: dict[str, Parameter] = {}
-        of_noise: dict[str, Parameter] = {}
-        observed, every = [], self._bound(runs)
-        curves = {(frozenset(p.name for p in b.values()), *sorted(e.items())) for b, e in every}
-        pooled = self._pooled(runs) if len(curves) == 1 and not self.places else []
-        for run, (bound, exact) in zip(runs, every, strict=True):
-            name = run.table.name
-            # what runs share begins where the first of them found a start
-            unknown = {argument: parameters.get(p.name, p) for argument, p in bound.items()}
-            chosen = {
-                argument
-                for argument, p in unknown.items()
-                if p.name not in parameters and is_unstarted(run.entry(argument))
-            }
-            if self.places:
-                self._require_starts(run, chosen)
-                chosen = set()
-            stated = {argument: run.word(argument, "unit") for argument in self.curve.names}
-            rows = rows_of(run, self.tables[name])
-            units = self.run_units[name]
-            posed = rows.posed(
-                self.curve,
-                replace(self.axes, x_unit=units.get("x", "1"), y_unit=units["y"]),
-                {argument: p.prior for argument, p in unknown.items()},
-                exact,
-                units={argument: unit for argument, unit in stated.items() if unit is not None},
-                components=components,
-                chosen=chosen,
-            )
+        said = {name: self._said(self.runs[name]) for name in names}
+        own = self._own(said)
+        runs = {name: rows_of(self.runs[name], self.tables[name]) for name in names}
+        points = {name: rows.points(self.asked, self._axes_of(name)) for name, rows in runs.items()}
+
+        def pose(name: str, said: Mapping[str, Any], **found: Any) -> CurveProblem:
+            posed = runs[name].posed(points[name], said, errors, **found)
             if posed.lacks is not None and posed.lacks.deviation and len(names) > 1:
-                raise run.error(
+                raise self.runs[name].error(
                     "does not go with a joint fit, which needs a deviation that runs share: "
                     "fit the runs one by one",
                     "deviation",
                 )
-            begun = self._started(
-                posed, {*self.curve.names} - chosen, [] if parameters else pooled[1:]
-            )
-            parameters |= {
-                p.name: replace(p, prior=begun[argument].prior) for argument, p in unknown.items()
-            }
-            sources = {
-                argument: unknown[argument].name if argument in unknown else exact[argument]
-                for argument in self.curve.names
-            }
-            arguments = MappingProxyType({**sources, **{of_all: of_all for of_all in shared}})
-            points, further = rows.observed(posed, self.axes, arguments)
-            of_noise |= {parameter.name: parameter for parameter in further}
-            observed.append(points)
-        if len(observed) > 1 and sum(run.n_obs for run in observed) > MAX_ROWS:
+            by_name = {p.name: p for p in posed.parameters}
+            of_curve = [by_name.pop(one) for one in self.curve.names if one in by_name]
+            called = (self._called(p, name) for p in of_curve)
+            return replace(posed, parameters=(*called, *by_name.values()))
+
+        taken = dict.fromkeys(names, self.curve.names)
+        parts = pose_sets(points, said, taken, own, pose, begun={})
+        common = [one.parameter_name for one in errors]
+        joint = join(parts, own=own, common=common, same_size=True)
+        if len(parts) > 1 and joint.y.size > MAX_ROWS:
             raise self.source.error(
                 f"must be at most {MAX_ROWS} in a joint fit: say every = 2 or more, or fit the "
                 "runs one by one",
                 ("curve", "every"),
                 field="points",
-                value=sum(run.n_obs for run in observed),
+                value=joint.y.size,
             )
-        return Problem(
-            (*shared_first(parameters.values(), observed), *shared.values(), *of_noise.values()),
-            tuple(observed),
-        )
+        return joint.posed(lambda name, part: runs[name].problem(part, self.axes))
 
-    def _bound(
-        self, runs: Sequence[RunOfCurve]
-    ) -> list[tuple[dict[str, Parameter], dict[str, float]]]:
-        """Of each run argument of the curve -> its parameter, and argument -> exact value; a
-        parameter that all other runs override is of this run.
-        """
-        bound = []
-        for run in runs:
-            sources = {name: self._bind(name, run) for name in self.curve.names}
-            unknown = {a: s for a, s in sources.items() if isinstance(s, Parameter)}
-            bound.append((unknown, {a: s for a, s in sources.items() if isinstance(s, float)}))
-        uses = Counter(p.name for unknown, _ in bound for p in unknown.values())
+    def _axes_of(self, name: str) -> AxisNames:
+        units = self.run_units[name]
+        return replace(self.axes, x_unit=units.get("x", "1"), y_unit=units["y"])
+
+    def _own(self, said: Mapping[str, Mapping[str, Any]]) -> dict[str, set[str]]:
+        """Run -> its unknowns that no other run shares: it states them, or all others do."""
+        unknown = {name: {*self.curve.names} - {*one["fixed"]} for name, one in said.items()}
+        own = {name: unknown[name] & {*self.runs[name].table.parameters} for name in said}
+        uses = Counter(argument for name in said for argument in unknown[name] - own[name])
         if any(count > 1 for count in uses.values()):
-            self._refuse_other_units([run.table.name for run in runs])
-        for run, (unknown, _) in zip(runs, bound, strict=True):
-            for argument, p in unknown.items():
-                if uses[argument] == 1 < len(runs):
-                    unknown[argument] = replace(p, name=f"{argument}[{run.table.name}]")
-        return bound
+            self._refuse_other_units([*said])
+        single = {argument for argument, count in uses.items() if count == 1 < len(said)}
+        return {name: own[name] | (unknown[name] & single) for name in said}
 
-    def _pooled(self, runs: Sequence[RunOfCurve]) -> list[Points]:
-        """The points of runs whose y are readings with errors of one kind; else nothing."""
-        every = [rows_of(run, self.tables[run.table.name]) for run in runs]
-        sizes = [rows.size for rows in every]
-        known = all(isinstance(size, float | np.ndarray) and np.ndim(size) < 2 for size in sizes)
-        if not (known or all(size is None for size in sizes)) or any(
-            rows.run.curve.noise is not None for rows in every
-        ):
-            return []
-        columns = (
-            (rows.column("x"), rows.column("y"), 1.0 if size is None else size)
-            for rows, size in zip(every, sizes, strict=True)
-        )
-        return [(x, y, np.broadcast_to(np.asarray(u, dtype=float), y.shape)) for x, y, u in columns]
+    def _said(self, run: RunOfCurve) -> dict[str, dict[str, Any]]:
+        """What is said of the parameters of a run, as of `pose_points`."""
+        fields = ("start", "bounds", "priors", "fixed", "tied", "derived", "units")
+        said: dict[str, dict[str, Any]] = {field: {} for field in fields}
+        for name in self.curve.names:
+            source, unit = self._source(name, run), run.word(name, "unit")
+            if unit is not None:
+                said["units"][name] = unit
+            if isinstance(source, float):
+                said["fixed"][name] = source
+            elif is_unstarted(run.entry(name)):
+                said["bounds"][name] = number(source.low), number(source.high)
+            else:
+                said["start"][name], said["priors"][name] = source.centre, source
+        return said
 
-    def _started(
-        self, posed: CurveProblem, held: Collection[str], beside: Sequence[Points]
-    ) -> Mapping[str, Parameter]:
-        """Argument -> parameter, with starts found from the points, and those of other runs with
-        the same parameters, but for those `held`.  Raises InputError.
-        """
-        try:
-            return {
-                parameter.name: parameter
-                for parameter in started(posed, self.asked, held=held, beside=beside).parameters
-            }
-        except InputError as error:
-            raise error.at(
-                self.source.path, self.source.places.lines.get(("curve", "parameters"))
-            ) from None
-
-    def _require_starts(self, run: RunOfCurve, names: Collection[str]) -> None:
-        """Raises InputError where a curve of several abscissas is not linear in those of its
-        parameters, `names`, that nobody gave a start.
-        """
-        for name in sorted({*names}.difference(linear_in(read_formula(self.curve.text), [*names]))):
-            rule = (
-                "needs a starting value (--start): with several abscissas estim does not search "
-                "for one"
-            )
-            raise self.source.error(rule, run.place(name), field=name)
+    def _called(self, parameter: Parameter, run: str) -> Parameter:
+        """A parameter of the curve with its unit and meaning."""
+        name = parameter.name
+        meaning = self.runs[run].word(name, "meaning") or parameter.meaning
+        return replace(parameter, unit=self._unit_of(name, run), meaning=meaning)
 
     def _refuse_other_units(self, names: Sequence[str]) -> None:
         """Raises InputError where the headers of runs that share a parameter have other units."""
@@ -398,8 +335,8 @@ class CurveCampaign(Campaign):
         name, _, level = parameter.partition("[")
         return self.runs[level[:-1]].place(name) if level else ("curve", "parameters", name)
 
-    def _bind(self, name: str, run: RunOfCurve) -> Parameter | float:
-        """A parameter of the formula for one run: an unknown, or an exact value."""
+    def _source(self, name: str, run: RunOfCurve) -> Prior | float:
+        """A parameter of the formula for one run: the prior of an unknown, or an exact value."""
         entry = run.entry(name)
         if entry is None and not self.asked.terms:
             raise self.source.error(
@@ -410,7 +347,7 @@ class CurveCampaign(Campaign):
                 field=name,
             )
         try:
-            source = source_of(
+            return source_of(
                 ParameterTable() if entry is None else entry,
                 name,
                 self.asked.limits.get(name, (None, None)),
@@ -418,13 +355,6 @@ class CurveCampaign(Campaign):
         except InputError as error:
             rule = error.rule if error.field in (None, name) else f"'{error.field}' {error.rule}"
             raise self.source.error(rule, run.place(name), value=error.value) from None
-        named = f"{name}[{run.table.name}]" if name in run.table.parameters else name
-        meaning = run.word(name, "meaning") or phrase("parameter of the curve")
-        return (
-            source
-            if isinstance(source, float)
-            else Parameter(named, self._unit_of(name, run.table.name), source, meaning)
-        )
 
     def _components(self) -> tuple[Component, ...]:
         components = []

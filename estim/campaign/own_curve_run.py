@@ -3,13 +3,14 @@ in `fit_curve`.
 
 What is said at the run has the last word, else what is said of the curve.  Only what rows are,
 which of them are fit, and keys that Python does not have are decided here; all else by
-`estim.curves.pose_curve`, whose errors get the line of their cell or key.
+`estim.curves.pose_points`, whose errors get the line of their cell or key.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -44,15 +45,16 @@ from estim.curves import (
     Component,
     Counting,
     CurveProblem,
+    DataSet,
     EventTimes,
-    Formula,
+    ModelSum,
     Poisson,
     numbered,
-    pose_curve,
+    pose_points,
     roughness,
 )
 from estim.fitting import PERFECT
-from estim.problem import Observations, Parameter, Prior, Scale, Unstated
+from estim.problem import Parameter, Prior, Problem, Scale, Unstated
 from estim.reading import (
     Choices,
     KeyPath,
@@ -87,7 +89,7 @@ class RunOfCurve:
 
     @property
     def axes(self) -> dict[str, AxisTable]:
-        """Argument of `pose_curve`, "x" or "x[u]" of several abscissas, and "y" -> what it is."""
+        """Argument of `pose_points`, "x" or "x[u]" of several abscissas, and "y" -> what it is."""
         places = {f"x[{symbol}]": axis for symbol, axis in self.places.items()}
         return {**(places or {"x": x_axes(self.curve)[0]}), "y": y_axis(self.curve)}
 
@@ -143,7 +145,7 @@ class RunOfCurve:
 
     @cached_property
     def columns(self) -> Mapping[str, str]:
-        """Argument of `pose_curve` -> the column that gives it."""
+        """Argument of `pose_points` -> the column that gives it."""
         noise = self.curve.noise
         stated = {key: self.stated(key)[0] for key in ("u_y", "u_x", "correlated")}
         columns: dict[str, object] = {key: axis.column for key, axis in self.axes.items()}
@@ -267,28 +269,43 @@ class RowsOfRun:
     excluded: tuple[Finding, ...]
 
     def column(self, key: str) -> FloatArray:
-        """The column that gives an argument of `pose_curve`, of these rows."""
+        """The column that gives an argument of `pose_points`, of these rows."""
         return np.asarray(self.data.columns[self.run.columns[key]][self.kept])
+
+    def points(self, asked: ModelSum, axes: AxisNames) -> DataSet:
+        """The rows as the points of a curve.  Raises InputError."""
+        run, size = self.run, self.size
+        curve: Any = asked
+        x: Any = {symbol: self.column(f"x[{symbol}]") for symbol in run.places} or self.column("x")
+        if run.places:
+            with self.placing():
+                curve, x = numbered(asked.formula.text, x)
+        return DataSet(
+            x,
+            None if run.events else self.column("y"),
+            None if isinstance(size, Prior) else size,
+            u_x=_error_of_x(self),
+            noise=_counting(self),
+            curve=curve,
+            axes=axes,
+            jitter=_jitter(run),
+            robust=run.stated("robust")[0],
+        )
 
     def posed(
         self,
-        curve: Formula,
-        axes: AxisNames,
-        priors: Mapping[str, Prior],
-        exact: Mapping[str, float],
-        *,
-        units: Mapping[str, str],
+        points: DataSet,
+        said: Mapping[str, Any],
         components: tuple[Component, ...],
-        chosen: Collection[str],
+        **found: Any,
     ) -> CurveProblem:
-        """The rows as the points of a curve.
+        """The problem of its points.
 
-        priors, exact : argument of the curve -> its prior, or its exact value.
-        units : the same -> stated unit.  chosen : those whose start nobody stated.
+        said, found : as of `pose_points`.
 
         Raises InputError with file and line.
         """
-        run, size = self.run, self.size
+        run = self.run
         deviation, correlated = run.stated("deviation")[0], run.stated("correlated")[0]
         along = (
             self.column("correlated")
@@ -297,40 +314,30 @@ class RowsOfRun:
             if correlated
             else False
         )
-        x: Any = {symbol: self.column(f"x[{symbol}]") for symbol in run.places}
-        try:
-            whole, x = numbered(curve.text, x) if x else (curve, self.column("x"))
-            posed = pose_curve(
-                whole,
-                x,
-                None if run.events else self.column("y"),
-                start={name: prior.centre for name, prior in priors.items()},
-                u_y=None if isinstance(size, Prior) else size,
-                cov_y=None,
-                u_x=_error_of_x(self),
-                bounds={},
-                priors=priors,
-                errors=tuple(
-                    one
-                    if one.groups is None
-                    else replace(one, groups=self.column(f"errors[{one.name}]"))
-                    for one in components
-                ),
-                units=units,
-                axes=axes,
-                fixed=exact,
+        errors = [
+            one if one.groups is None else replace(one, groups=self.column(f"errors[{one.name}]"))
+            for one in components
+        ]
+        with self.placing():
+            posed = pose_points(
+                points,
+                said,
+                errors,
                 deviation=deviation or 0.0,
                 correlated=along,
-                noise=_counting(self),
-                chosen=chosen,
-                jitter=_jitter(run),
-                robust=run.stated("robust")[0],
                 level=f"[{run.table.name}]",
+                **found,
             )
+        _check_keys(run, posed, self.size)
+        return posed
+
+    @contextmanager
+    def placing(self) -> Iterator[None]:
+        """While points are posed: an error has its place."""
+        try:
+            yield
         except InputError as error:
             raise _placed(error, self) from None
-        _check_keys(run, posed, size)
-        return posed
 
     @cached_property
     def size(self) -> float | str | FloatArray | Prior | None:
@@ -361,10 +368,8 @@ class RowsOfRun:
             )
         return read
 
-    def observed(
-        self, posed: CurveProblem, axes: AxisNames, arguments: Mapping[str, str | float]
-    ) -> tuple[Observations, tuple[Parameter, ...]]:
-        """The points, and what is unknown of their errors."""
+    def problem(self, posed: CurveProblem, axes: AxisNames) -> Problem:
+        """The run as a problem, what is unknown of its errors last.  axes : as they are shown."""
         name = self.run.table.name
         sigma, unknown = Scale(1.0), tuple[Parameter, ...]()
         # the residuals say its size, together with what the curve lacks
@@ -396,8 +401,6 @@ class RowsOfRun:
         columns = self.data.columns
         run = replace(
             posed.observed(sigma),
-            name=name,
-            arguments=arguments,
             x_unit=axes.x_unit,
             y_unit=axes.y_unit,
             excluded=self.excluded,
@@ -413,7 +416,7 @@ class RowsOfRun:
             }
             or None,
         )
-        return run, (*unknown, *posed.further)
+        return Problem((*posed.parameters, *unknown, *posed.further), (run,))
 
 
 def _check_keys(run: RunOfCurve, posed: CurveProblem, size: object) -> None:
@@ -443,7 +446,7 @@ def _jitter(run: RunOfCurve) -> bool | Prior:
 
 
 def _placed(error: InputError, rows: RowsOfRun) -> InputError:
-    """An error of an argument of `pose_curve` at the cell, the parameter or the key that it comes
+    """An error of an argument of `pose_points` at the cell, the parameter or the key that it comes
     from.
     """
     run, data = rows.run, rows.data
@@ -452,6 +455,9 @@ def _placed(error: InputError, rows: RowsOfRun) -> InputError:
     of = of.removesuffix("]")
     if error.file is not None:
         return error
+    if error.field == "start":  # of the search for them
+        place = ("curve", "parameters")
+        return error.at(run.source.path, run.source.places.lines.get(place))
     if column is not None and error.index is not None:
         return data.error(error.rule, column, int(rows.kept[error.index]))
     if column is not None and argument in ("x", "y"):

@@ -12,6 +12,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -38,6 +39,7 @@ from estim.reading import (
     Dialect,
     Layout,
     bare_name,
+    dialect_of_options,
     first_and_second,
     is_called,
     is_track,
@@ -122,6 +124,25 @@ class Axis:
         """Its keys in a campaign."""
         said = {key: word for key, word in vars(self).items() if _WORD.fullmatch(word)}
         return {"column": self.column} | said
+
+
+def choices_of_table(said: Mapping[str, Any]) -> TableChoices:
+    """What options say of a table and its curve (`--u-y` as u_y); what is not said is missing, None
+    or empty; without a formula, an empty one.  Raises InputError naming the option.
+    """
+    read: dict[str, Any] = {
+        "formula": said.get("formula") or "",
+        "kind": said.get("kind") or "measured",
+        "window": window_of(said.get("window")),
+        "dialect": dialect_of_options(said),
+    }
+    read["x"], *read["further_x"] = said.get("x") or (None,)
+    read |= {
+        name: pairs(said.get(name, ()), f"--{name}")
+        for name in ("rolling", "start", "low", "high", "value")
+    }
+    names = TableChoices.__dataclass_fields__.keys() & said.keys() - read.keys()
+    return TableChoices(**{name: said[name] for name in names}, **read)
 
 
 def campaign_of_table(file: Path, choices: TableChoices, *others: Path) -> Campaign:

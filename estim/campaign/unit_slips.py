@@ -5,45 +5,36 @@ as a candidate for what its curve lacks.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import partial
 
 import msgspec
 
 from estim.campaign.campaign_file import CampaignFile, LevelTable
+from estim.campaign.causes import Candidate
 from estim.common import phrase
 
 _KEYS = {"θ₀": ("theta0_deg", "theta0_rad"), "φ": ("phi_deg", "phi_rad")}
 
 
-@dataclass(frozen=True, eq=False)
-class Slip:
-    """words : what may be wrong.  remark : what to write.  quantities : of the angles.  source :
-    the campaign with that.
-    """
-
-    words: str
-    remark: str
-    quantities: tuple[str, ...]
-    source: CampaignFile
-
-
-def unit_slips(source: CampaignFile) -> Iterator[Slip]:
+def unit_slips(source: CampaignFile) -> Iterator[Candidate]:
     """θ₀, φ or both in radians, where they are said in degrees."""
     for symbols in (("θ₀",), ("φ",), ("θ₀", "φ")):
         keys = dict(_KEYS[symbol] for symbol in symbols)
+        quantities = tuple(key.removesuffix("_deg") for key in keys)
         changed = source.with_levels(partial(_with_keys, keys=keys))
-        yield Slip(
+        yield Candidate(
+            "-".join(("radians", *quantities)),
             phrase(
                 "{symbols} given in radians, not degrees", symbols=phrase(" and ").join(symbols)
             ),
-            phrase(
+            changed,
+            quantities,
+            remark=phrase(
                 "write {right} in place of {wrong}",
                 right=", ".join(keys.values()),
                 wrong=", ".join(keys),
             ),
-            tuple(key.removesuffix("_deg") for key in keys),
-            changed,
+            slip=True,
         )
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from estim.cli.options import OUT, PATH, report_options
-from estim.cli.tables import dialect_of, dialect_options
+from estim.cli.tables import dialect_options
 from estim.cli.terminal import conclude, finish, reserve_output, say, write_report
 from estim.common import FigureChoice, phrase
 
@@ -47,11 +47,12 @@ def mean(
     without, it is that of readings, which may be in groups (docs/means.md).
     """
     from estim.means import mean_of_table
+    from estim.reading import dialect_of_options
     from estim.reports.mean import mean_report, mean_statement
 
     folder = out or Path("out") / file.stem
     reserve_output(folder, "result.json")
-    found = mean_of_table(file, y=y, u_y=u_y, group=group, dialect=dialect_of(dialect))
+    found = mean_of_table(file, y=y, u_y=u_y, group=group, dialect=dialect_of_options(dialect))
     write_report(folder, mean_report(found, seed=seed, figures=figures))
     say(found.told)
     for line in str(found.mean).splitlines()[1:-1]:

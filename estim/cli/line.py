@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from estim.cli.options import OUT, PATH, out_folder, report_options
-from estim.cli.tables import dialect_of, dialect_options
+from estim.cli.tables import dialect_options
 from estim.cli.terminal import conclude, finish, progress_bar, reserve_output, say, write_report
 from estim.common import FigureChoice, InputError, phrase, read_quantity
 
@@ -102,9 +102,10 @@ def line(
         )
         return
     from estim.line import Columns, Correlated, commons, straight_line
+    from estim.reading import dialect_of_options
     from estim.reports.straight_line import straight_line_lines, straight_line_report
 
-    folder, written = out or Path("out") / campaign.stem, dialect_of(dialect)
+    folder, written = out or Path("out") / campaign.stem, dialect_of_options(dialect)
     at = [read_quantity(text, field="--predict") for text in predict]
     back = [read_quantity(text, field="--inverse") for text in inverse]
     shared = Correlated(cov, cov_x, cov_y, commons(common_x, common_y))

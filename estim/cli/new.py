@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from estim.cli.options import PATH
-from estim.cli.tables import choices_of_table, curve_options
+from estim.cli.tables import curve_options
 from estim.cli.terminal import say, write_files
 from estim.common import InputError
 
@@ -36,7 +36,7 @@ def new_campaign(name: Path, files: tuple[Path, ...], said: Mapping[str, Any]) -
     Its curve is a guess unless --formula is given.  Without --from, the program asks in the
     terminal.  No file is overwritten.
     """
-    from estim.campaign import drafted_campaign
+    from estim.campaign import choices_of_table, drafted_campaign
 
     if not name.name:
         raise InputError("must be the name of a file", field="NAME", value=str(name))
@@ -68,7 +68,7 @@ def _in_a_terminal() -> bool:
 
 def _asked(said: Mapping[str, Any]) -> tuple[Path, TableChoices]:
     """The file and the choices by questions and answers; what was said by options is not asked."""
-    from estim.campaign import columns_of
+    from estim.campaign import choices_of_table, columns_of
 
     answers = dict(said)
     file = Path(click.prompt("Table (or .trk) to be fit"))

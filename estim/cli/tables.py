@@ -15,8 +15,7 @@ from estim.cli.options import out_folder
 from estim.common import KINDS, InputError
 
 if TYPE_CHECKING:
-    from estim.campaign import Campaign, TableChoices
-    from estim.reading import Dialect
+    from estim.campaign import Campaign
 
 
 class _OrAName(click.Choice):  # type: ignore[type-arg]
@@ -197,7 +196,7 @@ _CURVE = (
 
 def dialect_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Adds the options of `_DIALECT`; the command takes what they say as `dialect`, a mapping for
-    `dialect_of`.
+    `dialect_of_options`.
     """
     return _gathered(command, _DIALECT, "dialect")
 
@@ -226,25 +225,6 @@ def _gathered(
     return whole
 
 
-def dialect_of(said: Mapping[str, Any]) -> Dialect:
-    """How a table is written, of what was said.  Raises InputError naming the option."""
-    from estim.reading import DIALECT_KEYS, Dialect
-
-    columns = (
-        None
-        if said["columns"] is None
-        else tuple(name.strip() for name in said["columns"].split(","))
-    )
-    try:
-        return Dialect(
-            columns, **{key: said[key] for key in DIALECT_KEYS if key not in ("columns", "header")}
-        )
-    except InputError as error:
-        raise InputError(
-            error.rule, field=f"--{str(error.field).replace('_', '-')}", value=error.value
-        ) from None
-
-
 def load_or_make(
     file: Path,
     said: Mapping[str, Any],
@@ -255,7 +235,7 @@ def load_or_make(
     """The campaign in `file`, with the tables of `runs`, or the one that fits a formula to the
     table `file` and to `others`; and the folder of its report.
     """
-    from estim.campaign import campaign_of_table, load_campaign
+    from estim.campaign import campaign_of_table, choices_of_table, load_campaign
     from estim.reading import is_table
 
     given = [
@@ -296,24 +276,3 @@ def load_or_make(
         raise InputError("must name each table once", field="FILE...", value=str(twice))
     stem = "+".join(path.stem for path in tables)[:80]
     return campaign_of_table(file, choices_of_table(said), *others), out or Path("out") / stem
-
-
-def choices_of_table(said: Mapping[str, Any]) -> TableChoices:
-    """What the options say of a table and its curve; without a formula, an empty one.  Raises
-    InputError naming the option.
-    """
-    from estim.campaign import TableChoices, pairs, window_of
-
-    read: dict[str, Any] = {
-        "formula": said["formula"] or "",
-        "kind": said["kind"] or "measured",
-        "window": window_of(said["window"]),
-        "dialect": dialect_of(said),
-    }
-    read["x"], *read["further_x"] = said["x"] or (None,)
-    read |= {
-        name: pairs(said[name], f"--{name}")
-        for name in ("rolling", "start", "low", "high", "value")
-    }
-    plain = {name: said[name] for name in TableChoices.__dataclass_fields__ if name not in read}
-    return TableChoices(**plain, **read)

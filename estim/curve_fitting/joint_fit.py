@@ -11,22 +11,23 @@ from typing import Any
 
 import numpy as np
 
-from estim.arrays import all_finite
 from estim.common import InputError
 from estim.curve_fitting.result import CurveFit
-from estim.curve_fitting.single import fit_errors, fit_stated, pose_points
+from estim.curve_fitting.single import fit_errors, fit_stated
 from estim.curves import (
     AxisNames,
     Component,
     CurveProblem,
     DataSet,
-    Points,
     arguments_of,
     in_time,
     join,
     numbered,
     of_data_set,
+    pose_points,
+    pose_sets,
     read_formula,
+    require_points,
     seek,
     with_defaults,
     with_joint_priors,
@@ -130,32 +131,27 @@ def fit_curves(
     }
     taken, foreign = _names(sets, written)
     settings = {name: _of_one(written, name, sets, foreign[name]) for name in sets}
-    differ = any(points.curve is not None for points in data.values())
-    pooled = () if differ or len(sets) == 1 else _points_of_one(sets, settings, taken, shared)
-    begun: dict[str, float] = {}  # of what is shared
-    for own in settings.values() if differ else ():
-        begun = own["start"] | begun
-    parts: dict[str, CurveProblem] = {}
-    for name in sorted(sets, key=lambda name: -len(foreign[name])):
-        own = settings[name]
-        known = taken[name] - {*own["start"], *own["fixed"], *own["tied"]}
-        found = {
-            one: value
-            for one, value in begun.items()
-            if one in known and (shared is None or one in shared)
-        }
-        own["start"] |= found
+    own = {
+        name: set() if shared is None else {*taken[name], *settings[name]["start"]} - {*shared}
+        for name in sets
+    }
+    begun: dict[str, float] | None = None
+    if any(points.curve is not None for points in data.values()):
+        begun = {}
+        for entry in settings.values():
+            begun = entry["start"] | begun
+
+    def pose(name: str, said: Mapping[str, Any], **found: Any) -> CurveProblem:
         with _named(name):
-            parts[name] = pose_points(
-                sets[name],
-                own,
-                errors,
-                level=f"[{name}]",
-                found=found,
-                beside=[points for other, points in pooled if other != name],
-            )
-        if differ or pooled:
-            begun = {p.name: p.prior.centre for p in parts[name].parameters} | begun
+            return pose_points(sets[name], said, errors, level=f"[{name}]", **found)
+
+    first = sorted(sets, key=lambda name: -len(foreign[name]))
+    parts = pose_sets({name: sets[name] for name in first}, settings, taken, own, pose, begun)
+    unknown = sorted({p.name for part in parts.values() for p in part.parameters})
+    for parameter in shared or ():
+        if parameter not in unknown:
+            rule = f"names '{parameter}', which is not a fitted parameter ({', '.join(unknown)})"
+            raise InputError(rule, field="shared")
     alike = {
         (part.axes.x_unit, part.axes.y_unit)
         for name, part in parts.items()
@@ -169,7 +165,7 @@ def fit_curves(
         )
     joint = join(
         parts,
-        shared=shared,
+        own=own,
         common=[item.parameter_name for item in errors],
         derived={
             name: text
@@ -179,39 +175,11 @@ def fit_curves(
         units=units or {},
         order=data,
     )
+    require_points(joint.parameters, joint.y.size, stated=joint.stated)
     if n_start is None:
         n_start = min(getattr(points.curve, "n_start", N_START) for points in sets.values())
     fitted = fit_errors if joint.infers_errors else fit_stated
     return fitted(joint, joint.with_sigma(1.0), rng, n_start)
-
-
-def _points_of_one(
-    sets: Mapping[str, DataSet],
-    settings: Mapping[str, Mapping[str, Any]],
-    taken: Mapping[str, set[str]],
-    shared: Collection[str] | None,
-) -> tuple[tuple[str, Points], ...]:
-    """Names of data sets of one curve with all parameters in common, with their points; nothing
-    where any has parameters or exact values of its own, counts, other errors than u_y, or units.
-    """
-    first, *others = settings.values()
-    if any(own["fixed"] != first["fixed"] or own["tied"] != first["tied"] for own in others) or (
-        shared is not None and any(names - {*shared} for names in taken.values())
-    ):
-        return ()
-    found = []
-    for name, points in sets.items():
-        given: list[Any] = [points.x, points.y, points.u_y]
-        if points.noise is not None or any(hasattr(column, "units") for column in given):
-            return ()
-        try:
-            columns = np.asarray(np.broadcast_arrays(*given), dtype=np.float64)
-        except (TypeError, ValueError):  # other errors than u_y; what is wrong is told elsewhere
-            return ()
-        if columns.ndim != 2 or np.iscomplexobj(given[1]) or not all_finite(columns):
-            return ()
-        found.append((name, (columns[0], columns[1], columns[2])))
-    return tuple(found)
 
 
 @contextmanager

@@ -10,7 +10,7 @@ and nothing tests it.  `estim.reports.curve.sample_curve` goes on from here.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -35,17 +35,7 @@ from estim.checks import (
     values_outside,
     wrong_curves,
 )
-from estim.common import (
-    PROBABILITIES,
-    Amount,
-    Finding,
-    InputError,
-    Kind,
-    Status,
-    decide,
-    phrase,
-    wrong,
-)
+from estim.common import PROBABILITIES, Amount, Finding, Kind, Status, decide, phrase, wrong
 from estim.curve_fitting.complex_values import ComplexFit, parts_of
 from estim.curve_fitting.result import CurveFit, unnamed
 from estim.curves import (
@@ -55,20 +45,14 @@ from estim.curves import (
     CurveProblem,
     DataSet,
     JointProblem,
-    Points,
     in_time,
     join,
     numbered,
-    pose_curve,
-    provisional,
-    refuse_quantities,
+    pose_points,
     require_points,
     roughness,
-    started,
-    unstarted,
     with_defaults,
     with_joint_priors,
-    without_units,
 )
 from estim.distributions import student_quantile
 from estim.fitting import (
@@ -233,7 +217,8 @@ def fit_curve(
         zeros = {f"errors[{one.parameter_name}]": one.kind for one in of_zero}
         parts = parts_of(points, deviation=deviation or None, correlated=lacking, **zeros)
         both = {name: pose_points(part, said, errors) for name, part in parts.items()}
-        posed = join(both, shared=None, common=(), same_size=True)
+        posed = join(both, own={}, same_size=True)
+        require_points(posed.parameters, posed.y.size, stated=posed.stated)
     else:
         posed = pose_points(points, said, errors, deviation=deviation, correlated=correlated)
         require_points(posed.parameters, posed.x.size, stated=posed.stated)
@@ -254,69 +239,6 @@ def fit_curve(
     if posed.lacks is None or unusable or not complete.goodness:
         return complete
     return _fit_discrepancy(posed, complete, rng)
-
-
-def pose_points(
-    points: DataSet,
-    said: Mapping[str, Any],
-    errors: Sequence[Component],
-    *,
-    deviation: float = 0.0,
-    correlated: ArrayLike | bool = False,
-    level: str = "",
-    found: Collection[str] = (),
-    beside: Sequence[Points] = (),
-) -> CurveProblem:
-    """The problem of one data set, with starts found from its points where none is given.
-
-    found : parameters whose starts come from the points of other data sets.
-    beside : x, y and u_y of other data sets of the same curve, that help to find starts.
-    said : "start", "bounds", "priors", "fixed", "tied", "derived" and "units" -> what is said there
-        of its parameters.
-    level : behind the names of what is unknown of its errors.  Raises InputError.
-    """
-    curve: Any = points.curve
-    refuse_quantities(
-        cov_y=points.cov_y,
-        cov_x=points.cov_x,
-        r_xy=points.r_xy,
-        deviation=deviation,
-        correlated=correlated,
-    )
-    points, said = without_units(points, said)
-    start, bounds, fixed = said["start"], said["bounds"], said["fixed"]
-    named = unstarted(curve, start, fixed, said["tied"])
-    begin, limits = (
-        (start, bounds)
-        if named is None
-        else provisional(named, start, bounds, said["priors"], {*fixed, *said["tied"]})
-    )
-    posed = pose_curve(
-        named.formula if named is not None and named.terms else curve,
-        points.x,
-        points.y,
-        **{**said, "start": begin, "bounds": limits},
-        u_y=points.u_y,
-        cov_y=points.cov_y,
-        u_x=points.u_x,
-        errors=tuple(errors),
-        axes=points.axes or AxisNames(),
-        deviation=deviation,
-        correlated=correlated,
-        noise=points.noise,
-        chosen={*begin} - {*start} | {*found},
-        jitter=points.jitter,
-        robust=points.robust,
-        cov_x=points.cov_x,
-        r_xy=points.r_xy,
-        level=level,
-    )
-    if named is None:
-        return posed
-    if posed.counted is not None and posed.counted.noise.own_density:
-        rule = "must give each parameter of a log density its starting value, like {'a': 1.0}"
-        raise InputError(rule, field="start")
-    return started(replace(posed, called=named.text), named, held=start, beside=beside)
 
 
 def fit_stated(

@@ -10,17 +10,13 @@ from estim.curves.joining import DataSet, JointProblem, join, of_data_set
 from estim.curves.models import Limits
 from estim.curves.named import (
     ModelSum,
-    Points,
     arguments_of,
     called_by_name,
     in_time,
     known_models,
     linear_in,
-    provisional,
     read_model,
-    started,
     with_defaults,
-    unstarted,
     within,
 )
 from estim.curves.curve_problem import (
@@ -30,13 +26,13 @@ from estim.curves.curve_problem import (
     SIGMA_SPREAD,
     AxisNames,
     CurveProblem,
-    pose_curve,
     require_points,
     roughness,
     units_of,
     with_joint_priors,
 )
-from estim.curves.quantities import refuse_quantities, without_units
+from estim.curves.posing import pose_points, pose_sets
+from estim.curves.quantities import refuse_quantities
 from estim.curves.regimes import (
     Borders,
     borders_of,

@@ -588,6 +588,9 @@ def _check_formula(
             if isinstance(formula, Formula) and not formula.uses_x:
                 rule = "must hold x, its variable, or the name of its axis (axes)"
                 raise InputError(rule, field="curve", value=formula.text)
+            if isinstance(formula, OfPoints):
+                rule = "needs a starting value (--start): with several abscissas there is no search"
+                raise InputError(rule, field=f"start[{name}]")
             raise InputError(
                 f"has no starting value for '{name}' of the formula",
                 field="start",

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.common import InputError, same_numbers
 from estim.curves.count_data import Counting
-from estim.curves.curve_problem import AxisNames, CurveProblem, require_points
+from estim.curves.curve_problem import AxisNames, CurveProblem
 from estim.curves.derived import SoughtQuantity, check_derived_names, in_units, seek
 from estim.problem import Parameter, Problem
 
@@ -94,16 +94,17 @@ class JointProblem:
         """All data sets, with what is unknown of their errors as further parameters; errors are
         `sigma` times u_y (or times 1).
         """
-        return self._joint(lambda part: part.with_sigma(sigma))
+        return self.posed(lambda _, part: part.with_sigma(sigma))
 
     def with_unknown_sigma(self, typical: float) -> Problem:
         """The same with one unknown standard deviation of all y, about `typical`."""
-        return self._joint(lambda part: part.with_unknown_sigma(typical))
+        return self.posed(lambda _, part: part.with_unknown_sigma(typical))
 
-    def _joint(self, pose: Callable[[CurveProblem], Problem]) -> Problem:
+    def posed(self, pose: Callable[[str, CurveProblem], Problem]) -> Problem:
+        """The problems that `pose` makes of each part, as one."""
         runs, sought, further = [], self.sought, dict[str, Parameter]()
         for name, part in self.parts.items():
-            one = pose(part)
+            one = pose(name, part)
             run = one.runs[0].renamed(self.sources[name])
             runs.append(replace(run, name=name, sought=(*run.sought, *sought)))
             sought = ()
@@ -115,17 +116,17 @@ class JointProblem:
 def join(
     parts: Mapping[str, CurveProblem],
     *,
-    shared: Collection[str] | None,
-    common: Collection[str],
+    own: Mapping[str, Collection[str]],
+    common: Collection[str] = (),
     derived: Mapping[str, str] = MappingProxyType({}),
     units: Mapping[str, str] = MappingProxyType({}),
     order: Iterable[str] = (),
     same_size: bool = False,
 ) -> JointProblem:
-    """The joint problem.  shared : parameters of the curves that are one unknown for all, None for
-    each that has the same name; `common` are so in any case.  Where a shared one begins, the first
-    of `parts` says.  Raises InputError.
+    """The joint problem.  own : data set -> its parameters that are none of the others'; all others
+    of one name are one unknown.  Where that begins, the first of `parts` says.  Raises InputError.
 
+    common : the errors in common, which come last.
     derived : what follows from parameters of several data sets, with the stated `units`.
     order : of the data sets in the result, that of `parts` if there is none.
     same_size : whether errors whose size is not stated are of the same size in all.
@@ -137,17 +138,10 @@ def join(
                 "sets are undefined",
                 field=f"data[{name}]",
             )
-    unknown = {p.name for part in parts.values() for p in part.parameters}
-    for name in shared or ():
-        if name not in unknown:
-            raise InputError(
-                f"names '{name}', which is not a fitted parameter ({', '.join(sorted(unknown))})",
-                field="shared",
-            )
-    together = unknown if shared is None else {*shared, *common}
     sources = {
         name: {
-            p.name: p.name if p.name in together else f"{p.name}[{name}]" for p in part.parameters
+            p.name: f"{p.name}[{name}]" if p.name in own.get(name, ()) else p.name
+            for p in part.parameters
         }
         for name, part in parts.items()
     }
@@ -165,10 +159,10 @@ def join(
                     field=p.name,
                 )
     parts = {name: parts[name] for name in order or parts}
-    names = [name for name in by_name if "[" not in name] + [
-        sources[name][p.name] for name, part in parts.items() for p in part.parameters
-    ]
-    ordered = tuple(by_name[name] for name in dict.fromkeys(names))
+    every = [sources[name][p.name] for name, part in parts.items() for p in part.parameters]
+    shared = [name for name in by_name if "[" not in name] if len(parts) > 1 else []
+    names = dict.fromkeys([*shared, *every])
+    ordered = tuple(by_name[name] for name in sorted(names, key=lambda name: name in common))
     fixed: dict[str, float] = {}
     for name, part in parts.items():
         alike = {
@@ -184,7 +178,6 @@ def join(
             for parameter, value in part.fixed.items()
         }
     y = np.concatenate([part.y for part in parts.values()])
-    require_points(ordered, y.size, stated=all(part.stated for part in parts.values()))
     return JointProblem(
         MappingProxyType(dict(parts)),
         MappingProxyType(sources),

@@ -23,7 +23,7 @@ from estim.curves.models import ModelSum as ModelSum
 from estim.curves.models import known_models as known_models
 from estim.curves.models import read_model as read_model
 from estim.curves.projected import linear_in as linear_in
-from estim.curves.several_abscissas import OfPoints, arguments_taken
+from estim.curves.several_abscissas import arguments_taken
 from estim.curves.starting_values import guess_starts
 from estim.problem import MOST_REWEIGHTED, Counts, Flat, errors_widened, typical_size
 
@@ -40,6 +40,8 @@ def unstarted(
     """What finds the starts that are not given, of models by name or of a formula of x, with what
     is tied in it replaced; None where none is missing, or nothing can.
     """
+    if isinstance(curve, ModelSum):
+        return curve
     models = called_by_name(curve, start, fixed, tied)
     if models is not None or not (
         isinstance(curve, str | Formula)
@@ -96,11 +98,8 @@ def with_defaults(
 ) -> Mapping[str, float] | None:
     """The starts that were given; where none was, those of the numbers by default of a function of
     Python, but for the arguments `held`.  Beside a start that was given, an argument with a number
-    by default keeps that.  A formula of several abscissas lacks none in which it is linear.
+    by default keeps that.
     """
-    if isinstance(curve, OfPoints) and curve.linear:
-        free = (name for name in curve.linear if not any(name in names for names in held if names))
-        return {**dict.fromkeys(free, 1.0), **(start or {})}
     if not callable(curve) or start:
         return start
     known = {

@@ -75,14 +75,12 @@ def _places(x: FloatArray) -> FloatArray:
     return np.linspace(start, high + beyond, _N_PLACE)
 
 
-def more_readings(
-    basis: CurveBasis, here: Outlook, targets: Sequence[Parameter]
-) -> tuple[Change, ...]:
+def more_readings(here: Outlook, weighed: Sequence[Along]) -> tuple[Change, ...]:
     """As many readings as a tenth of those at hand at the place that is best for each target,
     inside the range and beside it.
     """
     changes: dict[tuple[str, float], Change] = {}
-    for along in weigh_places(basis, here, targets):
+    for along in weighed:
         n = max(
             1, round(0.1 * next(run.n_obs for run in here.problem.runs if run.name == along.run))
         )

@@ -44,7 +44,7 @@ from estim.planning.changes import (
 )
 from estim.planning.further_reading import Along, more_readings, weigh_places
 from estim.planning.halving import Halving, ways_to_halve
-from estim.planning.own_curve import Basis, CurveBasis
+from estim.planning.own_curve import CurveBasis
 from estim.planning.rolling import Outlook, posed, rolling_basis
 from estim.planning.suggestions import more_runs, planned_runs
 from estim.problem import Parameter, Problem, n_uses
@@ -131,7 +131,8 @@ def plan(
     here = basis.outlook(nothing)
     columns = [here.problem.names.index(p.name) for p in targets]
     now = sds_with(here, {}, targets)
-    suggested = _suggested(campaign, basis, here, targets) if campaign.source.plan.built_in else ()
+    along = weigh_places(basis, here, targets) if isinstance(basis, CurveBasis) else ()
+    suggested = _suggested(campaign, fit, here, along) if campaign.source.plan.built_in else ()
     changes, done = (*asked, *suggested), list[Option]()
     for i, change in enumerate(changes):
         done.append(weigh(basis, here, change, targets, now))
@@ -143,7 +144,6 @@ def plan(
     draws, how, _ = posterior_draws(fit, 1000.0, stream(seed, Stream.PLAN_DRAWS))
     drawn = np.std(draws[:, [fit.names.index(p.name) for p in targets]], axis=0)
     halving = ways_to_halve(basis, here, targets, now, possible)
-    along = weigh_places(basis, here, targets) if isinstance(basis, CurveBasis) else ()
     return Plan(
         campaign,
         tuple(names),
@@ -194,18 +194,11 @@ def targets_of(
 
 
 def _suggested(
-    campaign: Campaign, basis: Basis, here: Outlook, targets: Sequence[Parameter]
+    campaign: Campaign, fit: Fit, here: Outlook, along: Sequence[Along]
 ) -> tuple[Change, ...]:
-    more = (
-        more_readings(basis, here, targets)
-        if isinstance(basis, CurveBasis)
-        else more_runs(campaign, basis.fit)
-    )
-    return (
-        *measured_better(here.problem),
-        *measured_otherwise(moving=campaign.formula is None),
-        *more,
-    )
+    moving = campaign.formula is None
+    more = more_runs(campaign, fit) if moving else more_readings(here, along)
+    return (*measured_better(here.problem), *measured_otherwise(moving=moving), *more)
 
 
 def _asked_readings(campaign: Campaign, names: Sequence[str]) -> list[Change]:

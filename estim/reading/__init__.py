@@ -19,6 +19,7 @@ from estim.reading.dialect import (
     Decimal,
     Dialect,
     Encoding,
+    dialect_of_options,
     is_column,
     bare_name,
     name_and_unit,

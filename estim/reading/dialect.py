@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Literal
+from typing import Any, Literal
 
 from estim.common import InputError, in_unit, is_unit
 from estim.reading.cells import looks_like_a_number
@@ -237,3 +237,17 @@ def shown_delimiter(*lines: str) -> str:
 def is_column(name: str, names: Sequence[str]) -> bool:
     """Whether a column is called `name`, just so or before its unit."""
     return any(name in (column, bare_name(column)) for column in names)
+
+
+def dialect_of_options(said: Mapping[str, Any]) -> Dialect:
+    """How a table is written, of what options say (`--skip-rows` as skip_rows); what is not said is
+    missing or None.  Raises InputError naming the option.
+    """
+    columns = said.get("columns")
+    names = None if columns is None else tuple(name.strip() for name in columns.split(","))
+    keys = (key for key in DIALECT_KEYS if key not in ("columns", "header"))
+    try:
+        return Dialect(names, **{key: said.get(key) for key in keys})
+    except InputError as error:
+        option = f"--{str(error.field).replace('_', '-')}"
+        raise InputError(error.rule, field=option, value=error.value) from None

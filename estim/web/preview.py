@@ -18,7 +18,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import EstimError, InputError, as_json, read_file, spoken, write_whole
-from estim.web.question import NAMED, formula_of, lines_of
+from estim.web.question import options_of
 
 if TYPE_CHECKING:
     from estim.drawing import Figure
@@ -159,22 +159,11 @@ def _start(file: Path, fields: Mapping[str, str]) -> tuple[dict[str, float], byt
     """Parameters of a curve at its start, and the picture.  What nobody stated and the curve is
     linear in, it has no start of its own: it is solved for.  Raises InputError.
     """
-    from estim.campaign import TableChoices, campaign_of_table, pairs, window_of
+    from estim.campaign import campaign_of_table, choices_of_table
     from estim.drawing import png
     from estim.problem import Flat
-    from estim.reading import Dialect
 
-    plain = ("x", "y", "u-x", "u-y", "track", "robust", "noise")
-    dialect: Any = {name: fields[name] for name in ("sheet", "decimal", "dates") if name in fields}
-    said: dict[str, Any] = {n.replace("-", "_"): fields[n] for n in plain if n in fields} | {
-        name: pairs(lines_of(fields.get(name, "")), f"--{name}") for name in NAMED.split()
-    }
-    choices = TableChoices(
-        formula=formula_of(fields),
-        window=window_of(fields.get("window")),
-        dialect=Dialect(**dialect),
-        **said,
-    )
+    choices = choices_of_table(options_of(fields))
     campaign = campaign_of_table(file, choices)
     problem = campaign.problem(campaign.run_names)
     (run,) = problem.runs

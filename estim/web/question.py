@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 from estim.common import InputError, language, phrase
 
@@ -116,6 +117,21 @@ def arguments_of(
         own = re.split(r"[\s,;]+", said.get("own", ""))
         words += ["--joint", *(f"--own={name}" for name in own if name)]
     return [command, file, *others, *words, *end]
+
+
+def options_of(fields: Mapping[str, str]) -> dict[str, Any]:
+    """What the options of `estim fit` say of a table and its curve, of the fields of a question."""
+    said: dict[str, Any] = {name.replace("-", "_"): text for name, text in fields.items()}
+    said |= {name: lines_of(fields.get(name, "")) for name in NAMED.split()}
+    said |= {name: name in fields for name in _FLAGS}
+    rows = fields.get("skip-rows", "")
+    return said | {
+        "formula": formula_of(fields),
+        "x": [fields["x"]] if "x" in fields else [],
+        "skip_rows": int(rows) if rows.isdecimal() else None,
+        "rolling": (),
+        "own": (),
+    }
 
 
 def formula_of(fields: Mapping[str, str]) -> str:

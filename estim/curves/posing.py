@@ -1,0 +1,156 @@
+"""From points, and what is said of the parameters, to a problem whose starts are found where nobody
+gave any: for `fit_curve`, each data set of `fit_curves` and each run of a campaign.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estim.arrays import all_finite
+from estim.common import InputError
+from estim.curves.curve_problem import AxisNames, CurveProblem, pose_curve
+from estim.curves.joining import DataSet
+from estim.curves.named import Points, provisional, started, unstarted, within
+from estim.curves.quantities import refuse_quantities, without_units
+from estim.curves.several_abscissas import OfPoints
+from estim.curves.systematic_errors import Component
+
+
+def pose_points(
+    points: DataSet,
+    said: Mapping[str, Any],
+    errors: Sequence[Component],
+    *,
+    deviation: float = 0.0,
+    correlated: ArrayLike | bool = False,
+    level: str = "",
+    found: Collection[str] = (),
+    beside: Sequence[Points] = (),
+) -> CurveProblem:
+    """The problem of one data set, with starts found from its points where none is given.
+
+    found : parameters whose starts come from the points of other data sets.
+    beside : x, y and u_y of other data sets of the same curve, that help to find starts.
+    said : "start", "bounds", "priors", "fixed", "tied", "derived" and "units" -> what is said there
+        of its parameters.
+    level : behind the names of what is unknown of its errors.  Raises InputError.
+    """
+    curve: Any = points.curve
+    refuse_quantities(
+        cov_y=points.cov_y,
+        cov_x=points.cov_x,
+        r_xy=points.r_xy,
+        deviation=deviation,
+        correlated=correlated,
+    )
+    points, said = without_units(points, said)
+    start, bounds, fixed = said["start"], said["bounds"], said["fixed"]
+    if isinstance(curve, OfPoints):  # is searched for none
+        known = {**fixed, **said["tied"]}
+        ends = bounds if isinstance(bounds, Mapping) else {}
+        free = (name for name in curve.linear if name not in known)
+        start = {**{name: within(ends.get(name)) for name in free}, **start}
+    named = unstarted(curve, start, fixed, said["tied"])
+    begin, limits = (
+        (start, bounds)
+        if named is None
+        else provisional(named, start, bounds, said["priors"], {*fixed, *said["tied"]})
+    )
+    posed = pose_curve(
+        named.formula if named is not None and (named.terms or named is curve) else curve,
+        points.x,
+        points.y,
+        **{**said, "start": begin, "bounds": limits},
+        u_y=points.u_y,
+        cov_y=points.cov_y,
+        u_x=points.u_x,
+        errors=tuple(errors),
+        axes=points.axes or AxisNames(),
+        deviation=deviation,
+        correlated=correlated,
+        noise=points.noise,
+        chosen={*begin} - {*start} | {*found},
+        jitter=points.jitter,
+        robust=points.robust,
+        cov_x=points.cov_x,
+        r_xy=points.r_xy,
+        level=level,
+    )
+    if named is None:
+        return posed
+    if posed.counted is not None and posed.counted.noise.own_density:
+        rule = "must give each parameter of a log density its starting value, like {'a': 1.0}"
+        raise InputError(rule, field="start")
+    return started(replace(posed, called=named.text), named, held=start, beside=beside)
+
+
+def pose_sets(
+    sets: Mapping[str, DataSet],
+    said: Mapping[str, dict[str, Any]],
+    taken: Mapping[str, Collection[str]],
+    own: Mapping[str, Collection[str]],
+    pose: Callable[..., CurveProblem],
+    begun: Mapping[str, float] | None,
+) -> dict[str, CurveProblem]:
+    """Name -> problem of its data set.
+
+    said : of each the `said` of `pose_points`.  taken : the parameters that its curve takes; own :
+        those of them that no other data set shares.
+    pose : makes a problem of its name, of what is said, and of `found` and `beside`.
+    begun : parameter -> start that is known already; what is shared then begins where the first
+        found it, as it does where all points are pooled.  None: each looks for itself.
+    """
+    parts: dict[str, CurveProblem] = {}
+    points = _pooled(sets, said, own)
+    begun = {} if begun is None and points else begun
+    for name in sets:
+        of_set = said[name]
+        known = {*of_set["start"], *of_set["fixed"], *of_set["tied"], *own[name]}
+        missing = {*taken[name]} - known
+        found = {one: start for one, start in (begun or {}).items() if one in missing}
+        beside = [others for other, others in points.items() if other != name]
+        parts[name] = pose(
+            name, {**of_set, "start": {**of_set["start"], **found}}, found=found, beside=beside
+        )
+        if begun is not None:
+            shared = (p for p in parts[name].parameters if p.name not in own[name])
+            begun = {**{p.name: p.prior.centre for p in shared}, **begun}
+    return parts
+
+
+def _pooled(
+    sets: Mapping[str, DataSet],
+    said: Mapping[str, Mapping[str, Any]],
+    own: Mapping[str, Collection[str]],
+) -> dict[str, Points]:
+    """The points of data sets that have one curve and all parameters in common; nothing where any
+    has parameters of its `own` or other exact values than the others, counts, other errors than
+    u_y, or units.
+    """
+    first, *others = said.values()
+    curve, *curves = (getattr(points.curve, "text", points.curve) for points in sets.values())
+    if (
+        any(own.values())
+        or any(one != curve for one in curves)
+        or any(one["fixed"] != first["fixed"] or one["tied"] != first["tied"] for one in others)
+    ):
+        return {}
+    found: dict[str, Points] = {}
+    known = {points.u_y is None for points in sets.values()}
+    for name, points in sets.items():
+        given: list[Any] = [points.x, points.y, 1.0 if points.u_y is None else points.u_y]
+        if len(known) > 1 or points.noise or any(hasattr(column, "units") for column in given):
+            return {}
+        try:
+            columns = np.asarray(np.broadcast_arrays(*given), dtype=np.float64)
+        except (TypeError, ValueError):  # other errors than u_y; what is wrong is told elsewhere
+            return {}
+        if columns.ndim != 2 or np.iscomplexobj(given[1]) or not all_finite(columns):
+            return {}
+        found[name] = columns[0], columns[1], columns[2]
+    return found
