@@ -302,6 +302,16 @@ def test_the_best_place_for_the_slope_of_a_line_is_its_far_end(tmp_path: Path) -
     assert plan_answers(found)[0].startswith("u(b)")
 
 
+def test_a_row_outside_the_window_may_lie_where_the_curve_has_no_value(tmp_path: Path) -> None:
+    """x = 0 has no logarithm; no reading is proposed there."""
+    text = LINE.replace("a + b*x", "a + b*x + 0*log(x)") + "[curve.window]\nmin = 1.0\n"
+    found = plan(load_campaign(line(tmp_path, text=text)), ["line"], seed=1)
+    x = np.arange(1.0, 10.0)
+    exact = np.linalg.inv(np.array([[9.0, x.sum()], [x.sum(), x @ x]]) / 0.1**2)
+    assert found.now == pytest.approx(np.sqrt(np.diag(exact)), rel=1e-6)
+    assert found.along[0].x.min() > 0.0
+
+
 # what is asked for
 
 

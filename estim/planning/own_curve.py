@@ -4,20 +4,19 @@ they pose.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from estim.arrays import FloatArray, all_finite
+from estim.arrays import FloatArray
 from estim.calibration import curve_at
 from estim.campaign import Campaign, axis_columns, group_columns, with_tables
 from estim.common import InputError, later
 from estim.fitting import Fit, expected_information
 from estim.planning.changes import Change
 from estim.planning.rolling import Outlook, RollingBasis
-from estim.problem import Observations, Problem, Scale
+from estim.problem import Problem, Scale
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +42,11 @@ class CurveBasis:
             x = at[rows].copy()
             x[rows.size - len(new) :] = new
             columns = {name: column[rows].copy() for name, column in table.columns.items()}
-            columns |= {x_column: x, y_column: _curve(run, x, named)}
+            y, known = curve_at(run, x, named), rows.size - len(new)
+            for there in x[known:][~np.isfinite(y[known:])]:
+                raise InputError(later("the curve is not finite there"), field="x", value=there)
+            # a row outside the window may lie where the curve is not finite: it is not used
+            columns |= {x_column: x, y_column: np.where(np.isfinite(y), y, columns[y_column])}
             for name in group_columns(self.campaign, run.name):  # another day, or instrument
                 columns[name][rows.size - len(new) :] = np.max(columns[name]) + 1.0
             order = np.argsort(x, kind="stable")
@@ -68,8 +71,6 @@ class CurveBasis:
                     field="x",
                     value=one.x,
                 )
-            if not all_finite(run.y):
-                raise InputError(later("the curve is not finite there"), field="x", value=one.x)
 
 
 Basis: TypeAlias = RollingBasis | CurveBasis
@@ -79,13 +80,6 @@ Basis: TypeAlias = RollingBasis | CurveBasis
 def _every_so_often(x: FloatArray, times: float) -> FloatArray:
     """Rows, each as often as the factor says, spread evenly where that is no whole number."""
     return np.floor(np.arange(round(x.size * times)) / times).astype(int).clip(0, x.size - 1)
-
-
-def _curve(run: Observations, x: FloatArray, named: Mapping[str, FloatArray]) -> FloatArray:
-    y = curve_at(run, x, named)
-    if not all_finite(y):
-        raise InputError(later("the curve is not finite there"), field="x")
-    return y
 
 
 def _errors_times(
