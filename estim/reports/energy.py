@@ -23,9 +23,9 @@ from estim.common import (
 from estim.drawing import GREY, MARKS, RUN_COLOURS, Figure, fill, legend_below, new_figure
 from estim.pipeline import Analysis
 from estim.reports.pages import page
-from estim.reports.records import Record, Report
+from estim.reports.records import Record
 from estim.reports.rendering import shown
-from estim.reports.result import Provenance, provenance
+from estim.reports.result import provenance
 from estim.studies.energy import Drift, EnergyRecord, energy_status
 
 _ANYTHING = 1.0  # standard uncertainty of a ratio that says nothing
@@ -60,19 +60,6 @@ class DriftSummary(Record):
     gain: float
     p_value: float
     limit: float
-
-
-class EnergyResult(Report):
-    """Everything of an energy check; the report prints from it."""
-
-    title: str
-    kind: str
-    status: str  # the gravest of the fits
-    reasons: dict[str, list[str]]  # of the fits that are not ok
-    statuses: dict[str, str]
-    energies: dict[str, EnergySummary]
-    drift: dict[str, DriftSummary]  # by the runs that were fit together
-    provenance: Provenance
 
 
 def summarise_energy(e: EnergyRecord) -> EnergySummary:
@@ -191,17 +178,18 @@ def energy_report(
         run.name: energy_status(a, drift) for a, drift in fits.values() for run in a.problem.runs
     }
     bad = frozenset(run.name for a in analyses if not a.diagnosis.ok for run in a.problem.runs)
-    result = EnergyResult(
-        "estim-energy/1",
-        campaign.title,
-        campaign.kind,
-        gravest(statuses.values()),
-        {runs: list(a.diagnosis.reasons) for runs, (a, _) in fits.items() if not a.diagnosis.ok},
-        dict(statuses),
-        {e.run: summarise_energy(e) for e in records if statuses[e.run] == "ok"},
-        {runs: summarise_drift(drift) for runs, (a, drift) in fits.items() if a.diagnosis.ok},
-        provenance(campaign, statuses, seed),
-    )
+    result = {
+        "schema": "estim-energy/1",
+        "title": campaign.title,
+        "kind": campaign.kind,
+        "status": gravest(statuses.values()),  # of the fits
+        "reasons": {r: a.diagnosis.reasons for r, (a, _) in fits.items() if not a.diagnosis.ok},
+        "statuses": statuses,
+        "energies": {e.run: summarise_energy(e) for e in records if statuses[e.run] == "ok"},
+        # by the runs that were fit together
+        "drift": {r: summarise_drift(drift) for r, (a, drift) in fits.items() if a.diagnosis.ok},
+        "provenance": provenance(campaign, statuses, seed),
+    }
     return page(
         {"figures/energy.png": partial(energy_figure, records, title=campaign.title, bad=bad)},
         "energy.md.j2",
@@ -209,7 +197,7 @@ def energy_report(
         wanted=figures,
         kind=campaign.kind,
         result=result,
-        energies=result.energies,
+        energies=result["energies"],
         percent=percent,
         drift_words=drift_words,
         energy_words=energy_words,

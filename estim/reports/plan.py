@@ -95,9 +95,7 @@ def plan_record(plan: Plan) -> dict[str, Any]:
             }
             for o in plan.options
         ],
-        "cannot_be_measured": [
-            {"what": o.change.words, "reason": o.reason} for o in plan.refused
-        ],
+        "cannot_be_measured": [{"what": o.change.words, "reason": o.reason} for o in plan.refused],
         "to_halve": {
             h.target.name: [
                 {"what": w.words, "ratio": w.ratio} for w in h.ways if np.isfinite(w.ratio)
