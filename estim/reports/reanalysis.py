@@ -6,6 +6,7 @@ import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -57,7 +58,6 @@ from estim.reports.result import (
 )
 from estim.reports.theta_min_line import (
     LINE_WORDS,
-    LineResult,
     line_estimate,
     line_figure,
     line_lines,
@@ -113,7 +113,7 @@ class ReanalysisResult(Report):
     title: str
     kind: str
     statuses: dict[str, str]
-    line: LineResult | None
+    line: dict[str, Any] | None
     runs: dict[str, Result]
     bodies: dict[str, BodySummary]
     paper: str
@@ -226,7 +226,7 @@ def reanalysis_report(r: Reanalysis, *, figures: FigureChoice = "main") -> dict[
         for name, screen in screens.items()
         for estimate in screen.estimates
     ]
-    if result.line is not None and result.line.status == "ok":
+    if result.line is not None and result.line["status"] == "ok":
         # its points are other data than the runs
         estimates.append(line_estimate(result.line, r.campaign.truth))
     head, rows = result_table(estimates, found=phrase("runs + stated values"))
@@ -444,17 +444,17 @@ def _energy_beside(bodies: Collection[BodySummary]) -> str:
     )
 
 
-def _line_beside(line: LineResult | None) -> str:
+def _line_beside(line: Mapping[str, Any] | None) -> str:
     """How the measured theta_min lie to the theory; "" where nothing can be said."""
-    if line is None or (above := line.above_theory) is None:
+    if line is None or (above := line["above_theory"]) is None:
         return ""
-    excess = above.excess
+    excess = above["excess"]
     return phrase(
         "{points} of {n} points lie above the theory with γ as stated; at their mean tilt of "
         "{tilt:.1f}° the fitted line is {excess} above it, {verdict}",
-        points=above.points,
-        n=line.n_obs,
-        tilt=math.degrees(above.tilt),
+        points=above["points"],
+        n=line["n_obs"],
+        tilt=math.degrees(above["tilt"]),
         excess=with_unit(shown(excess, math.degrees(1.0)), "°"),
         verdict=phrase(
             "which is more than its expanded uncertainty (k = 2)"
@@ -533,7 +533,7 @@ def _troubles(result: ReanalysisResult) -> list[tuple[str, str]]:
     """What is not ok, and why."""
     reasons = {f"run {name}": run.reasons for name, run in result.runs.items()}
     reasons |= {f"joint fit of {name}": body.joint.reasons for name, body in result.bodies.items()}
-    reasons |= {} if result.line is None else {"line": result.line.reasons}
+    reasons |= {} if result.line is None else {"line": result.line["reasons"]}
     return [
         (f"{called(what)}, {status}", "; ".join(reasons.get(what, [])))
         for what, status in result.statuses.items()
