@@ -43,12 +43,7 @@ from estim.reports.curve_figures import (
 from estim.reports.derived import derived_rows
 from estim.reports.deviation import discrepancy_figure, force_figure
 from estim.reports.explanation import explanation_text, runs_text, slip_words
-from estim.reports.identifiability import (
-    IdentifySection,
-    direction_figure,
-    identify_section,
-    profile_figure,
-)
+from estim.reports.identifiability import direction_figure, identify_section, profile_figure
 from estim.reports.pages import Drawers, finished, images, numbered, shortened
 from estim.reports.records import DRAWS, FELT
 from estim.reports.rendering import render
@@ -194,7 +189,7 @@ def _text(
     campaign: Subject,
     analysis: Analysis,
     result: Result,
-    section: IdentifySection,
+    section: Mapping[str, object],
     shares: Shares | None,
     pictures: Collection[str],
 ) -> str:
