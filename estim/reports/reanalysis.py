@@ -68,23 +68,6 @@ from estim.studies.published import Claim
 from estim.studies.reanalysis import BodyAnalysis, Reanalysis
 
 
-class BandSummary(Record):
-    """Posterior band against the propagated band of the stated inputs."""
-
-    median_ratio: float
-    largest_ratio: float
-    inside_68: float
-    inside_95: float
-    linear_off: float
-    dominating: list[tuple[float, float, str]]
-
-
-class LimitSummary(Record):
-    group: str
-    u: float
-    u_known: float
-
-
 class BodySummary(Record):
     gamma_masses: Quantity | None
     gamma_origin: str
@@ -93,20 +76,12 @@ class BodySummary(Record):
     drift: DriftSummary
     band_published: dict[str, float]  # what the propagated bands hold at a published value
     band_held: list[str]  # and at the fitted one
-    bands: dict[str, BandSummary]
+    # posterior band against the propagated band of the stated inputs
+    bands: dict[str, dict[str, Any]]
     runs_in_order: list[str]
     u_with_runs: dict[str, list[float]]
     u_single: dict[str, list[float]]
-    limits: dict[str, list[LimitSummary]]
-
-
-class PublishedRow(Record):
-    name: str
-    section: str
-    published: Quantity
-    reanalysed: Quantity
-    how: str
-    e_n: float
+    limits: dict[str, list[dict[str, Any]]]
 
 
 class ReanalysisResult(Report):
@@ -118,7 +93,7 @@ class ReanalysisResult(Report):
     bodies: dict[str, BodySummary]
     paper: str
     claims: list[Claim]
-    published: list[PublishedRow]
+    published: list[dict[str, Any]]
     provenance: Provenance
 
 
@@ -135,14 +110,16 @@ def reanalysis_result(r: Reanalysis) -> ReanalysisResult:
         paper=r.paper.paper,
         claims=list(r.paper.claim),
         published=[
-            PublishedRow(
-                c.published.name,
-                c.published.section,
-                Quantity(c.published.value, math.nan if c.published.u is None else c.published.u),
-                c.value,
-                c.how,
-                c.e_n,
-            )
+            {
+                "name": c.published.name,
+                "section": c.published.section,
+                "published": Quantity(
+                    c.published.value, math.nan if c.published.u is None else c.published.u
+                ),
+                "reanalysed": c.value,
+                "how": c.how,
+                "e_n": c.e_n,
+            }
             for c in r.published
         ],
         provenance=provenance(r.campaign, r.campaign.run_names, r.seed),
@@ -162,14 +139,14 @@ def _body(r: Reanalysis, body: BodyAnalysis) -> BodySummary:
         },
         band_held=list(dict.fromkeys(name for b in body.propagated for name in b.held)),
         bands={
-            b.run: BandSummary(
-                float(np.nanmedian(b.ratio)),
-                float(np.nanmax(b.ratio)),
-                b.inside[0.68],
-                b.inside[0.95],
-                float(np.nanmax(b.linear_off)),
-                [(stretch.start, stretch.stop, stretch.name) for stretch in b.budget.stretches],
-            )
+            b.run: {
+                "median_ratio": np.nanmedian(b.ratio),
+                "largest_ratio": np.nanmax(b.ratio),
+                "inside_68": b.inside[0.68],
+                "inside_95": b.inside[0.95],
+                "linear_off": np.nanmax(b.linear_off),
+                "dominating": [(part.start, part.stop, part.name) for part in b.budget.stretches],
+            }
             for b in body.propagated
             if ok
         },
@@ -178,7 +155,9 @@ def _body(r: Reanalysis, body: BodyAnalysis) -> BodySummary:
         u_single={name: table.u_single[:, i].tolist() for i, name in enumerate(table.names) if ok},
         limits={
             name: [
-                LimitSummary(x.group, x.u, x.u_known) for x in body.limits if x.parameter == name
+                {"group": x.group, "u": x.u, "u_known": x.u_known}
+                for x in body.limits
+                if x.parameter == name
             ]
             for name in table.names
             if ok
@@ -356,7 +335,9 @@ def _narrowing(result: ReanalysisResult) -> str:
     """How wide the bands of the curves are beside those of the stated inputs, as part of a
     caption.
     """
-    ratios = [band.median_ratio for body in result.bodies.values() for band in body.bands.values()]
+    ratios = [
+        band["median_ratio"] for body in result.bodies.values() for band in body.bands.values()
+    ]
     if not ratios:
         return ""
     least, most = significant(100.0 * min(ratios), 2), percentage(max(ratios))
@@ -558,11 +539,11 @@ def _limit_words(body: BodySummary) -> list[str]:
         clauses = [
             phrase(
                 "{u} if {symbol} were known exactly",
-                u=format_rounded(limit.u_known, limit.u_known),
-                symbol=body.joint.labels.symbol(limit.group),
+                u=format_rounded(limit["u_known"], limit["u_known"]),
+                symbol=body.joint.labels.symbol(limit["group"]),
             )
             for limit in limits
-            if limit.u_known < 0.9 * limit.u
+            if limit["u_known"] < 0.9 * limit["u"]
         ]
         sentences.append(
             phrase(
@@ -571,7 +552,7 @@ def _limit_words(body: BodySummary) -> list[str]:
                 else "u({symbol}) = {u} (least squares) is not limited by any other single "
                 "quantity.",
                 symbol=symbol,
-                u=format_rounded(limits[0].u, limits[0].u),
+                u=format_rounded(limits[0]["u"], limits[0]["u"]),
                 ways=phrase("; to ").join(clauses),
             )
         )
