@@ -490,7 +490,8 @@ def _checks(
         apart = sized and exact is not recorded
         whole = np.split(exact().T, ends[:-1], axis=1) if apart else []
         for i, run in enumerate(tested):
-            z = read[i][_squares(read[i]) >= run.z.size * _ALIKE**2]
+            void = _squares(read[i]) < run.z.size * _ALIKE**2
+            z = read[i][~void]
             drift[i] = max(drift[i], float(np.max(run.tests["trend"](z), initial=0.0)))
             for name in above[i]:
                 simulated = run.tests[name](whole[i] if apart and name in _OF_SIZE else z)
