@@ -20,14 +20,7 @@ import sys
 import numpy as np
 from scipy import stats
 
-from estim.checks.goodness_of_fit import (
-    P_POOR_FIT,
-    _Compared,
-    _growing,
-    _pattern,
-    _share_of_means,
-    _statistics,
-)
+from estim.checks.goodness_of_fit import P_POOR_FIT, _of_order, _pattern, _repeated, _uneven
 from estim.discrepancy.grid import SPIKE
 from estim.discrepancy.linearised import linearise
 from estim.discrepancy.own_curve import LONG, correlated_shapes, deviation_shapes, relative_grid
@@ -146,9 +139,8 @@ class Tests:
         self, x: np.ndarray, jacobian: np.ndarray, rng: np.random.Generator, n: int
     ) -> None:
         self.basis = np.linalg.qr(jacobian)[0]
-        self.compared = _Compared(
-            None, _growing(jacobian.sum(axis=1), x), _share_of_means(x, np.ones(x.size))
-        )
+        grows, repeated = _uneven(jacobian.sum(axis=1), x), _repeated(x, np.ones(x.size))
+        self.tests = _of_order(x.size, stated=True) | grows | repeated
         self.null = {name: np.sort(values) for name, values in self.drawn(rng, n).items()}
 
     def drawn(self, rng: np.random.Generator, n: int) -> dict[str, np.ndarray]:
@@ -160,7 +152,7 @@ class Tests:
         return {name: np.concatenate([one[name] for one in found]) for name in found[0]}
 
     def statistics(self, z: np.ndarray) -> dict[str, np.ndarray]:
-        return _statistics(z, self.compared)
+        return {name: test(z) for name, test in self.tests.items()}
 
     def p_values(self, found: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         above = {

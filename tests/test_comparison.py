@@ -166,10 +166,10 @@ def compared_speeds(folder: Path, rng: np.random.Generator, bad: dict[int, float
 
 
 def test_a_comparison_says_whether_the_choice_matters() -> None:
-    def row(status: str, *means: float) -> SimpleNamespace:
+    def row(status: str, *means: float) -> dict[str, object]:
         found = zip("ab", means, strict=True)
         posterior = {name: SimpleNamespace(mean=mean, sd=0.1) for name, mean in found}
-        return SimpleNamespace(status=status, posterior=posterior)
+        return {"status": status, "posterior": posterior}
 
     common = [SimpleNamespace(name=n, label=SimpleNamespace(symbol=n.upper())) for n in "ab"]
     rows = [row("ok", 1.0, 2.0), row("ok", 1.05, 2.03), row("poor-fit", 9.0, 9.0)]

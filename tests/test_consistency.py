@@ -14,7 +14,6 @@ from scipy import stats
 
 from estim.campaign import load_campaign
 from estim.checks.consistency import PRIORS, Consistency, check_consistency
-from estim.checks.run_information import each_without_one
 from estim.common.errors import InputError
 from estim.discrepancy.joint_runs import sharing_runs
 from estim.drawing import VERMILION, png
@@ -273,19 +272,3 @@ def test_figure_marks_the_run_that_disagrees(rng: np.random.Generator) -> None:
     assert colours.count(VERMILION) == 1
     assert png(lambda: figure)[:4] == b"\x89PNG"
     assert len(re.findall(r"^\| \w+ \| r\d \|", consistency_text(found), re.MULTILINE)) == 10
-
-
-def test_what_all_others_say_is_the_sum_without_one(rng: np.random.Generator) -> None:
-    for n in (1, 2, 6):
-        each = [(rng.standard_normal((3, 3)), rng.standard_normal(3)) for _ in range(n)]
-        for i, (information, score) in enumerate(each_without_one(each)):
-            np.testing.assert_allclose(
-                information,
-                sum(one for k, (one, _) in enumerate(each) if k != i) + np.zeros((3, 3)),
-                atol=1e-13,
-            )
-            np.testing.assert_allclose(
-                score,
-                sum(one for k, (_, one) in enumerate(each) if k != i) + np.zeros(3),
-                atol=1e-13,
-            )

@@ -270,28 +270,28 @@ def test_data_sets_are_simulated_until_every_p_value_is_known_well_enough(
         errors = rng.standard_normal((20, n))
         return (lambda: errors,) * 2
 
-    compared = goodness_of_fit._Compared(None, None, None)
-    usual = goodness_of_fit._Tested(np.random.default_rng(2).standard_normal(20), compared, True)
+    tests = goodness_of_fit._of_order(20, stated=True)
+    usual = goodness_of_fit._Tested(np.random.default_rng(2).standard_normal(20), tests)
     (checks,) = goodness_of_fit._checks([usual], simulate)
     least = min(check.p_value for check in checks.values())
     assert 10.0 <= round(least * (1 + sum(sizes)) - 1.0, 9) < 11.0 + least * 500
     assert max(sizes) * n_error <= 1e5 or max(sizes) == 1
     sizes.clear()
     errors = np.random.default_rng(2).standard_normal(20)
-    nearly = goodness_of_fit._Tested(errors + np.linspace(-1.5, 1.5, 20), compared, True)
+    nearly = goodness_of_fit._Tested(errors + np.linspace(-1.5, 1.5, 20), tests)
     (checks,) = goodness_of_fit._checks([nearly], simulate)
     least = min(check.p_value for check in checks.values())
     if n_error == 30:  # enough can be drawn
         assert P_POOR_FIT < least < 3.0 * P_POOR_FIT
         assert round(least * (1 + sum(sizes)) - 1.0, 9) >= 25.0
     sizes.clear()
-    trending = goodness_of_fit._Tested(np.linspace(-2.0, 2.0, 20), compared, True)
+    trending = goodness_of_fit._Tested(np.linspace(-2.0, 2.0, 20), tests)
     (checks,) = goodness_of_fit._checks([trending], simulate)
     assert sum(sizes) == max(2600, min(20_000, int(4e7 / n_error)))
     assert checks["trend"].p_value == 1.0 / (1.0 + sum(sizes)) < P_POOR_FIT
     sizes.clear()
     # smaller than those of one data set in 200: not of all
-    small = goodness_of_fit._Tested(errors * np.sqrt(7.43 / (errors @ errors)), compared, True)
+    small = goodness_of_fit._Tested(errors * np.sqrt(7.43 / (errors @ errors)), tests)
     (checks,) = goodness_of_fit._checks([small], simulate)
     if n_error == 30:
         below = (1.0 - checks["chi2"].p_value) * (1 + sum(sizes))

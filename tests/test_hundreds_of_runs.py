@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,10 +19,8 @@ from estim.fitting import arrowhead, relaxation
 from estim.fitting.least_squares import fit_least_squares
 from estim.fitting.prior_limits import around
 from estim.fitting.relaxation import settle_by_runs
-from estim.pipeline import Analysis
 from estim.problem.posterior import Problem
 from estim.reports.pages import MOST_ROWS, shortened
-from estim.reports.records import correlation_of
 
 
 def test_all_pulls_from_one_solution_are_those_of_leaving_each_out_and_name_a_wrong_tilt() -> None:
@@ -158,28 +156,6 @@ def test_a_long_table_is_cut_and_the_whole_of_it_stands_beside() -> None:
     assert shortened(text.replace(rows[-1] + "\n", ""))["report.md"].decode() == text.replace(
         rows[-1] + "\n", ""
     )
-
-
-def test_of_many_parameters_those_that_are_tied_most_keep_their_correlations(
-    rng: np.random.Generator,
-) -> None:
-    """100 runs of two parameters each that share two more; run 90 alone ties its own two."""
-    names = ["a", "b", *(f"{name}[{i}]" for i in range(100) for name in ("c", "d"))]
-    draws = rng.standard_normal((400, len(names)))
-    draws[:, names.index("d[90]")] += 3.0 * draws[:, names.index("c[90]")]
-    shared = np.array([0, 1])
-    used = tuple(np.append(shared, [2 + 2 * i, 3 + 2 * i]) for i in range(100))
-    problem = SimpleNamespace(
-        n_par=len(names), names=names, columns=used, foremost=lambda most: list(range(most))
-    )
-    found = correlation_of(
-        cast(Analysis, SimpleNamespace(problem=problem, chain=SimpleNamespace(flat=draws)))
-    )
-    assert 148 < len(found.names) <= 150
-    assert {"a", "b", "c[90]", "d[90]"} <= set(found.names)
-    i, j = found.names.index("c[90]"), found.names.index("d[90]")
-    assert found.matrix[i][j] == max(abs(r) for k, row in enumerate(found.matrix) for r in row[:k])
-    assert found.matrix[i][j] == pytest.approx(3.0 / np.sqrt(10.0), abs=0.02)
 
 
 @pytest.mark.slow

@@ -154,24 +154,24 @@ def _pulls_at_once(
     Without row k the least squares are e^2/(1 - h) lower, e its residual and h its leverage (Cook
     and Weisberg, Residuals (1982) 2.2).
     """
-    rows = np.vstack([model.rows, pull_rows]) * model.scale
-    gram, low, high = rows.T @ rows, model.low / model.scale, model.high / model.scale
-    scaled, apart = each.T @ pull_rows * model.scale, each.T @ off
+    rows, scaled = (
+        np.vstack([model.rows, pull_rows]) * model.scale,
+        each.T @ pull_rows * model.scale,
+    )
+    aim = np.concatenate([model.aim, -off])
     try:
-        np.linalg.cholesky(gram)
-        solved = np.linalg.solve(
-            gram, np.column_stack([rows.T @ np.concatenate([model.aim, -off]), scaled.T])
-        )
+        np.linalg.cholesky(rows.T @ rows)
+        solved = np.linalg.solve(rows.T @ rows, np.column_stack([rows.T @ aim, scaled.T]))
     except np.linalg.LinAlgError:
         return np.full(off.size, np.nan)
     step, follow = solved[:, 0], solved[:, 1:]
-    residual, room = scaled @ step + apart, 1.0 - np.sum(scaled * follow.T, axis=1)
+    residual, room = scaled @ step + each.T @ off, 1.0 - np.sum(scaled * follow.T, axis=1)
     room = np.where(room > ALONE, room, np.nan)
-    inside = np.ones(off.size, dtype=bool) & bool(np.all((step >= low) & (step <= high)))
-    for i in np.flatnonzero(np.isfinite(low) | np.isfinite(high)):
-        moved = step[i] + follow[i] * residual / room
-        inside &= (moved >= low[i]) & (moved <= high[i])
-    return np.where(inside, residual / np.sqrt(room), np.nan)
+    # with all of them, and without each
+    ends = np.column_stack([step, step[:, None] + follow * (residual / room)])
+    low, high = (edge[:, None] / model.scale[:, None] for edge in (model.low, model.high))
+    inside = np.all((ends >= low) & (ends <= high), axis=0)
+    return np.where(inside[0] & inside[1:], residual / np.sqrt(room), np.nan)
 
 
 def _distance(problem: Problem, unstated: Fit, i: int) -> float:

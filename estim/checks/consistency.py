@@ -45,7 +45,6 @@ from estim.checks.run_information import (
     Rows,
     copies_of,
     copies_of_priors,
-    each_without_one,
     measurements,
     total_of,
 )
@@ -212,7 +211,9 @@ def check_consistency(fit: Fit) -> Consistency:
     centre = fit.values[shared]
     prior = copies[-1].together
     of = {name: copy for copy in copies for name in copy.sources}
-    others = dict(zip(copies, each_without_one([copy.together for copy in copies]), strict=True))
+    others = {
+        copy: total_of([other.together for other in copies if other is not copy]) for copy in copies
+    }
     alone = {name: _estimate(centre, total_of([of[name].alone(name), prior])) for name in names}
     return Consistency(
         shared=tuple(problem.names[i] for i in shared),

@@ -83,6 +83,10 @@ _OF_NEIGHBOURS = frozenset(("runs", "autocorrelation"))
 P_FLOOR = 1.0 / (1.0 + _N_SIMULATED)  # a p-value of the tests below cannot come out smaller
 
 
+# What gives of whitened residuals (n, n_obs) of n data sets a statistic (n,), large where the model
+# is wrong
+Statistic = Callable[[FloatArray], FloatArray]
+_OF_SIZE = ("chi2", "repeated")  # statistics that are compared with those of exact residuals
 # What gives the exact residuals of simulated data sets, and what gives them as recorded, once:
 # one and the same where nothing is rounded
 Drawn = tuple[Callable[[], FloatArray], Callable[[], FloatArray]]
@@ -225,7 +229,7 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
         whitened = group.split(response.z)
         dof = _dof(response.root) if known else 0
         tested = [
-            _Tested(z, _compared(run, named, raw_and_sd[run.name][1]), run.stated, dof)
+            _Tested(z, _tests_of(run, named, raw_and_sd[run.name][1]), dof)
             for run, z in zip(group.runs, whitened, strict=True)
         ]
         record = _recording(
@@ -259,8 +263,8 @@ def check_linear(
     """
     n_par = root.shape[1]
     (spread,) = spreads_by_runs([root], [np.arange(n_par)], np.zeros((n_par, n_par)))
-    compared = _Compared(None, _growing(f, x), _share_of_means(x, sd))
-    tested = _Tested(z, compared, stated, _dof(root))
+    tests = _of_order(z.size, stated=stated) | _uneven(f, x) | _repeated(x, sd)
+    tested = _Tested(z, tests, _dof(root))
     record = _recording([(y, z, y - f, sd)])
     (checks,) = _checks([tested], _simulated(Linear(z, root), spread, record, rng))
     return Goodness("", z, z * sd, sd, checks, float("nan"), pattern=_pattern(z), curve=True)
@@ -428,22 +432,18 @@ def _dof(root: FloatArray) -> int:
 
 @dataclass(frozen=True, eq=False)
 class _Tested:
-    """Whitened residuals z (n_obs,), and what they may go with.
+    """Whitened residuals z (n_obs,), and their tests by name.
 
-    stated : whether the size of the errors was; else chi2 says nothing.
     dof : of chi2, where its distribution is known; 0 where it is simulated too.
     """
 
     z: FloatArray
-    compared: _Compared
-    stated: bool
+    tests: Mapping[str, Statistic]
     dof: int = 0
 
     @cached_property
     def statistics(self) -> dict[str, float]:
-        """Every one large where the model is wrong."""
-        values = _statistics(self.z[None, :], self.compared)
-        return {name: float(values[name][0]) for name in values if name != "chi2" or self.stated}
+        return {name: float(test(self.z[None, :])[0]) for name, test in self.tests.items()}
 
 
 def _checks(
@@ -467,7 +467,7 @@ def _checks(
         if run.dof > 0:
             counts.pop("chi2", None)
     below, seen = ([dict(counts) for counts in above] for _ in range(2))
-    sized = any(name in counts for counts in above for name in ("chi2", "repeated"))
+    sized = any(name in counts for counts in above for name in _OF_SIZE)
     ends = np.cumsum([run.z.size for run in tested])
     n_error = int(ends[-1])
     n_most = int(among * np.clip(_MOST_NUMBERS / n_error, _LEAST_SIMULATED, _N_SIMULATED))
@@ -486,23 +486,21 @@ def _checks(
     ):
         more = min(at_once, n_most - n)
         exact, recorded = simulate(more)
-        sizes: list[dict[str, FloatArray]] = [{} for _ in tested]
-        if sized and exact is not recorded:
-            nulls = np.split(exact().T, ends[:-1], axis=1)
-            sizes = [_sizes(z, run.compared) for run, z in zip(tested, nulls, strict=True)]
-        nulls = np.split(recorded().T, ends[:-1], axis=1)
-        for i, (run, z) in enumerate(zip(tested, nulls, strict=True)):
-            simulated = _statistics(z, run.compared)
-            void = simulated["chi2"] < run.z.size * _ALIKE**2
-            drift[i] = max(drift[i], float(np.max(simulated["trend"][~void], initial=0.0)))
-            simulated = {name: values[~void] for name, values in simulated.items()} | sizes[i]
+        read = np.split(recorded().T, ends[:-1], axis=1)
+        apart = sized and exact is not recorded
+        whole = np.split(exact().T, ends[:-1], axis=1) if apart else []
+        for i, run in enumerate(tested):
+            void = _squares(read[i]) < run.z.size * _ALIKE**2
+            z = read[i][~void]
+            drift[i] = max(drift[i], float(np.max(run.tests["trend"](z), initial=0.0)))
             for name in above[i]:
+                simulated = run.tests[name](whole[i] if apart and name in _OF_SIZE else z)
                 # the others are of the order of 1, and rounding where the curve leaves them no room
                 room = _ALIKE * (abs(run.statistics[name]) if name == "chi2" else 1.0)
-                beyond = simulated[name] - run.statistics[name]
+                beyond = simulated - run.statistics[name]
                 above[i][name] += int(np.count_nonzero(beyond >= -room))
                 below[i][name] += int(np.count_nonzero(beyond <= room))
-                seen[i][name] += simulated[name].size
+                seen[i][name] += simulated.size
         n += more
     checked = []
     for run, upper, lower, many, largest in zip(tested, above, below, seen, drift, strict=True):
@@ -515,7 +513,7 @@ def _checks(
             )
             for name, count in upper.items()
         }
-        if run.dof > 0 and run.stated:
+        if run.dof > 0 and "chi2" in run.tests:
             chi2 = run.statistics["chi2"]
             p = chi2_p(chi2, run.dof)
             checks["chi2"] = Check(chi2, max(p, P_FLOOR / among), TESTS["chi2"], 1.0 - p)
@@ -527,95 +525,100 @@ def _checks(
     return checked
 
 
-def _share_of_means(x: FloatArray, sd: FloatArray) -> Callable[[FloatArray], FloatArray] | None:
-    """What gives of each row of z (n, n_obs) the part (n,) of chi2 that the means of the readings
-    at each x have; None where too few are repeated.
-    """
-    order = np.argsort(x, kind="stable")
-    _, begins, counts = np.unique(x[order], return_index=True, return_counts=True)
-    if x.size - begins.size < _LEAST_REPEATED:
-        return None
-    precisions = 1.0 / np.square(sd[order])
-    # squares of sum 1 at each x
-    weights = np.sqrt(precisions / np.repeat(np.add.reduceat(precisions, begins), counts))
-
-    def share(z: FloatArray) -> FloatArray:
-        means = np.add.reduceat(z[:, order] * weights, begins, axis=1)
-        return np.sum(means**2, axis=1)
-
-    return share
-
-
-@dataclass(frozen=True, eq=False)
-class _Compared:
-    """What residuals may go with.  speeds : (1, n_obs) of a motion.  growing : (n, n_obs) of a
-    curve.  Of each None where there is none.
-    """
-
-    speeds: FloatArray | None
-    growing: FloatArray | None
-    repeated: Callable[[FloatArray], FloatArray] | None
-
-
-def _compared(run: Observations, named: Mapping[str, FloatArray], sd: FloatArray) -> _Compared:
-    """sd : (n_obs,) standard deviations of y about the curve."""
-    arguments = run.bind(named)
+def _tests_of(
+    run: Observations, named: Mapping[str, FloatArray], sd: FloatArray
+) -> dict[str, Statistic]:
+    """The tests of a run.  sd : (n_obs,) standard deviations of y about the curve."""
+    tests, arguments = _of_order(run.n_obs, stated=run.stated), run.bind(named)
     values = (
         run.curve.local(run.x, arguments).slope
         if run.positions
         else run.curve.value(run.x, arguments)
     )
-    values = np.broadcast_to(values, (1, run.n_obs))
+    values = np.broadcast_to(values, (1, run.n_obs))[0]
     if run.motion is None:
         # what makes up for a bump is not the same everywhere
         local = run.lacks is not None and run.lacks.deviation > 0.0
-        return _Compared(
-            None, None if local else _growing(values[0], run.x), _share_of_means(run.x, sd)
-        )
-    square = np.square(values)
-    return _Compared(square / np.mean(square) - 1.0 if np.ptp(square) > 0.0 else None, None, None)
+        return tests | ({} if local else _uneven(values, run.x)) | _repeated(run.x, sd)
+    return tests | _speed(values)
 
 
-def _growing(f: FloatArray, x: FloatArray) -> FloatArray | None:
-    """(n, n_obs) standardised curve, its size and abscissa (n_obs,), of those that are not the same
-    everywhere.
+def _of_order(n: int, *, stated: bool) -> dict[str, Statistic]:
+    """Of the size of n residuals, if that was `stated`, and of their order."""
+    slow = _slow(n, 3)
+    tests: dict[str, Statistic] = {
+        "runs": lambda z: -np.sum(np.diff(np.signbit(z), axis=1), axis=1).astype(float),
+        "autocorrelation": lambda z: np.einsum("ij,ij->i", z[:, 1:], z[:, :-1]) / _size(z),
+        "trend": lambda z: np.max(np.abs(z @ slow), axis=1) / np.sqrt(_size(z) / n),
+        "largest": lambda z: np.max(np.abs(z), axis=1) / np.sqrt(_size(z) / n),
+    }
+    return {"chi2": _squares} | tests if stated else tests
+
+
+def _squares(z: FloatArray) -> FloatArray:
+    return np.einsum("ij,ij->i", z, z)
+
+
+def _size(z: FloatArray) -> FloatArray:
+    """Of residuals that are all exactly zero, which have no shape, 1."""
+    return _or_one(_squares(z))
+
+
+def _or_one(values: FloatArray) -> FloatArray:
+    return np.where(values > 0.0, values, 1.0)
+
+
+def _uneven(f: FloatArray, x: FloatArray) -> dict[str, Statistic]:
+    """Whether residuals grow with the curve (n_obs,), its size or the abscissa, with those that are
+    not the same everywhere.
     """
     centred = [w - np.mean(w) for w in (f, np.abs(f), x) if float(np.ptp(w)) > _SAME * max_abs(w)]
-    return np.array([w / np.sqrt(np.mean(np.square(w))) for w in centred]) if centred else None
+    if not centred:
+        return {}
+    growing = np.array([w / np.sqrt(np.mean(np.square(w))) for w in centred])
+
+    def uneven(z: FloatArray) -> FloatArray:
+        sizes = np.abs(z)
+        return np.max(np.abs(sizes @ growing.T), axis=1) / _or_one(np.sum(sizes, axis=1))
+
+    return {"uneven": uneven}
+
+
+def _repeated(x: FloatArray, sd: FloatArray) -> dict[str, Statistic]:
+    """The part of chi2 that the means of the readings at each x have; none where too few are
+    repeated.
+    """
+    order = np.argsort(x, kind="stable")
+    _, begins, counts = np.unique(x[order], return_index=True, return_counts=True)
+    if x.size - begins.size < _LEAST_REPEATED:
+        return {}
+    precisions = 1.0 / np.square(sd[order])
+    # squares of sum 1 at each x
+    weights = np.sqrt(precisions / np.repeat(np.add.reduceat(precisions, begins), counts))
+
+    def repeated(z: FloatArray) -> FloatArray:
+        means = np.add.reduceat(z[:, order] * weights, begins, axis=1)
+        return np.sum(means**2, axis=1) / _size(z)
+
+    return {"repeated": repeated}
+
+
+def _speed(v: FloatArray) -> dict[str, Statistic]:
+    """Whether residuals grow with the speed (n_obs,) of a body."""
+    square = np.square(v)
+    if not np.ptp(square) > 0.0:
+        return {}
+    faster = square / np.mean(square) - 1.0
+
+    def speed(z: FloatArray) -> FloatArray:
+        sizes = np.abs(z)
+        held = np.minimum(sizes, _BEYOND * np.median(sizes, axis=1, keepdims=True))
+        return (held @ faster) / _or_one(np.sum(held, axis=1))
+
+    return {"speed": speed}
 
 
 def _slow(n: int, order: int) -> FloatArray:
     """(n, n_shape) orthonormal polynomials up to an order."""
     places = np.linspace(-1.0, 1.0, n)
     return np.linalg.qr(np.polynomial.legendre.legvander(places, min(order, n - 1)))[0]
-
-
-def _sizes(z: FloatArray, compared: _Compared) -> dict[str, FloatArray]:
-    """Those of the statistics below that are compared with exact residuals."""
-    square = np.einsum("ij,ij->i", z, z)
-    if compared.repeated is None:
-        return {"chi2": square}
-    return {"chi2": square, "repeated": compared.repeated(z) / np.where(square > 0.0, square, 1.0)}
-
-
-def _statistics(z: FloatArray, compared: _Compared) -> dict[str, FloatArray]:
-    """Name -> (n,) statistic of each row of z (n, n_obs)."""
-    n, sizes, whole = z.shape[1], np.abs(z), _sizes(z, compared)
-    square = whole["chi2"]
-    size = np.where(square > 0.0, square, 1.0)  # residuals that are all exactly zero have no shape
-    statistics = {
-        "chi2": square,
-        "runs": -np.sum(np.signbit(z[:, 1:]) != np.signbit(z[:, :-1]), axis=1).astype(float),
-        "autocorrelation": np.einsum("ij,ij->i", z[:, 1:], z[:, :-1]) / size,
-        "trend": np.max(np.abs(z @ _slow(n, 3)), axis=1) / np.sqrt(size / n),
-        "largest": np.max(sizes, axis=1) / np.sqrt(size / n),
-    }
-    total = np.where(square > 0.0, np.sum(sizes, axis=1), 1.0)
-    if compared.growing is not None:
-        statistics["uneven"] = np.max(np.abs(sizes @ compared.growing.T), axis=1) / total
-    statistics |= whole
-    if compared.speeds is not None:
-        held = np.minimum(sizes, _BEYOND * np.median(sizes, axis=1, keepdims=True))
-        total = np.sum(held, axis=1)
-        statistics["speed"] = (held @ compared.speeds.T)[:, 0] / np.where(total > 0.0, total, 1.0)
-    return statistics

@@ -233,19 +233,6 @@ def total_of(quadratics: Sequence[Quadratic]) -> Quadratic:
     return np.asarray(sum(q[0] for q in quadratics)), np.asarray(sum(q[1] for q in quadratics))
 
 
-def each_without_one(quadratics: Sequence[Quadratic]) -> tuple[Quadratic, ...]:
-    """For each the total of all the others: of those before it and those after it."""
-
-    def others(parts: FloatArray) -> FloatArray:
-        nothing = np.zeros_like(parts[:1])
-        before, after = np.cumsum(parts[:-1], axis=0), np.cumsum(parts[:0:-1], axis=0)[::-1]
-        return np.concatenate([nothing, before]) + np.concatenate([after, nothing])
-
-    return tuple(
-        zip(*(others(np.array(parts)) for parts in zip(*quadratics, strict=True)), strict=True)
-    )
-
-
 def measurements(copies: Sequence[Copies]) -> Rows:
     """Quadratics as measurements with unit errors, in coordinates where all sources together have
     unit information.

@@ -13,5 +13,4 @@ from estim.line.stated_errors import Correlated, commons
 from estim.line.table_line import Columns, PredictedPoint, StraightLine, straight_line
 from estim.line.release_likelihood import effective_start
 from estim.line.release_analysis import UNKNOWNS, WAYS, TrialsAnalysis, analyse_trials
-from estim.line.thresholds import Threshold
 from estim.line.trial_data import HIGH, LOW, read_trials

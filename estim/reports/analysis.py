@@ -19,14 +19,12 @@ from estim.common import (
     as_json,
     format_quantity,
     format_rounded,
-    later,
     phrase,
     table,
 )
 from estim.explanation import Explanation, across_runs
 from estim.fitting import MANY_RUNS, ProfileInterval
 from estim.pipeline import Analysis
-from estim.problem import Observations
 from estim.reports.budget import Shares, budget_figure, budget_of, shares_of
 from estim.reports.consistency import consistency_text, forest_figure
 from estim.reports.copying import copies_of
@@ -43,12 +41,7 @@ from estim.reports.curve_figures import (
 from estim.reports.derived import derived_rows
 from estim.reports.deviation import discrepancy_figure, force_figure
 from estim.reports.explanation import explanation_text, runs_text, slip_words
-from estim.reports.identifiability import (
-    IdentifySection,
-    direction_figure,
-    identify_section,
-    profile_figure,
-)
+from estim.reports.identifiability import direction_figure, identify_section, profile_figure
 from estim.reports.pages import Drawers, finished, images, numbered, shortened
 from estim.reports.records import DRAWS, FELT
 from estim.reports.rendering import render
@@ -194,7 +187,7 @@ def _text(
     campaign: Subject,
     analysis: Analysis,
     result: Result,
-    section: IdentifySection,
+    section: Mapping[str, object],
     shares: Shares | None,
     pictures: Collection[str],
 ) -> str:
@@ -217,7 +210,7 @@ def _text(
         screen=screen,
         screen_table=table(screen.head, screen.rows),
         copies=copies_of(screen.estimates, kind=result.kind) if screen.estimates else None,
-        caption=caption_of(result, analysis.problem.runs),
+        numbered=all(run.numbered for run in analysis.problem.runs),
         several=[", ".join(run.places) for run in analysis.problem.runs if run.places],
         budget=shares,
         result=result,
@@ -255,7 +248,6 @@ def _text(
         corner_words=corner_words(analysis.problem, truth=bool(campaign.truth)),
         lacks=result.curve_deviation,
         explanation="" if analysis.explanation is None else explanation_text(analysis.explanation),
-        robust=any(run.robust for run in result.runs.values()),
         counts=counts_text(analysis.fit, pictures),
         deviation=result.deviation,
         complete=complete_runs([result]),
@@ -272,8 +264,7 @@ def _text(
         ]
         if result.status == "ok"
         else [],
-        drawn=MOST_DRAWN if len(result.runs) > MOST_DRAWN else None,
-        uncorrelated=max(len(result.correlation.names) - _MOST_CORRELATED, 0),
+        drawn=MOST_DRAWN,
         x_named="x" in re.findall(r"\w+", result.formula or ""),
     )
 
@@ -363,43 +354,3 @@ def prior_cell(p: ParameterSummary, shown: Label) -> str:
             value=format_quantity(p.prior_mean * shown.factor, p.prior_sd * shown.factor),
         )
     return p.prior + (f" {p.unit}" if p.unit != "1" and shown.factor != 1.0 else "")
-
-
-def caption_of(result: Result, runs: Sequence[Observations]) -> str:
-    """What the marks of the main figure mean."""
-    left_out = any(run.excluded for run in result.runs.values())
-    points = phrase(
-        "Points: data ± one standard deviation (crosses: excluded)."
-        if left_out
-        else "Points: data ± one standard deviation."
-    )
-    forces = list((result.deviation or {}).values())
-    if all(run.numbered for run in runs):
-        curve = later(
-            "The blue line shows where the data would equal the fitted value of the most "
-            "probable curve."
-        )
-    elif result.status != "ok":
-        curve = (
-            later(
-                "Blue: the most probable curve, without an unmodelled force and starting "
-                "from rest; there are no bands, because the status is not ok."
-            )
-            if forces
-            else later(
-                "Blue: the most probable curve; there are no bands, because the status is not ok."
-            )
-        )
-    elif any(force.drawn for force in forces):
-        curve = later(
-            "Blue: the curve including the unmodelled force, 68 and 95 %. Grey: a new "
-            "reading, 95 %."
-        )
-    elif result.curve_deviation or forces:
-        curve = later(
-            "Blue: the curve without the unmodelled deviation, 68 and 95 %. Grey: a new "
-            "reading without it, 95 %."
-        )
-    else:
-        curve = later("Blue: the curve, 68 and 95 %. Grey: a new reading, 95 %.")
-    return f"{points} {phrase(curve)}"

@@ -15,7 +15,7 @@ from estim.common import Label, behind, format_rounded, number, phrase, signed, 
 from estim.discrepancy import DEVIATION, FORCE, FRAMES, START
 from estim.drawing import BLUE, INK, Figure, grid, name_ticks
 from estim.pipeline import Analysis
-from estim.reports.derived import derived_labels
+from estim.reports.derived import derived_columns
 from estim.reports.records import DRAWS, Labels, Record
 from estim.studies.fit_budget import PRIOR, READINGS, STATED, Budget, Source, uncertainty_budget
 
@@ -131,9 +131,10 @@ def shares_of(analysis: Analysis, budget: Budget, labels: Labels) -> Shares:
     of many runs) together, small ones too.
     """
     between = {name for name in analysis.problem.names if split_level(name)[0].endswith("_shift")}
+    derived = {name: label for name, (_, label) in derived_columns(analysis).items()}
     known = [  # how far single runs are from the mean of all is no result
         (budget.names.index(name), label)
-        for name, label in (*derived_labels(analysis).items(), *labels.parameters.items())
+        for name, label in (*derived.items(), *labels.parameters.items())
         if name in budget.names and name not in between
     ]
     chosen = known[:8]

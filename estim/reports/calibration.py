@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -31,48 +32,12 @@ from estim.common import (
 from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, fill, grid, name_ticks
 from estim.problem import Problem
 from estim.reports.pages import Drawers, page
-from estim.reports.records import Record, Report
-from estim.reports.result import Provenance, provenance
+from estim.reports.result import provenance
 from estim.words import direction_words, tell
 
 SCHEMA = "estim-calibration/1"
 _AT = {"sbc": "priors", "coverage": "fit"}
 _ENGINES = PhraseTable({"importance sampling": "importance sampling", "chain": "chain"})
-
-
-class CoverageRecord(Record):
-    """Share of the trials whose interval of `probability` held the truth; sd of that share if
-    intervals keep their word.
-    """
-
-    probability: float
-    share: float
-    sd: float
-
-
-class NumberRecord(Record):
-    unit: str
-    p_value: float | None
-    mean_rank: float | None  # as a share of all ranks; 0.5 where estimates are not biased
-    coverage: list[CoverageRecord]
-
-
-class CalibrationRecord(Report):
-    what: str
-    status: str
-    findings: list[str]
-    runs: list[str]
-    n_trial: int
-    n_rejected: int
-    n_failed: int
-    n_short: int
-    engines: dict[str, int]
-    failures: dict[str, int]
-    leaning: list[str]
-    n_rank: int
-    numbers: dict[str, NumberRecord]
-    ranks: dict[str, list[int]]
-    provenance: Provenance
 
 
 def unlike_fit(problem: Problem, with_usual_errors: Problem) -> str:
@@ -126,38 +91,43 @@ def calibration_report(
     )
 
 
-def calibration_record(campaign: Campaign, c: Calibration) -> CalibrationRecord:
-    """Every number of a calibration."""
+def calibration_record(campaign: Campaign, c: Calibration) -> dict[str, Any]:
+    """Every number of a calibration, as `calibration.json` has it."""
     found = findings(c)
     numbers = {}
     for name, unit in c.reported.items():
         places = c.places_of(name)
-        held = zip(PROBABILITIES, c.share(name).tolist(), c.share_sd().tolist(), strict=True)
-        mean = float(np.mean(places)) if places.size else float("nan")
-        numbers[name] = NumberRecord(
-            unit, number(c.p_value(name)), number(mean), [CoverageRecord(*cells) for cells in held]
-        )
-    return CalibrationRecord(
-        schema_=SCHEMA,
-        what=c.what,
-        status=decide(found),
-        findings=[tell(f) for f in found],
-        runs=list(c.runs),
-        n_trial=c.n_trial,
-        n_rejected=c.n_rejected,
-        n_failed=c.n_failed,
-        n_short=c.n_short,
-        engines=dict(c.how),
-        failures=dict(c.failures),
-        leaning=list(c.leaning),
-        n_rank=N_RANK,
-        numbers=numbers,
-        ranks={name: c.ranks[:, i].tolist() for i, name in enumerate(c.reported)},
-        provenance=provenance(campaign, c.runs, c.seed),
-    )
+        held = zip(PROBABILITIES, c.share(name), c.share_sd(), strict=True)
+        numbers[name] = {
+            "unit": unit,
+            "p_value": number(c.p_value(name)),
+            # as a share of all ranks; 0.5 where estimates are not biased
+            "mean_rank": np.mean(places) if places.size else None,
+            # share of the trials whose interval held the truth; sd of that if intervals keep
+            # their word
+            "coverage": [{"probability": p, "share": share, "sd": sd} for p, share, sd in held],
+        }
+    return {
+        "schema": SCHEMA,
+        "what": c.what,
+        "status": decide(found),
+        "findings": [tell(f) for f in found],
+        "runs": c.runs,
+        "n_trial": c.n_trial,
+        "n_rejected": c.n_rejected,
+        "n_failed": c.n_failed,
+        "n_short": c.n_short,
+        "engines": dict(c.how),
+        "failures": dict(c.failures),
+        "leaning": c.leaning,
+        "n_rank": N_RANK,
+        "numbers": numbers,
+        "ranks": {name: c.ranks[:, i] for i, name in enumerate(c.reported)},
+        "provenance": provenance(campaign, c.runs, c.seed),
+    }
 
 
-def _part(c: Calibration, record: CalibrationRecord) -> Mapping[str, object]:
+def _part(c: Calibration, record: Mapping[str, Any]) -> Mapping[str, object]:
     """What the template says of one calibration."""
     engines = [
         phrase("{count} by {how}", count=count, how=_ENGINES[how])
@@ -167,8 +137,8 @@ def _part(c: Calibration, record: CalibrationRecord) -> Mapping[str, object]:
     return {
         "calibration": c,
         "at": _AT[c.what],
-        "findings": record.findings,
-        "numbers": record.numbers,
+        "findings": record["findings"],
+        "numbers": record["numbers"],
         "directions": {name: direction_words(direction(c, name)) for name in c.reported},
         "sds": [f"{100 * sd:.1f}" for sd in c.share_sd()],
         "engines": ", ".join(engines),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -13,30 +14,10 @@ from estim.common import FigureChoice, PhraseTable, number, phrase, significant
 from estim.problem import Parameter
 from estim.reports.models import values_figure
 from estim.reports.pages import page
-from estim.reports.records import Record
 from estim.reports.result import provenance
-from estim.sampling import Summary
 from estim.studies.noise_comparison import Refit, in_common
 
 _DATA = PhraseTable({"positions": "positions", "speeds": "speeds"})
-
-
-class ComparedSummary(Record):
-    name: str
-    words: str
-    data: str
-    n_obs: int
-    status: str
-    reasons: list[str]
-    posterior: dict[str, Summary]
-    elpd: float | None
-    se_elpd: float | None
-    p_loo: float | None
-    behind: float | None
-    se_behind: float | None
-    log_evidence: float | None
-    u_log_evidence: float | None
-    influential: dict[str, list[float]]
 
 
 def compare_report(
@@ -55,9 +36,8 @@ def compare_report(
         "models": summaries,
         "provenance": provenance(campaign, runs, seed),
     }
-    compared_values = [(s.name, s.status == "ok", s.posterior) for s in summaries]
     return page(
-        {"figures/comparison.png": partial(values_figure, compared_values, common)},
+        {"figures/comparison.png": partial(values_figure, summaries, common)},
         "compare.md.j2",
         {"comparison.json": record},
         wanted=figures,
@@ -70,20 +50,20 @@ def compare_report(
         influential=INFLUENTIAL,
         behind=4.0,  # difference of elpd below which models predict alike, whatever its error
         folder=folder_of,
-        several_data=len({s.data for s in summaries}) > 1,
-        data=[_DATA[s.data] for s in summaries],
+        several_data=len({c.data for c in compared}) > 1,
+        data=[_DATA[c.data] for c in compared],
     )
 
 
-def _verdict(rows: Sequence[ComparedSummary], common: Sequence[Parameter]) -> str:
+def _verdict(rows: Sequence[Mapping[str, Any]], common: Sequence[Parameter]) -> str:
     """Whether it matters for the estimates which of the models with status ok is taken, in one
     sentence.
     """
-    ok = [row for row in rows if row.status == "ok"]
+    ok = [row for row in rows if row["status"] == "ok"]
     if len(ok) < 2:
         return phrase("{ok} of {n} models have status ok", ok=len(ok), n=len(rows))
     values = np.array(
-        [[(s.mean, s.sd) for s in (row.posterior[p.name] for p in common)] for row in ok], float
+        [[(s.mean, s.sd) for s in (row["posterior"][p.name] for p in common)] for row in ok], float
     )
     apart = np.ptp(values[..., 0], axis=0) / np.max(values[..., 1], axis=0)
     most = int(np.argmax(apart))
@@ -102,24 +82,24 @@ def folder_of(name: str) -> str:
     return name.replace(", ", "-").replace(" ", "-")
 
 
-def _summary(c: Refit, common: Sequence[Parameter]) -> ComparedSummary:
+def _summary(c: Refit, common: Sequence[Parameter]) -> dict[str, Any]:
     analysis, certificate = c.analysis, c.analysis.certificate
     posterior = {p.name: analysis.summaries[analysis.problem.names.index(p.name)] for p in common}
     evidence = certificate if certificate is not None and certificate.reliable else None
-    return ComparedSummary(
-        name=c.name,
-        words=c.words,
-        data=c.data,
-        n_obs=analysis.problem.n_obs,
-        status=analysis.diagnosis.status,
-        reasons=list(analysis.diagnosis.reasons),
-        posterior=posterior,
-        elpd=number(c.loo.elpd),
-        se_elpd=number(c.loo.se),
-        p_loo=number(c.loo.p_loo),
-        behind=number(c.behind),
-        se_behind=number(c.behind_se),
-        log_evidence=None if evidence is None else number(evidence.log_evidence),
-        u_log_evidence=None if evidence is None else number(evidence.u_log_evidence),
-        influential=c.influential,
-    )
+    return {
+        "name": c.name,
+        "words": c.words,
+        "data": c.data,
+        "n_obs": analysis.problem.n_obs,
+        "status": analysis.diagnosis.status,
+        "reasons": analysis.diagnosis.reasons,
+        "posterior": posterior,
+        "elpd": number(c.loo.elpd),
+        "se_elpd": number(c.loo.se),
+        "p_loo": number(c.loo.p_loo),
+        "behind": number(c.behind),
+        "se_behind": number(c.behind_se),
+        "log_evidence": None if evidence is None else number(evidence.log_evidence),
+        "u_log_evidence": None if evidence is None else number(evidence.u_log_evidence),
+        "influential": c.influential,
+    }

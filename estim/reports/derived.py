@@ -101,11 +101,6 @@ def once(
             yield name, run, known
 
 
-def derived_labels(analysis: Analysis) -> dict[str, Label]:
-    """Their labels."""
-    return {name: label for name, (_, label) in derived_columns(analysis).items()}
-
-
 def derived_quantity_draws(analysis: Analysis) -> list[tuple[Label, FloatArray]]:
     """Label and draws (n_draw,) of those that have a value at every draw."""
     return [

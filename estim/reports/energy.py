@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
+from typing import Any
 
-import msgspec
 import numpy as np
 
 from estim.campaign import Campaign
@@ -14,7 +14,6 @@ from estim.common import (
     Quantity,
     format_p,
     gravest,
-    interval,
     percentage,
     phrase,
     significant,
@@ -23,79 +22,37 @@ from estim.common import (
 from estim.drawing import GREY, MARKS, RUN_COLOURS, Figure, fill, legend_below, new_figure
 from estim.pipeline import Analysis
 from estim.reports.pages import page
-from estim.reports.records import Record, Report
 from estim.reports.rendering import shown
-from estim.reports.result import Provenance, provenance
+from estim.reports.result import provenance
 from estim.studies.energy import Drift, EnergyRecord, energy_status
 
 _ANYTHING = 1.0  # standard uncertainty of a ratio that says nothing
 
 
-class EnergySummary(Record):
-    """Energy along one run; relative to the energy at release (as in the paper) and to the largest
-    kinetic energy; null where there is none.
+def summarise_energy(e: EnergyRecord) -> dict[str, Any]:
+    """Energy along one run, as files have it: relative to the energy at release (as in the paper)
+    and to the largest kinetic energy; null where there is none.
     """
-
-    mean_relative: Quantity
-    extreme_relative: Quantity
-    mean_to_kinetic: Quantity
-    extreme_to_kinetic: Quantity
-    loss_per_metre: Quantity  # J/(kg m)
-    loss_interval_95: tuple[float, float]
-    loss_force: Quantity  # N
-
-    @property
-    def loss_ends(self) -> str:
-        """The interval of the loss, rounded by its standard uncertainty."""
-        return interval(*self.loss_interval_95, self.loss_per_metre.u, 2)
+    return {
+        "mean_relative": e.mean_relative,
+        "extreme_relative": e.extreme_relative,
+        "mean_to_kinetic": e.mean_to_kinetic,
+        "extreme_to_kinetic": e.extreme_to_kinetic,
+        "loss_per_metre": e.loss,  # J/(kg m)
+        "loss_interval_95": e.loss_interval,
+        "loss_force": e.loss_force,  # N
+    }
 
 
-class DriftSummary(Record):
-    """Whether the data show a loss of energy; see `estim.studies.energy.Drift`."""
-
-    free: bool
-    determined: bool
-    seen: bool
-    narrowing: float
-    gain: float
-    p_value: float
-    limit: float
+def summarise_drift(drift: Drift) -> dict[str, Any]:
+    """The test for a loss of energy, as files have it."""
+    names = ("free", "determined", "seen", "narrowing", "gain", "p_value", "limit")
+    return {name: getattr(drift, name) for name in names}
 
 
-class EnergyResult(Report):
-    """Everything of an energy check; the report prints from it."""
-
-    title: str
-    kind: str
-    status: str  # the gravest of the fits
-    reasons: dict[str, list[str]]  # of the fits that are not ok
-    statuses: dict[str, str]
-    energies: dict[str, EnergySummary]
-    drift: dict[str, DriftSummary]  # by the runs that were fit together
-    provenance: Provenance
-
-
-def summarise_energy(e: EnergyRecord) -> EnergySummary:
-    """The record of one run's energy."""
-    return EnergySummary(
-        e.mean_relative,
-        e.extreme_relative,
-        e.mean_to_kinetic,
-        e.extreme_to_kinetic,
-        e.loss,
-        e.loss_interval,
-        e.loss_force,
-    )
-
-
-def summarise_drift(drift: Drift) -> DriftSummary:
-    """The record of the test for a loss."""
-    return msgspec.convert(drift, DriftSummary, from_attributes=True)
-
-
-def drift_words(drift: DriftSummary) -> str:
+def drift_words(drift: Mapping[str, Any]) -> str:
     """What the data say on a loss of energy, in words."""
-    if not drift.free:
+    if not drift["free"]:
         return phrase(
             "This fit held the rolling resistance fixed, so the energies agree with it by "
             "construction and contain no information about "
@@ -105,34 +62,34 @@ def drift_words(drift: DriftSummary) -> str:
         "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none); the data "
         "reduce the uncertainty of the rolling "
         "resistance to {share} of its prior, so the loss below is measured."
-        if drift.seen
+        if drift["seen"]
         else "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none), which is "
         "consistent with no loss. The data reduce the "
         "uncertainty of the rolling resistance to {share} of its prior: c_rr ≤ {limit} "
         "with probability 95 %; read the loss below as "
         "a limit, not as a measurement."
-        if drift.determined
+        if drift["determined"]
         else "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none). After the fit "
         "the rolling resistance is about as uncertain "
         "as its prior ({share} of the prior's width): a loss computed from it would reflect this "
         "prior and not a measurement, so these data cannot test any statement about a loss. A "
         "joint fit of more runs, or a wider prior, lets the data determine it.",
-        gain=max(drift.gain, 0.0),
-        p=format_p(drift.p_value),
-        share=percentage(drift.narrowing),
-        limit=significant(drift.limit, 2),
+        gain=max(drift["gain"], 0.0),
+        p=format_p(drift["p_value"]),
+        share=percentage(drift["narrowing"]),
+        limit=significant(drift["limit"], 2),
     )
 
 
-def energy_words(drift: DriftSummary) -> str:
+def energy_words(drift: Mapping[str, Any]) -> str:
     """The same in a few words."""
-    if not drift.free:
+    if not drift["free"]:
         return phrase("a loss cannot be detected, because the rolling resistance was held fixed")
-    if drift.seen:
-        return phrase("a loss is measured ({p} if there were none)", p=format_p(drift.p_value))
-    if drift.determined:
+    if drift["seen"]:
+        return phrase("a loss is measured ({p} if there were none)", p=format_p(drift["p_value"]))
+    if drift["determined"]:
         return phrase(
-            "no loss is detected, c_rr ≤ {limit} (95 %)", limit=significant(drift.limit, 2)
+            "no loss is detected, c_rr ≤ {limit} (95 %)", limit=significant(drift["limit"], 2)
         )
     return phrase("the data do not determine how much energy is lost")
 
@@ -150,13 +107,13 @@ def percent(ratio: Quantity) -> str:
     return with_unit(shown(ratio, 100.0), "%") if ratio.u <= _ANYTHING else "n/a"
 
 
-def average_words(energies: Mapping[str, EnergySummary]) -> str:
+def average_words(energies: Mapping[str, Mapping[str, Any]]) -> str:
     """How far the energies are from that at release on average, in words: as shares of it, or of
     the largest kinetic energy where it may be 0.
     """
-    by_start = all(e.mean_relative.u <= _ANYTHING for e in energies.values())
+    by_start = all(e["mean_relative"].u <= _ANYTHING for e in energies.values())
     shares = [
-        percent(e.mean_relative if by_start else e.mean_to_kinetic) for e in energies.values()
+        percent(e["mean_relative" if by_start else "mean_to_kinetic"]) for e in energies.values()
     ]
     fields = {"shares": ", ".join(shares), "runs": ", ".join(energies)}
     return phrase(
@@ -191,17 +148,18 @@ def energy_report(
         run.name: energy_status(a, drift) for a, drift in fits.values() for run in a.problem.runs
     }
     bad = frozenset(run.name for a in analyses if not a.diagnosis.ok for run in a.problem.runs)
-    result = EnergyResult(
-        "estim-energy/1",
-        campaign.title,
-        campaign.kind,
-        gravest(statuses.values()),
-        {runs: list(a.diagnosis.reasons) for runs, (a, _) in fits.items() if not a.diagnosis.ok},
-        dict(statuses),
-        {e.run: summarise_energy(e) for e in records if statuses[e.run] == "ok"},
-        {runs: summarise_drift(drift) for runs, (a, drift) in fits.items() if a.diagnosis.ok},
-        provenance(campaign, statuses, seed),
-    )
+    result = {
+        "schema": "estim-energy/1",
+        "title": campaign.title,
+        "kind": campaign.kind,
+        "status": gravest(statuses.values()),  # of the fits
+        "reasons": {r: a.diagnosis.reasons for r, (a, _) in fits.items() if not a.diagnosis.ok},
+        "statuses": statuses,
+        "energies": {e.run: summarise_energy(e) for e in records if statuses[e.run] == "ok"},
+        # by the runs that were fit together
+        "drift": {r: summarise_drift(drift) for r, (a, drift) in fits.items() if a.diagnosis.ok},
+        "provenance": provenance(campaign, statuses, seed),
+    }
     return page(
         {"figures/energy.png": partial(energy_figure, records, title=campaign.title, bad=bad)},
         "energy.md.j2",
@@ -209,7 +167,7 @@ def energy_report(
         wanted=figures,
         kind=campaign.kind,
         result=result,
-        energies=result.energies,
+        energies=result["energies"],
         percent=percent,
         drift_words=drift_words,
         energy_words=energy_words,

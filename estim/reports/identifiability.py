@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -42,68 +42,38 @@ _FLOOR = 1e-4  # of the axis of information: what is smaller is as good as nothi
 _TOP_RISE = 5.0
 
 
-@dataclass(frozen=True)
-class IdentifyRow:
-    """One line of the table, every cell as text; `unit` applies to all but `ratio`."""
-
-    symbol: str
-    unit: str
-    prior_sd: str
-    posterior_sd: str
-    ratio: str
-    profile_68: str
-    profile_95: str
-    verdict: str
-
-
-@dataclass(frozen=True, eq=False)
-class IdentifySection:
-    """What `identifiability.md.j2` shows under the name `identify`.
-
-    sentences : what the data tell and do not.
-    rows : the table.  doubts : what went wrong with single intervals.
-    prior_dominated, threshold : the two limits that the words refer to.
-    flat : whether a prior has no width.
-    """
-
-    sentences: tuple[str, ...]
-    rows: tuple[IdentifyRow, ...]
-    doubts: tuple[str, ...]
-    prior_dominated: float
-    threshold: float
-    flat: bool
-
-
 def identify_section(
     problem: Problem,
     found: Identifiability,
     intervals: Sequence[ProfileInterval],
     sensitivity: Sequence[Sensitivity],
     draws: FloatArray,
-) -> IdentifySection:
-    """The section of a report; `intervals` with probabilities 0.68 and 0.95 of some parameters,
-    `sensitivity` of every one; draws (n_draw, n_par).
+) -> dict[str, Any]:
+    """What `identifiability.md.j2` shows under the name `identify`; every cell of its rows as text,
+    whose `unit` applies to all but `ratio`.
+
+    intervals : with probabilities 0.68 and 0.95, of some parameters.  sensitivity : of every one.
+    draws : (n_draw, n_par).
     """
     profiles = {interval.name: interval for interval in intervals}
     posterior_sds = draws.std(axis=0, ddof=1)
-    rows, doubts = [], []
+    rows, doubts = [], []  # what went wrong with single intervals
     for i, (parameter, leaning) in enumerate(zip(problem.parameters, sensitivity, strict=True)):
         interval = profiles.get(parameter.name)
-        label = parameter.label
+        label, prior_sd = parameter.label, parameter.prior.sd
         sd = float(posterior_sds[i])
+        flat = not np.isfinite(prior_sd)
         rows.append(
-            IdentifyRow(
-                symbol=label.symbol,
-                unit="" if label.unit == "1" else label.unit,
-                prior_sd=significant(parameter.prior.sd * label.factor, 2)
-                if np.isfinite(parameter.prior.sd)
-                else phrase("flat"),
-                posterior_sd=significant(sd * label.factor, 2),
-                ratio=f"{sd / parameter.prior.sd:.2f}" if np.isfinite(parameter.prior.sd) else "—",
-                profile_68=_cell(interval, 0.68, sd, label),
-                profile_95=_cell(interval, 0.95, sd, label),
-                verdict=_verdict(problem, leaning, float(draws[:, i].mean())),
-            )
+            {
+                "symbol": label.symbol,
+                "unit": "" if label.unit == "1" else label.unit,
+                "prior_sd": phrase("flat") if flat else significant(prior_sd * label.factor, 2),
+                "posterior_sd": significant(sd * label.factor, 2),
+                "ratio": "—" if flat else f"{sd / prior_sd:.2f}",
+                "profile_68": _cell(interval, 0.68, sd, label),
+                "profile_95": _cell(interval, 0.95, sd, label),
+                "verdict": _verdict(problem, leaning, float(draws[:, i].mean())),
+            }
         )
         if interval is not None and (interval.n_failed or interval.found_better or interval.pieces):
             doubts.append(interval.sentence)
@@ -117,9 +87,16 @@ def identify_section(
                 k_hat=k_hat,
             )
         )
-    flat = any(not np.isfinite(p.prior.sd) for p in problem.parameters)
-    sentences = (*found.sentences, *_hardly_better_known(problem, posterior_sds))
-    return IdentifySection(sentences, tuple(rows), tuple(doubts), PRIOR_DOMINATED, THRESHOLD, flat)
+    return {
+        "sentences": [*found.sentences, *_hardly_better_known(problem, posterior_sds)],
+        "rows": rows,
+        "doubts": doubts,
+        # the two limits that the words refer to
+        "prior_dominated": PRIOR_DOMINATED,
+        "threshold": THRESHOLD,
+        # whether a prior has no width
+        "flat": any(not np.isfinite(p.prior.sd) for p in problem.parameters),
+    }
 
 
 def _hardly_better_known(problem: Problem, posterior_sds: FloatArray) -> list[str]:

@@ -21,54 +21,7 @@ from estim.drawing import BLUE, INK, ORANGE, Figure, legend_below, name_ticks, n
 from estim.means import TableMean
 from estim.reports.measurement import expanded_statement
 from estim.reports.pages import page
-from estim.reports.records import Record, Report
-from estim.reports.result import Provenance, provenance_of
-
-
-class AverageRecord(Record):
-    """One mean; k and dof are null where the interval is one of quantiles."""
-
-    value: float
-    u: float
-    unit: str
-    tau: float
-    dof: float
-    k: float
-    low: float
-    high: float
-
-
-class GroupsRecord(Record):
-    """One-way analysis of variance."""
-
-    means: dict[str, float]
-    s_within: float
-    s_between: float
-    F: float
-    dof_between: int
-    dof_within: int
-    p_value: float
-
-
-class MeanResult(Report):
-    """Everything of `estim mean`; chi2, its probability and tau are null for readings."""
-
-    status: str
-    column: str
-    n: int
-    recommended: str
-    reason: str
-    statement: str
-    averages: dict[str, AverageRecord]
-    chi2: float
-    dof: int
-    p_value: float
-    birge: float
-    consistent: bool
-    tau_interval: tuple[float, float]
-    groups: GroupsRecord | None
-    probability: float
-    provenance: Provenance
+from estim.reports.result import provenance_of
 
 
 def mean_statement(found: TableMean) -> str:
@@ -100,38 +53,41 @@ def mean_report(found: TableMean, *, seed: int, figures: FigureChoice = "main") 
     """`report.md`, `result.json` and `figures/mean.png`."""
     mean, groups = found.mean, found.mean.groups
     shown = mean.shown()
-    result = MeanResult(
-        "estim-mean/1",
-        mean.status,
-        found.name,
-        mean.data.size,
-        mean.recommended,
-        mean.reason,
-        mean_statement(found) if mean.status.ok else "",
-        {
-            name: AverageRecord(a.value, a.u, found.unit, *a[2:])
+    result = {
+        "schema": "estim-mean/1",
+        "status": mean.status,
+        "column": found.name,
+        "n": mean.data.size,
+        "recommended": mean.recommended,
+        "reason": mean.reason,
+        "statement": mean_statement(found) if mean.status.ok else "",
+        # k and dof are null where the interval is one of quantiles
+        "averages": {
+            name: {"value": a.value, "u": a.u, "unit": found.unit} | a._asdict()
             for name, a in mean.averages.items()
         },
-        mean.chi2,
-        mean.dof,
-        mean.p_value,
-        mean.birge,
-        mean.consistent,
-        mean.tau_interval,
-        None
-        if groups is None
-        else GroupsRecord(
-            dict(zip(groups.names, groups.means.tolist(), strict=True)),
-            groups.s_within,
-            groups.s_between,
-            groups.F,
-            groups.dof_between,
-            groups.dof_within,
-            groups.p_value,
+        # chi2, its probability and tau are null for readings
+        "chi2": mean.chi2,
+        "dof": mean.dof,
+        "p_value": mean.p_value,
+        "birge": mean.birge,
+        "consistent": mean.consistent,
+        "tau_interval": mean.tau_interval,
+        "groups": groups
+        and {
+            "means": dict(zip(groups.names, groups.means, strict=True)),
+            "s_within": groups.s_within,
+            "s_between": groups.s_between,
+            "F": groups.F,
+            "dof_between": groups.dof_between,
+            "dof_within": groups.dof_within,
+            "p_value": groups.p_value,
+        },
+        "probability": mean.probability,
+        "provenance": provenance_of(
+            found.path, found.sha256, {str(found.path): found.sha256}, seed
         ),
-        mean.probability,
-        provenance_of(found.path, found.sha256, {str(found.path): found.sha256}, seed),
-    )
+    }
     return page(
         {"figures/mean.png": partial(mean_figure, found)},
         "mean.md.j2",

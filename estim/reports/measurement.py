@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -27,8 +28,7 @@ from estim.measurement_model import Propagation, Region, ellipse
 from estim.reports.budget import budget_figure
 from estim.reports.corner_figures import density_of
 from estim.reports.pages import Drawers, page
-from estim.reports.records import Record, Report
-from estim.reports.result import Provenance, provenance_of
+from estim.reports.result import provenance_of
 
 _DIGITS = 3  # of u in tables: one more than a statement has
 _EMPTY = 0.5  # of the interval, without any draw: two separate groups
@@ -65,158 +65,52 @@ _INTERVALS_DRAWN = {
 }
 
 
-class GumRecord(Record):
-    """The GUM's framework.  null: none, or infinitely many degrees of
-    freedom.  k_whole, U_whole : with dof rounded down, as tables ask (GUM G.4.1).
-    """
-
-    value: float
-    u: float
-    dof: float
-    k: float
-    U: float
-    low: float
-    high: float
-    k_whole: float
-    U_whole: float
-    u_second_order: float
-
-
-class MonteCarloRecord(Record):
-    """The propagation of distributions.  *_error : Monte-Carlo standard errors of the two ends.
-    undefined : share of draws without a value.
-    """
-
-    n_draw: int
-    mean: float
-    u: float
-    symmetric: list[float]
-    symmetric_error: list[float]
-    shortest: list[float]
-    shortest_error: list[float]
-    undefined: float
-
-
-class ShareRecord(Record):
-    """One line of a budget; share in %."""
-
-    input: str
-    sensitivity: float
-    contribution: float
-    share: float
-
-
-class OutputRecord(Record):
-    """One measurand.  quoted : "GUM", "Monte Carlo" or "" where neither can be."""
-
-    formula: str
-    unit: str
-    meaning: str
-    status: str
-    quoted: str
-    statement: str
-    gum: GumRecord
-    monte_carlo: MonteCarloRecord
-    gum_holds: bool
-    decided: bool
-    d_low: float
-    d_high: float
-    tolerance: float
-    budget: list[ShareRecord]
-    correlation_share: float
-
-
-class PartRecord(Record):
-    """One input, or one component of an input."""
-
-    value: float
-    u: float  # 0: exact
-    unit: str
-    distribution: str
-    dof: float
-    meaning: str
-
-
-class RegionRecord(Record):
-    """Coverage regions of two outputs."""
-
-    outputs: list[str]
-    correlation: float
-    correlation_drawn: float
-    k_ellipse: float
-    k_ellipse_drawn: float
-    k_rectangle: float
-    k_rectangle_drawn: float
-    gum_ellipse_holds: float  # share of the draws in it
-
-
-class MeasurementResult(Report):
-    """Everything of `estim propagate`; the report prints from it."""
-
-    title: str
-    source: str
-    status: str
-    probability: float
-    digits: int
-    interval: str
-    outputs: dict[str, OutputRecord]
-    inputs: dict[str, PartRecord]
-    correlations: list[list[str | float]]
-    regions: list[RegionRecord]
-    validation: str
-    notes: list[str]
-    provenance: Provenance
-
-
-def measurement_result(propagation: Propagation, *, seed: int) -> MeasurementResult:
-    """The record of a measurement model."""
+def measurement_result(propagation: Propagation, *, seed: int) -> dict[str, Any]:
+    """Everything of `estim propagate`, as `result.json` has it; the report prints from it."""
     model, linear = propagation.model, propagation.linear
-    outputs = {output.name: _output(propagation, i) for i, output in enumerate(model.outputs)}
     meanings = [meaning for quantity in model.quantities for meaning in quantity.meanings]
-    parts = {
-        entry.name: PartRecord(
-            entry.value,
-            entry.u,
-            entry.unit,
-            entry.distribution if entry.u > 0.0 else "exact",
-            entry.dof,
-            meaning,
-        )
-        for entry, meaning in zip(linear.inputs, meanings, strict=True)
+    return {
+        "schema": "estim-propagation/1",
+        "title": model.title,
+        "source": model.source,
+        "status": gravest(propagation.statuses),
+        "probability": model.probability,
+        "digits": model.digits,
+        "interval": model.interval,
+        "outputs": {output.name: _output(propagation, i) for i, output in enumerate(model.outputs)},
+        "inputs": {  # and components of inputs; u 0: exact
+            entry.name: {
+                "value": entry.value,
+                "u": entry.u,
+                "unit": entry.unit,
+                "distribution": entry.distribution if entry.u > 0.0 else "exact",
+                "dof": entry.dof,
+                "meaning": meaning,
+            }
+            for entry, meaning in zip(linear.inputs, meanings, strict=True)
+        },
+        "correlations": [[a, b, r] for (a, b), r in (model.correlation or {}).items()],
+        "regions": [
+            {
+                "outputs": [model.outputs[k].name for k in region.pair],
+                "correlation": region.correlation[0],
+                "correlation_drawn": region.correlation[1],
+                "k_ellipse": region.k_ellipse,
+                "k_ellipse_drawn": region.k_drawn,
+                "k_rectangle": region.k_rectangle,
+                "k_rectangle_drawn": region.k_rectangle_drawn,
+                "gum_ellipse_holds": region.held,  # share of the draws in it
+            }
+            for region in propagation.regions
+        ],
+        "validation": propagation.validation.message,
+        "notes": propagation.notes,
+        "provenance": provenance_of(model.path, model.sha256, {}, seed),
     }
-    pairs: list[list[str | float]] = [[a, b, r] for (a, b), r in (model.correlation or {}).items()]
-    regions = [
-        RegionRecord(
-            [model.outputs[k].name for k in entry.pair],
-            *entry.correlation,
-            entry.k_ellipse,
-            entry.k_drawn,
-            entry.k_rectangle,
-            entry.k_rectangle_drawn,
-            entry.held,
-        )
-        for entry in propagation.regions
-    ]
-    at = provenance_of(model.path, model.sha256, {}, seed)
-    return MeasurementResult(
-        "estim-propagation/1",
-        model.title,
-        model.source,
-        gravest(propagation.statuses),
-        model.probability,
-        model.digits,
-        model.interval,
-        outputs,
-        parts,
-        pairs,
-        regions,
-        propagation.validation.message,
-        list(propagation.notes),
-        at,
-    )
 
 
-def _output(propagation: Propagation, i: int) -> OutputRecord:
+def _output(propagation: Propagation, i: int) -> dict[str, Any]:
+    """One measurand."""
     output, budget = propagation.model.outputs[i], propagation.budgets[i]
     checked, drawn = propagation.validation, propagation.sampled
     second = propagation.second_order
@@ -225,54 +119,58 @@ def _output(propagation: Propagation, i: int) -> OutputRecord:
         if math.isfinite(budget.dof)
         else math.nan
     )
-    gum = GumRecord(
-        budget.value,
-        budget.u,
-        budget.dof,
-        budget.k,
-        budget.expanded,
-        budget.low,
-        budget.high,
-        k_whole,
-        k_whole * budget.u,
-        math.nan if second is None else second[i],
-    )
     symmetric, shortest = drawn.symmetric, drawn.shortest
-    sampled = MonteCarloRecord(
-        drawn.n_draw,
-        drawn.mean[i],
-        drawn.u[i],
-        [symmetric.low[i], symmetric.high[i]],
-        [symmetric.low_error[i], symmetric.high_error[i]],
-        [shortest.low[i], shortest.high[i]],
-        [shortest.low_error[i], shortest.high_error[i]],
-        drawn.undefined[i],
-    )
-    return OutputRecord(
-        output.formula.text,
-        output.unit,
-        output.meaning,
-        propagation.statuses[i],
-        _quoted(propagation, i),
-        statement(propagation, i),
-        gum,
-        sampled,
-        bool(propagation.gum_holds[i]),
-        bool(checked.decided[i]),
-        checked.d_low[i],
-        checked.d_high[i],
-        checked.tolerance[i],
-        [
-            ShareRecord(row.input.name, row.sensitivity, row.contribution, row.share)
+    return {
+        "formula": output.formula.text,
+        "unit": output.unit,
+        "meaning": output.meaning,
+        "status": propagation.statuses[i],
+        "quoted": _quoted(propagation, i),
+        "statement": statement(propagation, i),
+        "gum": {  # null: none, or infinitely many degrees of freedom
+            "value": budget.value,
+            "u": budget.u,
+            "dof": budget.dof,
+            "k": budget.k,
+            "U": budget.expanded,
+            "low": budget.low,
+            "high": budget.high,
+            # with dof rounded down, as tables ask (GUM G.4.1)
+            "k_whole": k_whole,
+            "U_whole": k_whole * budget.u,
+            "u_second_order": math.nan if second is None else second[i],
+        },
+        "monte_carlo": {  # *_error : Monte-Carlo standard errors of the two ends
+            "n_draw": drawn.n_draw,
+            "mean": drawn.mean[i],
+            "u": drawn.u[i],
+            "symmetric": [symmetric.low[i], symmetric.high[i]],
+            "symmetric_error": [symmetric.low_error[i], symmetric.high_error[i]],
+            "shortest": [shortest.low[i], shortest.high[i]],
+            "shortest_error": [shortest.low_error[i], shortest.high_error[i]],
+            "undefined": drawn.undefined[i],  # share of draws without a value
+        },
+        "gum_holds": propagation.gum_holds[i],
+        "decided": checked.decided[i],
+        "d_low": checked.d_low[i],
+        "d_high": checked.d_high[i],
+        "tolerance": checked.tolerance[i],
+        "budget": [  # share in %
+            {
+                "input": row.input.name,
+                "sensitivity": row.sensitivity,
+                "contribution": row.contribution,
+                "share": row.share,
+            }
             for row in budget.rows
             if row.input.u > 0.0
         ],
-        budget.correlation_share,
-    )
+        "correlation_share": budget.correlation_share,
+    }
 
 
 def _quoted(propagation: Propagation, i: int) -> str:
-    """The method whose interval is quoted, "" where none is."""
+    """The method whose interval is quoted, "GUM" or "Monte Carlo"; "" where neither can be."""
     if not propagation.statuses[i].ok:
         return ""
     return "GUM" if propagation.gum_holds[i] else "Monte Carlo"
@@ -396,8 +294,8 @@ def measurement_report(
         {"result.json": result},
         wanted=figures,
         result=result,
-        percent=f"{100.0 * result.probability:g}",
-        which_interval=_INTERVALS[result.interval],
+        percent=f"{100.0 * result['probability']:g}",
+        which_interval=_INTERVALS[result["interval"]],
         laws=_LAWS,
         cell=_cell,
         ends=_ends,

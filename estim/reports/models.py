@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,6 @@ from estim.drawing import BLUE, GREY, INK, ORANGE, PALE, Axes, Figure, grid, nam
 from estim.explanation import P_NOT_BROUGHT_BACK, Predicted
 from estim.problem import Parameter
 from estim.reports.pages import Drawers, page
-from estim.reports.records import Record
 from estim.reports.result import provenance
 from estim.sampling import Summary
 from estim.studies.model_comparison import (
@@ -34,7 +34,6 @@ from estim.studies.model_comparison import (
     Ground,
     ModelComparison,
     NoEvidence,
-    Width,
     contains,
     log_odds,
     rival_of,
@@ -85,38 +84,6 @@ _SHORT = PhraseTable({"energy": "change of energy", "its_place": "position of la
 _FAR = 0.02  # of the data sets beyond what is drawn, on either side
 
 
-class PredictedSummary(Record):
-    run: str
-    statistic: str
-    unit: str
-    observed: float
-    q025: float
-    median: float
-    q975: float
-    p: float
-
-
-class ModelSummary(Record):
-    name: str
-    words: str
-    adds: list[str]
-    lines: list[str]
-    status: str
-    reasons: list[str]
-    posterior: dict[str, Summary]
-    log_evidence: float | None
-    u_log_evidence: float | None
-    no_evidence: str
-    behind_evidence: float | None
-    price_of_start: float  # of log evidence, that a free start costs and no odds count
-    elpd: float | None
-    behind_elpd: float | None
-    se_behind_elpd: float | None
-    influential: int
-    widths: tuple[Width, ...]
-    predicted: list[PredictedSummary]
-
-
 def models_report(
     campaign: Campaign, comparison: ModelComparison, *, seed: int, figures: FigureChoice = "main"
 ) -> dict[str, bytes]:
@@ -136,9 +103,8 @@ def models_report(
         "models": summaries,
         "provenance": provenance(campaign, runs, seed),
     }
-    compared = [(s.name, s.status == "ok", s.posterior) for s in summaries]
     drawers: Drawers = {
-        "figures/values.png": partial(values_figure, compared, common, comparison.recommended)
+        "figures/values.png": partial(values_figure, summaries, common, comparison.recommended)
     }
     if drawn.predicted:
         drawers["figures/predictive.png"] = partial(
@@ -277,37 +243,44 @@ def _shown(rows: Sequence[ComparedModel]) -> ComparedModel:
     return by_name.get("unmodelled-force") or by_name.get("as-stated") or rows[0]
 
 
-def _summary(row: ComparedModel) -> ModelSummary:
+def _summary(row: ComparedModel) -> dict[str, Any]:
     analysis, status = row.analysis, row.analysis.diagnosis.status
     posterior = dict(zip(analysis.fit.names, analysis.summaries, strict=True))
-    return ModelSummary(
-        name=row.model.name,
-        words=row.model.words,
-        adds=list(row.model.own),
-        lines=list(row.model.lines),
-        status=status,
-        reasons=list(analysis.diagnosis.reasons),
-        posterior=posterior,
-        log_evidence=number(row.log_evidence),
-        u_log_evidence=number(row.u_log_evidence),
-        no_evidence="" if row.lack is None else _LACKS[row.lack],
-        behind_evidence=number(row.odds),
-        price_of_start=row.price_of_start,
-        elpd=number(row.loo.elpd),
-        behind_elpd=number(row.behind),
-        se_behind_elpd=number(row.behind_se),
-        influential=sum(int((k > INFLUENTIAL).sum()) for k in row.loo.k_hat),
-        widths=row.widths,
-        predicted=[_predicted(entry) for entry in row.predicted],
-    )
+    return {
+        "name": row.model.name,
+        "words": row.model.words,
+        "adds": row.model.own,
+        "lines": row.model.lines,
+        "status": status,
+        "reasons": analysis.diagnosis.reasons,
+        "posterior": posterior,
+        "log_evidence": number(row.log_evidence),
+        "u_log_evidence": number(row.u_log_evidence),
+        "no_evidence": "" if row.lack is None else _LACKS[row.lack],
+        "behind_evidence": number(row.odds),
+        # of log evidence, that a free start costs and no odds count
+        "price_of_start": row.price_of_start,
+        "elpd": number(row.loo.elpd),
+        "behind_elpd": number(row.behind),
+        "se_behind_elpd": number(row.behind_se),
+        "influential": sum(int((k > INFLUENTIAL).sum()) for k in row.loo.k_hat),
+        "widths": row.widths,
+        "predicted": [_predicted(entry) for entry in row.predicted],
+    }
 
 
-def _predicted(one: Predicted) -> PredictedSummary:
-    low, middle, high = np.quantile(one.again, [0.025, 0.5, 0.975], method="nearest").tolist()
-    unit = one.label.unit if one.label.factor == 1.0 else "1"
-    return PredictedSummary(
-        one.run, one.name, unit, float(np.median(one.observed)), low, middle, high, one.p
-    )
+def _predicted(one: Predicted) -> dict[str, Any]:
+    low, middle, high = np.quantile(one.again, [0.025, 0.5, 0.975], method="nearest")
+    return {
+        "run": one.run,
+        "statistic": one.name,
+        "unit": one.label.unit if one.label.factor == 1.0 else "1",
+        "observed": np.median(one.observed),
+        "q025": low,
+        "median": middle,
+        "q975": high,
+        "p": one.p,
+    }
 
 
 def _width_table(rows: Sequence[ComparedModel]) -> list[tuple[str, str, list[str]]]:
@@ -347,23 +320,26 @@ def _predicted_table(rows: Sequence[ComparedModel]) -> list[tuple[str, str, list
 
 
 def values_figure(
-    rows: Sequence[tuple[str, bool, Mapping[str, Summary]]],
-    common: Sequence[Parameter],
-    recommended: str = "",
+    rows: Sequence[Mapping[str, Any]], common: Sequence[Parameter], recommended: str = ""
 ) -> Figure:
     """68 and 95 % intervals of each quantity under each model; those of a model that is not ok in
     grey, dashed.
 
-    rows : name of a model, whether it is ok, its posterior.
+    rows : "name", "status" and "posterior" of each model.
     """
     figure, axes = grid(len(common), height=0.5 + 0.27 * len(rows), columns=3)
     places = np.arange(len(rows))[::-1]
     for i, (ax, p) in enumerate(zip(axes, common, strict=True)):
-        for place, (name, ok, posterior) in zip(places, rows, strict=True):
+        for place, row in zip(places, rows, strict=True):
             _interval(
-                ax, place, posterior[p.name], p.label.factor, ok=ok, recommended=name == recommended
+                ax,
+                place,
+                row["posterior"][p.name],
+                p.label.factor,
+                ok=row["status"] == "ok",
+                recommended=row["name"] == recommended,
             )
-        name_ticks(ax.yaxis, places, [name if i % 3 == 0 else "" for name, *_ in rows])
+        name_ticks(ax.yaxis, places, [row["name"] if i % 3 == 0 else "" for row in rows])
         ax.set(xlabel=p.label.axis, ylim=(-0.6, len(rows) - 0.4))
         ax.locator_params(axis="x", nbins=4)
     figure.suptitle(

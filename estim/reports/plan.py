@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -22,64 +23,12 @@ from estim.drawing import (
 from estim.planning import FAR, MORE, Halving, Option, Plan
 from estim.problem import Parameter
 from estim.reports.pages import Drawers, page
-from estim.reports.records import Record, Report
-from estim.reports.result import Provenance, provenance
+from estim.reports.result import provenance
 from estim.words import tell
 
 SCHEMA = "estim-plan/2"
 _WIDE = 68  # characters of a row's name
 _MOST = len(COLOURS)  # targets
-
-
-class TargetRecord(Record):
-    """One quantity that is wanted: its standard deviation as things are, by linear theory and of
-    the drawn posterior.
-    """
-
-    unit: str
-    value: float
-    u_linear: float
-    u_drawn: float
-    linear_holds: bool
-
-
-class OptionRecord(Record):
-    """What might be measured: expected standard deviation of each target, and that over the one as
-    things are.
-    """
-
-    what: str
-    group: str
-    asked: bool  # by the campaign's [plan]
-    u: dict[str, float]
-    ratio: dict[str, float]
-    remarks: list[str]
-
-
-class WayRecord(Record):
-    what: str
-    ratio: float
-
-
-class RefusedRecord(Record):
-    what: str
-    reason: str
-
-
-class PlanRecord(Report):
-    """Every number of a plan; options are ranked, the best first."""
-
-    title: str
-    kind: str
-    status: str
-    reasons: list[str]
-    answers: list[str]
-    runs: list[str]
-    targets: dict[str, TargetRecord]
-    options: list[OptionRecord]
-    cannot_be_measured: list[RefusedRecord]
-    to_halve: dict[str, list[WayRecord]]
-    provenance: Provenance
 
 
 def plan_status(plan: Plan) -> tuple[Status, list[str]]:
@@ -113,49 +62,48 @@ def plan_answers(plan: Plan) -> list[str]:
     )
 
 
-def plan_record(plan: Plan) -> PlanRecord:
-    """The record of a plan."""
+def plan_record(plan: Plan) -> dict[str, Any]:
+    """Every number of a plan, as `plan.json` has it."""
     status, reasons = plan_status(plan)
     names = [p.name for p in plan.targets]
-    targets = {
-        p.name: TargetRecord(
-            p.unit,
-            float(plan.values[i]),
-            float(plan.now[i]),
-            float(plan.drawn[i]),
-            p not in plan.far,
-        )
-        for i, p in enumerate(plan.targets)
+    return {
+        "schema": SCHEMA,
+        "title": plan.campaign.title,
+        "kind": plan.campaign.kind,
+        "status": status,
+        "reasons": reasons,
+        "answers": plan_answers(plan),
+        "runs": plan.names,
+        "targets": {  # standard deviations as things are, by linear theory and of the posterior
+            p.name: {
+                "unit": p.unit,
+                "value": plan.values[i],
+                "u_linear": plan.now[i],
+                "u_drawn": plan.drawn[i],
+                "linear_holds": p not in plan.far,
+            }
+            for i, p in enumerate(plan.targets)
+        },
+        "options": [  # the best first
+            {
+                "what": o.change.words,
+                "group": o.change.group,
+                "asked": o.change.own,  # by the campaign's [plan]
+                "u": dict(zip(names, o.u, strict=True)),  # of each target
+                "ratio": dict(zip(names, o.ratio, strict=True)),  # over that as things are
+                "remarks": o.remarks,
+            }
+            for o in plan.options
+        ],
+        "cannot_be_measured": [{"what": o.change.words, "reason": o.reason} for o in plan.refused],
+        "to_halve": {
+            h.target.name: [
+                {"what": w.words, "ratio": w.ratio} for w in h.ways if np.isfinite(w.ratio)
+            ]
+            for h in plan.halving
+        },
+        "provenance": provenance(plan.campaign, plan.names, plan.seed),
     }
-    options = [
-        OptionRecord(
-            o.change.words,
-            o.change.group,
-            o.change.own,
-            dict(zip(names, o.u.tolist(), strict=True)),
-            dict(zip(names, o.ratio.tolist(), strict=True)),
-            list(o.remarks),
-        )
-        for o in plan.options
-    ]
-    ways = {
-        h.target.name: [WayRecord(w.words, w.ratio) for w in h.ways if np.isfinite(w.ratio)]
-        for h in plan.halving
-    }
-    return PlanRecord(
-        SCHEMA,
-        plan.campaign.title,
-        plan.campaign.kind,
-        status,
-        reasons,
-        plan_answers(plan),
-        list(plan.names),
-        targets,
-        options,
-        [RefusedRecord(o.change.words, o.reason) for o in plan.refused],
-        ways,
-        provenance(plan.campaign, plan.names, plan.seed),
-    )
 
 
 def plan_report(plan: Plan, *, figures: FigureChoice = "main") -> dict[str, bytes]:
@@ -171,7 +119,7 @@ def plan_report(plan: Plan, *, figures: FigureChoice = "main") -> dict[str, byte
         "plan.md.j2",
         {"plan.json": record},
         wanted=figures,
-        kind=record.kind,
+        kind=plan.campaign.kind,
         record=record,
         plan=plan,
         how=phrase(plan.how),

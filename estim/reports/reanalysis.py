@@ -6,6 +6,7 @@ import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -33,8 +34,6 @@ from estim.reports.copying import copies_of
 from estim.reports.corner_figures import corner_figure, corner_words
 from estim.reports.curve_figures import phase_plane_figure, residual_figure
 from estim.reports.energy import (
-    DriftSummary,
-    EnergySummary,
     average_words,
     drift_words,
     energy_figure,
@@ -44,146 +43,87 @@ from estim.reports.energy import (
     summarise_energy,
 )
 from estim.reports.pages import Drawers, page
-from estim.reports.records import Record, Report
 from estim.reports.rendering import shown
-from estim.reports.result import (
-    MOST_MINDS,
-    Provenance,
-    Result,
-    Screen,
-    first_screen,
-    provenance,
-    result_of,
-)
+from estim.reports.result import MOST_MINDS, Screen, first_screen, provenance, result_of
 from estim.reports.theta_min_line import (
     LINE_WORDS,
-    LineResult,
     line_estimate,
     line_figure,
     line_lines,
     line_result,
 )
 from estim.studies.limits import Narrowing
-from estim.studies.published import Claim
 from estim.studies.reanalysis import BodyAnalysis, Reanalysis
 
 
-class BandSummary(Record):
-    """Posterior band against the propagated band of the stated inputs."""
-
-    median_ratio: float
-    largest_ratio: float
-    inside_68: float
-    inside_95: float
-    linear_off: float
-    dominating: list[tuple[float, float, str]]
-
-
-class LimitSummary(Record):
-    group: str
-    u: float
-    u_known: float
-
-
-class BodySummary(Record):
-    gamma_masses: Quantity | None
-    gamma_origin: str
-    joint: Result
-    energies: dict[str, EnergySummary]
-    drift: DriftSummary
-    band_published: dict[str, float]  # what the propagated bands hold at a published value
-    band_held: list[str]  # and at the fitted one
-    bands: dict[str, BandSummary]
-    runs_in_order: list[str]
-    u_with_runs: dict[str, list[float]]
-    u_single: dict[str, list[float]]
-    limits: dict[str, list[LimitSummary]]
-
-
-class PublishedRow(Record):
-    name: str
-    section: str
-    published: Quantity
-    reanalysed: Quantity
-    how: str
-    e_n: float
-
-
-class ReanalysisResult(Report):
-    title: str
-    kind: str
-    statuses: dict[str, str]
-    line: LineResult | None
-    runs: dict[str, Result]
-    bodies: dict[str, BodySummary]
-    paper: str
-    claims: list[Claim]
-    published: list[PublishedRow]
-    provenance: Provenance
-
-
-def reanalysis_result(r: Reanalysis) -> ReanalysisResult:
-    """The record of a reanalysis; the report prints from it."""
-    return ReanalysisResult(
-        schema_="estim-reanalysis/1",
-        title=r.campaign.title,
-        kind=r.campaign.kind,
-        statuses=dict(r.statuses),
-        line=None if r.line is None else line_result(r.campaign, r.line),
-        runs={name: result_of(r.campaign, analysis) for name, analysis in r.single_runs.items()},
-        bodies={body.body: _body(r, body) for body in r.bodies},
-        paper=r.paper.paper,
-        claims=list(r.paper.claim),
-        published=[
-            PublishedRow(
-                c.published.name,
-                c.published.section,
-                Quantity(c.published.value, math.nan if c.published.u is None else c.published.u),
-                c.value,
-                c.how,
-                c.e_n,
-            )
+def reanalysis_result(r: Reanalysis) -> dict[str, Any]:
+    """Everything of a reanalysis, as `result.json` has it; the report prints from it."""
+    return {
+        "schema": "estim-reanalysis/1",
+        "title": r.campaign.title,
+        "kind": r.campaign.kind,
+        "statuses": r.statuses,
+        "line": None if r.line is None else line_result(r.campaign, r.line),
+        "runs": {name: result_of(r.campaign, analysis) for name, analysis in r.single_runs.items()},
+        "bodies": {body.body: _body(r, body) for body in r.bodies},
+        "paper": r.paper.paper,
+        "claims": r.paper.claim,
+        "published": [
+            {
+                "name": c.published.name,
+                "section": c.published.section,
+                "published": Quantity(
+                    c.published.value, math.nan if c.published.u is None else c.published.u
+                ),
+                "reanalysed": c.value,
+                "how": c.how,
+                "e_n": c.e_n,
+            }
             for c in r.published
         ],
-        provenance=provenance(r.campaign, r.campaign.run_names, r.seed),
-    )
+        "provenance": provenance(r.campaign, r.campaign.run_names, r.seed),
+    }
 
 
-def _body(r: Reanalysis, body: BodyAnalysis) -> BodySummary:
+def _body(r: Reanalysis, body: BodyAnalysis) -> dict[str, Any]:
     table, ok = body.narrowing, body.joint.diagnosis.ok
-    return BodySummary(
-        gamma_masses=body.gamma_masses,
-        gamma_origin=gamma_origin(r.campaign.source, body.body),
-        joint=result_of(r.campaign, body.joint),
-        energies={e.run: summarise_energy(e) for e in body.energies if ok},
-        drift=summarise_drift(body.drift),
-        band_published={
+    return {
+        "gamma_masses": body.gamma_masses,
+        "gamma_origin": gamma_origin(r.campaign.source, body.body),
+        "joint": result_of(r.campaign, body.joint),
+        "energies": {e.run: summarise_energy(e) for e in body.energies if ok},
+        "drift": summarise_drift(body.drift),
+        # what the propagated bands hold at a published value, and at the fitted one
+        "band_published": {
             name: value for b in body.propagated for name, value in b.published.items()
         },
-        band_held=list(dict.fromkeys(name for b in body.propagated for name in b.held)),
-        bands={
-            b.run: BandSummary(
-                float(np.nanmedian(b.ratio)),
-                float(np.nanmax(b.ratio)),
-                b.inside[0.68],
-                b.inside[0.95],
-                float(np.nanmax(b.linear_off)),
-                [(stretch.start, stretch.stop, stretch.name) for stretch in b.budget.stretches],
-            )
+        "band_held": list(dict.fromkeys(name for b in body.propagated for name in b.held)),
+        # posterior band against the propagated band of the stated inputs
+        "bands": {
+            b.run: {
+                "median_ratio": np.nanmedian(b.ratio),
+                "largest_ratio": np.nanmax(b.ratio),
+                "inside_68": b.inside[0.68],
+                "inside_95": b.inside[0.95],
+                "linear_off": np.nanmax(b.linear_off),
+                "dominating": [(part.start, part.stop, part.name) for part in b.budget.stretches],
+            }
             for b in body.propagated
             if ok
         },
-        runs_in_order=list(table.runs),
-        u_with_runs={name: table.u[:, i].tolist() for i, name in enumerate(table.names) if ok},
-        u_single={name: table.u_single[:, i].tolist() for i, name in enumerate(table.names) if ok},
-        limits={
+        "runs_in_order": table.runs,
+        "u_with_runs": {name: table.u[:, i] for i, name in enumerate(table.names) if ok},
+        "u_single": {name: table.u_single[:, i] for i, name in enumerate(table.names) if ok},
+        "limits": {
             name: [
-                LimitSummary(x.group, x.u, x.u_known) for x in body.limits if x.parameter == name
+                {"group": x.group, "u": x.u, "u_known": x.u_known}
+                for x in body.limits
+                if x.parameter == name
             ]
             for name in table.names
             if ok
         },
-    )
+    }
 
 
 def reanalysis_report(r: Reanalysis, *, figures: FigureChoice = "main") -> dict[str, bytes]:
@@ -216,8 +156,8 @@ def reanalysis_report(r: Reanalysis, *, figures: FigureChoice = "main") -> dict[
         body.body: corner_words(body.joint.problem, truth=bool(r.campaign.truth))
         for body in r.bodies
     }
-    good = {name: body for name, body in result.bodies.items() if body.joint.status == "ok"}
-    screens = {name: first_screen(body.joint) for name, body in good.items()}
+    good = {name: body for name, body in result["bodies"].items() if body["joint"].status == "ok"}
+    screens = {name: first_screen(body["joint"]) for name, body in good.items()}
     estimates = [
         replace(
             estimate,
@@ -226,9 +166,9 @@ def reanalysis_report(r: Reanalysis, *, figures: FigureChoice = "main") -> dict[
         for name, screen in screens.items()
         for estimate in screen.estimates
     ]
-    if result.line is not None and result.line.status == "ok":
+    if result["line"] is not None and result["line"]["status"] == "ok":
         # its points are other data than the runs
-        estimates.append(line_estimate(result.line, r.campaign.truth))
+        estimates.append(line_estimate(result["line"], r.campaign.truth))
     head, rows = result_table(estimates, found=phrase("runs + stated values"))
     return page(
         drawn,
@@ -247,12 +187,14 @@ def reanalysis_report(r: Reanalysis, *, figures: FigureChoice = "main") -> dict[
         drift_words=drift_words,
         forces=[
             force
-            for body in result.bodies.values()
-            for force in (body.joint.deviation or {}).values()
+            for body in result["bodies"].values()
+            for force in (body["joint"].deviation or {}).values()
         ],
-        complete=complete_runs(result.runs.values()),
+        complete=complete_runs(result["runs"].values()),
         notes=list(
-            dict.fromkeys(note for body in result.bodies.values() for note in body.joint.notes)
+            dict.fromkeys(
+                note for body in result["bodies"].values() for note in body["joint"].notes
+            )
         ),
         troubles=_troubles(result),
         narrowing=_narrowing(result),
@@ -261,7 +203,7 @@ def reanalysis_report(r: Reanalysis, *, figures: FigureChoice = "main") -> dict[
         found=table(head, rows),
         found_rows=rows,
         copies=copies_of(
-            [estimate for estimate in estimates if estimate.measured], kind=result.kind
+            [estimate for estimate in estimates if estimate.measured], kind=result["kind"]
         )
         if rows
         else None,
@@ -318,19 +260,19 @@ def _shared(joint: Analysis, truth: Mapping[str, float]) -> list[Estimate]:
     ]
 
 
-def _band_words(result: ReanalysisResult, names: Collection[str]) -> str:
+def _band_words(result: Mapping[str, Any], names: Collection[str]) -> str:
     """Whose band the propagated one of these bodies is, and what it is made of beside the inputs
     that the campaign states.
     """
-    bodies = [result.bodies[name] for name in names]
+    bodies = [result["bodies"][name] for name in names]
     published, held = [], []
     for body in bodies:
-        labels = body.joint.labels.bare
+        labels = body["joint"].labels.bare
         published += [
             with_unit(f"{labels[n].symbol} = {value * labels[n].factor:g}", labels[n].unit)
-            for n, value in body.band_published.items()
+            for n, value in body["band_published"].items()
         ]
-        held += [labels[name].symbol for name in body.band_held]
+        held += [labels[name].symbol for name in body["band_held"]]
     of_paper = phrase("{values} as published", values=listed(list(dict.fromkeys(published))))
     of_fit = phrase("{symbols} as fitted", symbols=listed(list(dict.fromkeys(held))))
     if published and not held:
@@ -339,41 +281,49 @@ def _band_words(result: ReanalysisResult, names: Collection[str]) -> str:
     return "; ".join([phrase("stated inputs, 68 %"), *others])
 
 
-def _how_many(body: BodySummary) -> str:
-    n = len(body.runs_in_order)
+def _how_many(body: dict[str, Any]) -> str:
+    n = len(body["runs_in_order"])
     return (
-        phrase("{n} runs", n=n) if n > 1 else phrase("the run {name}", name=body.runs_in_order[0])
+        phrase("{n} runs", n=n)
+        if n > 1
+        else phrase("the run {name}", name=body["runs_in_order"][0])
     )
 
 
-def _energies(body: BodySummary) -> str:
+def _energies(body: dict[str, Any]) -> str:
     """What the runs of a body say of a loss of energy."""
-    averages = f". {average_words(body.energies)}".rstrip(".") if body.drift.determined else ""
-    return energy_words(body.drift) + averages
+    averages = (
+        f". {average_words(body['energies'])}".rstrip(".") if body["drift"]["determined"] else ""
+    )
+    return energy_words(body["drift"]) + averages
 
 
-def _narrowing(result: ReanalysisResult) -> str:
+def _narrowing(result: Mapping[str, Any]) -> str:
     """How wide the bands of the curves are beside those of the stated inputs, as part of a
     caption.
     """
-    ratios = [band.median_ratio for body in result.bodies.values() for band in body.bands.values()]
+    ratios = [
+        band["median_ratio"]
+        for body in result["bodies"].values()
+        for band in body["bands"].values()
+    ]
     if not ratios:
         return ""
     least, most = significant(100.0 * min(ratios), 2), percentage(max(ratios))
     return phrase(", {shares} as wide", shares=f"{least}–{most}")
 
 
-def _story(result: ReanalysisResult, bodies: Mapping[str, BodySummary]) -> list[str]:
+def _story(result: Mapping[str, Any], bodies: Mapping[str, dict[str, Any]]) -> list[str]:
     """What to know about the comparison with the paper and with the truth.  bodies : those whose
     status is ok.
     """
     told = []
-    known = {n: v for body in bodies.values() for n, v in body.band_published.items()}
+    known = {n: v for body in bodies.values() for n, v in body["band_published"].items()}
     if computed := {v for n, v in known.items() if split_level(n)[0] == "kappa"}:
         true = {
             p.true
             for body in bodies.values()
-            for n, p in body.joint.parameters.items()
+            for n, p in body["joint"].parameters.items()
             if split_level(n)[0] == "kappa"
         }
         told.append(
@@ -389,7 +339,7 @@ def _story(result: ReanalysisResult, bodies: Mapping[str, BodySummary]) -> list[
                 else ", and this is a test of that value"
             )
         )
-    beside = {"energy": _energy_beside(bodies.values()), "theta_min": _line_beside(result.line)}
+    beside = {"energy": _energy_beside(bodies.values()), "theta_min": _line_beside(result["line"])}
     told += [
         phrase(
             "the paper: “{words}” ({section}). Here {found}",
@@ -397,7 +347,7 @@ def _story(result: ReanalysisResult, bodies: Mapping[str, BodySummary]) -> list[
             section=claim.section,
             found=found,
         )
-        for claim in result.claims
+        for claim in result["claims"]
         if (found := beside[claim.about])
     ]
     pulls = {name: pull for name, body in bodies.items() if (pull := _pull_of_gamma(name, body))}
@@ -414,29 +364,29 @@ def _story(result: ReanalysisResult, bodies: Mapping[str, BodySummary]) -> list[
     return told
 
 
-def _energy_beside(bodies: Collection[BodySummary]) -> str:
+def _energy_beside(bodies: Collection[dict[str, Any]]) -> str:
     """How far the energy changes relative to that at release; "" where that may be 0 in all
     runs.
     """
     runs = {
         run: e
         for body in bodies
-        for run, e in body.energies.items()
-        if percent(e.extreme_relative) != "n/a"
+        for run, e in body["energies"].items()
+        if percent(e["extreme_relative"]) != "n/a"
     }
     if not runs:
         return ""
-    means = sorted((e.mean_relative for e in runs.values()), key=lambda mean: mean.value)
-    run = max(runs, key=lambda run: abs(runs[run].extreme_relative.value))
+    means = sorted((e["mean_relative"] for e in runs.values()), key=lambda mean: mean.value)
+    run = max(runs, key=lambda run: abs(runs[run]["extreme_relative"].value))
     words = phrase(
         "(E − E₀)/E₀, averaged over a run, lies between {least} and {most}; the largest change in "
         "one frame is {extreme} ({run})",
         least=percent(means[0]),
         most=percent(means[-1]),
-        extreme=percent(runs[run].extreme_relative),
+        extreme=percent(runs[run]["extreme_relative"]),
         run=run,
     )
-    if all(body.drift.determined for body in bodies):
+    if all(body["drift"]["determined"] for body in bodies):
         return words
     return words + phrase(
         "; these values depend on the rolling resistance that was assumed, because the data do not "
@@ -444,17 +394,17 @@ def _energy_beside(bodies: Collection[BodySummary]) -> str:
     )
 
 
-def _line_beside(line: LineResult | None) -> str:
+def _line_beside(line: Mapping[str, Any] | None) -> str:
     """How the measured theta_min lie to the theory; "" where nothing can be said."""
-    if line is None or (above := line.above_theory) is None:
+    if line is None or (above := line["above_theory"]) is None:
         return ""
-    excess = above.excess
+    excess = above["excess"]
     return phrase(
         "{points} of {n} points lie above the theory with γ as stated; at their mean tilt of "
         "{tilt:.1f}° the fitted line is {excess} above it, {verdict}",
-        points=above.points,
-        n=line.n_obs,
-        tilt=math.degrees(above.tilt),
+        points=above["points"],
+        n=line["n_obs"],
+        tilt=math.degrees(above["tilt"]),
         excess=with_unit(shown(excess, math.degrees(1.0)), "°"),
         verdict=phrase(
             "which is more than its expanded uncertainty (k = 2)"
@@ -464,26 +414,26 @@ def _line_beside(line: LineResult | None) -> str:
     )
 
 
-def _pull_of_gamma(name: str, body: BodySummary) -> str:
+def _pull_of_gamma(name: str, body: dict[str, Any]) -> str:
     """How far the stated gamma is from the true one, where that is known and kappa follows it."""
     together = _correlated(name, body)
     # two parameters that are one unknown in effect
-    if body.gamma_masses is None or together is None or abs(together) < 0.9:
+    if body["gamma_masses"] is None or together is None or abs(together) < 0.9:
         return ""
-    true = body.joint.parameters[f"gamma[{name}]"].true
+    true = body["joint"].parameters[f"gamma[{name}]"].true
     if true is None:
         return ""
-    return signed(f"{(body.gamma_masses.value - true) / body.gamma_masses.u:+.1f}")
+    return signed(f"{(body['gamma_masses'].value - true) / body['gamma_masses'].u:+.1f}")
 
 
-def _all_ok(result: ReanalysisResult) -> str:
+def _all_ok(result: Mapping[str, Any]) -> str:
     """'ok (8 runs, 2 joint fits, line)': what all the results are."""
     counted = (
-        (len(result.runs), later("{n} run"), later("{n} runs")),
-        (len(result.bodies), later("{n} joint fit"), later("{n} joint fits")),
+        (len(result["runs"]), later("{n} run"), later("{n} runs")),
+        (len(result["bodies"]), later("{n} joint fit"), later("{n} joint fits")),
     )
     parts = [phrase(one if n == 1 else several, n=n) for n, one, several in counted]
-    return f"ok ({', '.join(parts + [phrase('line')] * (result.line is not None))})"
+    return f"ok ({', '.join(parts + [phrase('line')] * (result['line'] is not None))})"
 
 
 def _lefts(screens: Mapping[str, Screen]) -> str:
@@ -503,18 +453,18 @@ def _lefts(screens: Mapping[str, Screen]) -> str:
     )
 
 
-def _symbols(body: BodySummary) -> str:
+def _symbols(body: dict[str, Any]) -> str:
     """'c_rr: coefficient of rolling resistance; R: radius of the disk': each symbol once."""
-    labels = body.joint.labels.bare
+    labels = body["joint"].labels.bare
     meanings = {
-        labels[name].symbol: p.meaning for name, p in body.joint.parameters.items() if p.meaning
+        labels[name].symbol: p.meaning for name, p in body["joint"].parameters.items() if p.meaning
     }
     return "; ".join(f"{symbol}: {meaning}" for symbol, meaning in meanings.items())
 
 
-def _correlated(name: str, body: BodySummary) -> float | None:
+def _correlated(name: str, body: dict[str, Any]) -> float | None:
     """Correlation of gamma and kappa of a body; None where one of them is not free."""
-    correlation, pair = body.joint.correlation, (f"gamma[{name}]", f"kappa[{name}]")
+    correlation, pair = body["joint"].correlation, (f"gamma[{name}]", f"kappa[{name}]")
     if not {*pair} <= {*correlation.names}:
         return None
     i, j = map(correlation.names.index, pair)
@@ -529,14 +479,16 @@ def _gathered(words: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
     return names
 
 
-def _troubles(result: ReanalysisResult) -> list[tuple[str, str]]:
+def _troubles(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What is not ok, and why."""
-    reasons = {f"run {name}": run.reasons for name, run in result.runs.items()}
-    reasons |= {f"joint fit of {name}": body.joint.reasons for name, body in result.bodies.items()}
-    reasons |= {} if result.line is None else {"line": result.line.reasons}
+    reasons = {f"run {name}": run.reasons for name, run in result["runs"].items()}
+    reasons |= {
+        f"joint fit of {name}": body["joint"].reasons for name, body in result["bodies"].items()
+    }
+    reasons |= {} if result["line"] is None else {"line": result["line"]["reasons"]}
     return [
         (f"{called(what)}, {status}", "; ".join(reasons.get(what, [])))
-        for what, status in result.statuses.items()
+        for what, status in result["statuses"].items()
         if status != "ok"
     ]
 
@@ -550,19 +502,19 @@ def called(what: str) -> str:
     return phrase("line")
 
 
-def _limit_words(body: BodySummary) -> list[str]:
+def _limit_words(body: dict[str, Any]) -> list[str]:
     """What limits each shared parameter, in words."""
     sentences = []
-    for name, limits in ((name, limits) for name, limits in body.limits.items() if limits):
-        symbol = body.joint.labels.symbol(name)
+    for name, limits in ((name, limits) for name, limits in body["limits"].items() if limits):
+        symbol = body["joint"].labels.symbol(name)
         clauses = [
             phrase(
                 "{u} if {symbol} were known exactly",
-                u=format_rounded(limit.u_known, limit.u_known),
-                symbol=body.joint.labels.symbol(limit.group),
+                u=format_rounded(limit["u_known"], limit["u_known"]),
+                symbol=body["joint"].labels.symbol(limit["group"]),
             )
             for limit in limits
-            if limit.u_known < 0.9 * limit.u
+            if limit["u_known"] < 0.9 * limit["u"]
         ]
         sentences.append(
             phrase(
@@ -571,7 +523,7 @@ def _limit_words(body: BodySummary) -> list[str]:
                 else "u({symbol}) = {u} (least squares) is not limited by any other single "
                 "quantity.",
                 symbol=symbol,
-                u=format_rounded(limits[0].u, limits[0].u),
+                u=format_rounded(limits[0]["u"], limits[0]["u"]),
                 ways=phrase("; to ").join(clauses),
             )
         )

@@ -12,7 +12,7 @@ from typing import dataclass_transform
 import msgspec
 import numpy as np
 
-from estim.arrays import FloatArray, IntArray
+from estim.arrays import FloatArray
 from estim.checks import Check, bad_frames_found, is_measured, upper_limit
 from estim.common import Label, number, phrase, split_level
 from estim.discrepancy import FoundForce
@@ -304,27 +304,7 @@ def _prior_words(analysis: Analysis, parameter: Parameter) -> str:
 
 
 def correlation_of(analysis: Analysis) -> Correlation:
-    """Of at most `_MOST` parameters, in their order."""
-    indices = _told(analysis)
+    """Of at most `_MOST` parameters, those that runs share first, in their order."""
+    indices = analysis.problem.foremost(_MOST)
     matrix = np.atleast_2d(np.corrcoef(analysis.chain.flat[:, indices].T))
     return Correlation([analysis.problem.names[i] for i in indices], matrix.round(6).tolist())
-
-
-def _told(analysis: Analysis) -> list[int]:
-    """Places of half as many parameters in order, shared ones first, then whole runs by their
-    strongest correlation.
-    """
-    problem, draws = analysis.problem, analysis.chain.flat
-    if problem.n_par <= _MOST:
-        return list(range(problem.n_par))
-    chosen = set(problem.foremost(_MOST // 2))
-    uses = np.bincount(np.concatenate(problem.columns), minlength=problem.n_par)
-
-    def strongest(used: IntArray) -> float:
-        correlation = np.abs(np.atleast_2d(np.corrcoef(draws[:, used].T))) - np.eye(used.size)
-        return float(np.max(correlation[:, uses[used] == 1], initial=0.0))
-
-    for used in sorted(problem.columns, key=strongest, reverse=True):
-        if len(chosen.union(used.tolist())) <= _MOST:
-            chosen.update(used.tolist())
-    return sorted(chosen)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -36,8 +37,7 @@ from estim.drawing import (
 )
 from estim.line import ThetaMinSeries
 from estim.reports.pages import Drawers, page
-from estim.reports.records import Record, Report
-from estim.reports.result import SCHEMA, Provenance, Result, provenance
+from estim.reports.result import SCHEMA, Result, provenance
 from estim.studies.known_values import FittedValues
 from estim.studies.regimes import BodyMap
 from estim.studies.run_places import RunPlace
@@ -75,84 +75,27 @@ _ENDS = {
 }
 
 
-class Spread(Record):
-    """Median, 68 and 95 % interval; null where there is none."""
+def map_result(campaign: Campaign, maps: Sequence[BodyMap], *, seed: int) -> dict[str, Any]:
+    """Everything of `estim map`, as `result.json` has it; the report prints from it.
 
-    median: float = math.nan
-    low_68: float = math.nan
-    high_68: float = math.nan
-    low_95: float = math.nan
-    high_95: float = math.nan
-
-
-class TiltOnMap(Record):
-    """What the body does at one tilt.  Angles of release in rad, distances in m; null where there
-    is none.
+    Angles in rad, distances in m; null where there is none.
     """
-
-    phi: float
-    least: Spread  # angle of release from which it sets off
-    largest: Spread
-    rolls_on_up_to: Spread | None  # from the least angle to here it rolls over the top and on
-    passes_up_to: Spread | None  # and to here it passes the end of the ramp
-    # how far it gets, released at the least angle; null where it may roll on
-    farthest: Spread | None
-
-
-class RunOnMap(Record):
-    """Where a run lies and what follows; angles in rad, distances in m, probabilities."""
-
-    phi: float
-    u_phi: float
-    theta0: float
-    u_theta0: float
-    sets_off: float
-    turning_point: Spread
-    recorded: float  # how far the recording goes
-    turned: bool  # whether it turns there
-    agreement: float  # probability to get as far, two-sided where it turned
-    words: str
-
-
-class BodyOnMap(Record):
-    """The map of one body."""
-
-    ramp_end: float  # m from the release
-    ramp_end_origin: str
-    steepest: Spread  # rad, the tilt beyond which it climbs from no angle
-    tilts: list[TiltOnMap]
-    runs: dict[str, RunOnMap]
-    left_out: list[str]
-
-
-class MapResult(Report):
-    """Everything of `estim map`; the report prints from it."""
-
-    title: str
-    kind: str
-    status: str
-    reasons: list[str]
-    advice: list[str]
-    fitted: str | None  # the fit that the values come from; null where they are as stated
-    bodies: dict[str, BodyOnMap]
-    provenance: Provenance
-
-
-def map_result(campaign: Campaign, maps: Sequence[BodyMap], *, seed: int) -> MapResult:
-    """The record of maps."""
     findings = [finding for body_map in maps for finding in body_map.findings]
     fitted = maps[0].known.fitted
-    return MapResult(
-        "estim-map/1",
-        campaign.title,
-        campaign.kind,
-        decide(findings),
-        list(map(tell, findings)),
-        advice_for(findings),
-        None if fitted is None else one_line(fitted.place),
-        {body_map.body: _body(body_map) for body_map in maps},
-        provenance(campaign, [place.run for body_map in maps for place in body_map.runs], seed),
-    )
+    return {
+        "schema": "estim-map/1",
+        "title": campaign.title,
+        "kind": campaign.kind,
+        "status": decide(findings),
+        "reasons": list(map(tell, findings)),
+        "advice": advice_for(findings),
+        # the fit that the values come from; null where they are as stated
+        "fitted": None if fitted is None else one_line(fitted.place),
+        "bodies": {body_map.body: _body(body_map) for body_map in maps},
+        "provenance": provenance(
+            campaign, [place.run for body_map in maps for place in body_map.runs], seed
+        ),
+    }
 
 
 def map_report(
@@ -182,7 +125,7 @@ def map_report(
         wanted=figures,
         kind=campaign.kind,
         result=result,
-        parts=[(body_map, result.bodies[body_map.body]) for body_map in maps],
+        parts=[(body_map, result["bodies"][body_map.body]) for body_map in maps],
         origins=_ORIGINS,
         spread=_spread_words,
         degrees=partial(_spread_words, factor=_DEGREES),
@@ -196,15 +139,15 @@ def map_lines(found: BodyMap) -> list[str]:
     return [place_words(found, place) for place in found.runs]
 
 
-def _body(found: BodyMap) -> BodyOnMap:
-    return BodyOnMap(
-        found.end.length,
-        found.end.origin,
-        _spread(found.steepest),
-        [_tilt(found, phi) for phi in _tilts(found)],
-        {place.run: _run(found, place) for place in found.runs},
-        list(found.left_out),
-    )
+def _body(found: BodyMap) -> dict[str, Any]:
+    return {
+        "ramp_end": found.end.length,  # from the release
+        "ramp_end_origin": found.end.origin,
+        "steepest": _spread(found.steepest),  # the tilt beyond which it climbs from no angle
+        "tilts": [_tilt(found, phi) for phi in _tilts(found)],
+        "runs": {place.run: _run(found, place) for place in found.runs},
+        "left_out": found.left_out,
+    }
 
 
 def _tilts(found: BodyMap) -> FloatArray:
@@ -215,8 +158,10 @@ def _tilts(found: BodyMap) -> FloatArray:
     return np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step / _DEGREES
 
 
-def _tilt(found: BodyMap, phi: float) -> TiltOnMap:
-    def at(border: FloatArray, places: FloatArray) -> Spread:
+def _tilt(found: BodyMap, phi: float) -> dict[str, Any]:
+    """What the body does at one tilt."""
+
+    def at(border: FloatArray, places: FloatArray) -> dict[str, float]:
         with np.errstate(invalid="ignore"):
             return _spread(np.array([np.interp(phi, places, level) for level in border]))
 
@@ -230,41 +175,58 @@ def _tilt(found: BodyMap, phi: float) -> TiltOnMap:
     some_on = sets_off and apart(found.rolls_on[4], found.lowest[4])
     some_pass = sets_off and apart(found.passes[2], found.rolls_on[2])
     farthest = at(found.farthest, found.far_phi)
-    return TiltOnMap(
-        float(phi),
-        lowest if sets_off else Spread(),
-        at(found.highest, found.phi) if sets_off else Spread(),
-        on if some_on else None,
-        passes if some_pass else None,
-        farthest if math.isfinite(farthest.high_95) and sets_off and phi >= 0.0 else None,
-    )
+    nothing = _spread(np.full(5, np.nan))
+    return {
+        "phi": phi,
+        # angles of release between which it sets off
+        "least": lowest if sets_off else nothing,
+        "largest": at(found.highest, found.phi) if sets_off else nothing,
+        # from the least angle to here it rolls over the top and on
+        "rolls_on_up_to": on if some_on else None,
+        # and to here it passes the end of the ramp
+        "passes_up_to": passes if some_pass else None,
+        # how far it gets, released at the least angle; null where it may roll on
+        "farthest": farthest
+        if math.isfinite(farthest["high_95"]) and sets_off and phi >= 0.0
+        else None,
+    }
 
 
-def _spread(quantiles: FloatArray) -> Spread:
+def _spread(quantiles: FloatArray) -> dict[str, float]:
+    """Median, 68 and 95 % interval of `quantiles` (5,) at `QUANTILES`."""
     low_95, low_68, median, high_68, high_95 = quantiles.tolist()
-    return Spread(median, low_68, high_68, low_95, high_95)
+    return {
+        "median": median,
+        "low_68": low_68,
+        "high_68": high_68,
+        "low_95": low_95,
+        "high_95": high_95,
+    }
 
 
-def _run(found: BodyMap, place: RunPlace) -> RunOnMap:
-    return RunOnMap(
-        *place.phi,
-        *place.theta0,
-        place.sets_off,
-        _spread(place.stop),
-        place.farthest,
-        place.turned,
-        place.agrees,
-        place_words(found, place),
-    )
+def _run(found: BodyMap, place: RunPlace) -> dict[str, Any]:
+    """Where a run lies and what follows."""
+    return {
+        "phi": place.phi[0],
+        "u_phi": place.phi[1],
+        "theta0": place.theta0[0],
+        "u_theta0": place.theta0[1],
+        "sets_off": place.sets_off,  # probability
+        "turning_point": _spread(place.stop),
+        "recorded": place.farthest,  # how far the recording goes
+        "turned": place.turned,  # whether it turns there
+        # probability to get as far, two-sided where it turned
+        "agreement": place.agrees,
+        "words": place_words(found, place),
+    }
 
 
-def _spread_words(spread: Spread | None, factor: float = 1.0) -> str:
+def _spread_words(spread: Mapping[str, float] | None, factor: float = 1.0) -> str:
     """Median and 68 % half-width, in units of which one of its own has `factor`."""
-    if spread is None or not math.isfinite(spread.high_68 - spread.low_68):
+    width = factor * (math.nan if spread is None else spread["high_68"] - spread["low_68"])
+    if spread is None or not math.isfinite(width):
         return "—"
-    return signed(
-        format_quantity(factor * spread.median, 0.5 * factor * (spread.high_68 - spread.low_68))
-    )
+    return signed(format_quantity(factor * spread["median"], 0.5 * width))
 
 
 def regime_figure(found: BodyMap, line: ThetaMinSeries | None) -> Figure:

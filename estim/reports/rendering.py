@@ -26,6 +26,7 @@ from estim.common import (
     format_p,
     format_quantity,
     format_rounded,
+    interval,
     kind_words,
     language,
     markdown,
@@ -188,6 +189,7 @@ def _environment(_language: str) -> jinja2.Environment:
     }
     environment.globals |= {
         "phrase": phrase,
+        "interval": interval,
         "value_cell": value_cell,
         "interval_cell": interval_cell,
         "parameter_cells": parameter_cells,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -35,8 +36,7 @@ from estim.line import (
 )
 from estim.reports.copying import copies_of
 from estim.reports.pages import page
-from estim.reports.records import Report
-from estim.reports.result import Provenance, provenance_of
+from estim.reports.result import provenance_of
 from estim.sampling import Summary
 
 _METHODS = PhraseTable(
@@ -50,68 +50,54 @@ _METHODS = PhraseTable(
 _ROUNDING = 1e-12  # of a standard error: what is smaller is an error of rounding
 
 
-class StraightLineResult(Report):
-    """Everything of `estim line FILE.csv`; the report prints from it."""
-
-    status: str
-    message: str
-    method: str
-    columns: dict[str, str | None]
-    correlated: list[str]  # what is stated of errors that points share
-    n_obs: int
-    intercept: float
-    slope: float
-    # the same as "value", with the recommended "u"
-    coefficients: dict[str, dict[str, float]]
-    units: dict[str, str]  # of x, y, intercept and slope; "1" where the table states none
-    chi2: float
-    dof: int
-    p_value: float
-    # convention -> u(intercept), u(slope), covariance
-    standard_errors: dict[str, list[float]]
-    recommended: str
-    reason: str
-    probability: float
-    k: float
-    slope_interval: tuple[float, float]
-    predictions: tuple[PredictedPoint, ...]
-    inverses: tuple[PredictedPoint, ...]
-    provenance: Provenance
-
-
-def straight_line_result(line: StraightLine) -> StraightLineResult:
-    """The record of a straight line."""
+def straight_line_result(line: StraightLine) -> dict[str, Any]:
+    """Everything of `estim line FILE.csv`, as `result.json` has it; the report prints from it."""
     fit = line.fit
-    columns = {
-        key: None if name is None else one_line(name) for key, name in vars(line.columns).items()
-    }
-    return StraightLineResult(
-        schema_="estim-straight-line/1",
-        status=line.status,
-        message=line.message,
-        method=fit.method,
-        columns=columns,
-        correlated=[one_line(words) for words in line.correlated],
-        n_obs=fit.data.x.size,
-        **line_figures(fit),
-        coefficients={
+    return {
+        "schema": "estim-straight-line/1",
+        "status": line.status,
+        "message": line.message,
+        "method": fit.method,
+        "columns": {
+            key: None if name is None else one_line(name)
+            for key, name in vars(line.columns).items()
+        },
+        # what is stated of errors that points share
+        "correlated": [one_line(words) for words in line.correlated],
+        "n_obs": fit.data.x.size,
+        "intercept": fit.intercept,
+        "slope": fit.slope,
+        # the same, with the recommended u
+        "coefficients": {
             key: {"value": value, "u": u} for key, (_, _, value, u) in _coefficients(line).items()
         },
-        units=dict(line.units),
-        probability=line.probability,
-        k=line.k,
-        slope_interval=(line.slope.low, line.slope.high),
-        predictions=line.predictions,
-        inverses=line.inverses,
-        provenance=provenance_of(line.path, line.sha256, {str(line.path): line.sha256}, 0),
-    )
+        # of x, y, intercept and slope; "1" where the table states none
+        "units": line.units,
+        **line_figures(fit),
+        "probability": line.probability,
+        "k": line.k,
+        "slope_interval": [line.slope.low, line.slope.high],
+        "predictions": line.predictions,
+        "inverses": line.inverses,
+        "provenance": provenance_of(line.path, line.sha256, {str(line.path): line.sha256}, 0),
+    }
 
 
 def line_figures(fit: LineFit) -> dict[str, Any]:
-    """What a record says of a line: where it lies, how it fits, and its standard errors."""
-    names = ("intercept", "slope", "chi2", "dof", "p_value", "recommended", "reason")
+    """What a report says of a line: where it lies, how it fits, and its standard errors,
+    convention -> u(intercept), u(slope), covariance.
+    """
     errors = {name: [e.u_intercept, e.u_slope, e.cov] for name, e in fit.standard_errors.items()}
-    return {**{name: getattr(fit, name) for name in names}, "standard_errors": errors}
+    return {
+        "intercept": fit.intercept,
+        "slope": fit.slope,
+        "chi2": fit.chi2,
+        "dof": fit.dof,
+        "p_value": fit.p_value,
+        "standard_errors": errors,
+        "recommended": fit.recommended,
+        "reason": fit.reason,
+    }
 
 
 def _coefficients(line: StraightLine) -> dict[str, tuple[str, str, float, float]]:
@@ -139,8 +125,8 @@ def straight_line_report(line: StraightLine, *, figures: FigureChoice = "main") 
         {"result.json": result},
         wanted=figures,
         result=result,
-        method=_METHODS[result.method],
-        percent=f"{100.0 * result.probability:g}",
+        method=_METHODS[line.fit.method],
+        percent=f"{100.0 * line.probability:g}",
         conventions=CONVENTIONS,
         pair=_pair,
         ends=_ends,
@@ -151,12 +137,12 @@ def straight_line_report(line: StraightLine, *, figures: FigureChoice = "main") 
             for key, name in zip(units, (x, y, phrase("intercept"), phrase("slope")), strict=True)
         },
         equation=f"{y} = {intercept} + {slope} · {x}",
-        scatter=with_unit(significant(math.sqrt(result.chi2 / result.dof), 2), units["y"]),
+        scatter=with_unit(significant(math.sqrt(line.fit.chi2 / line.fit.dof), 2), units["y"]),
         best=_best(line),
         first_step=line.first_step,
         facts=line.facts,
-        uncertainties=_uncertainties(result),
-        slope=_ends(*result.slope_interval, coefficients["slope"][-1], units["slope"]),
+        uncertainties=_uncertainties(result["columns"], result["correlated"]),
+        slope=_ends(line.slope.low, line.slope.high, coefficients["slope"][-1], units["slope"]),
         copies=copies_of(_estimates(line)) if line.status.ok else None,
     )
 
@@ -260,14 +246,14 @@ def _ends(low: float, high: float, u: float, unit: str = "1") -> str:
     return interval(low, high, u, 3) + behind(unit) if known else phrase("unbounded")
 
 
-def _uncertainties(result: StraightLineResult) -> str:
-    columns = (("u(x)", result.columns["u_x"]), ("u(y)", result.columns["u_y"]))
+def _uncertainties(names: Mapping[str, str | None], correlated: Sequence[str]) -> str:
+    columns = (("u(x)", names["u_x"]), ("u(y)", names["u_y"]))
     sources = [
         phrase("{key} from {name}", key=key, name=name) for key, name in columns if name is not None
     ]
-    if result.columns["r_xy"] is not None and len(sources) == 2:
-        sources.append(phrase("their correlation from {name}", name=result.columns["r_xy"]))
-    sources += result.correlated
+    if names["r_xy"] is not None and len(sources) == 2:
+        sources.append(phrase("their correlation from {name}", name=names["r_xy"]))
+    sources += correlated
     return ", ".join(sources) or phrase("no uncertainties are stated")
 
 

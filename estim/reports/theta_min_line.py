@@ -29,12 +29,11 @@ from estim.drawing import BLUE, INK, ORANGE, Figure, draw_bands, legend_below, n
 from estim.line import CONVENTIONS, LineAnalysis, TrialsAnalysis
 from estim.reports.copying import copies_of
 from estim.reports.pages import Drawers, page
-from estim.reports.records import Record, Report
 from estim.reports.rendering import shown
-from estim.reports.result import Provenance, provenance_of
+from estim.reports.result import provenance_of
 from estim.reports.straight_line import line_figures
 from estim.reports.trials import UNKNOWN_LABELS, trials_section
-from estim.sampling import Summary, summarise, trusted
+from estim.sampling import summarise, trusted
 from estim.words import advice_for
 
 _METHODS = PhraseTable(
@@ -54,82 +53,29 @@ _STRENGTHS = (
 )
 
 
-class LineRow(Record):
-    """What one method says of the line."""
-
-    intercept: float
-    slope: float
-    chi2: float
-    dof: int | None
-    p_value: float
-    standard_errors: dict[str, list[float]]  # convention -> u(intercept), u(slope), covariance
-    recommended: str | None
-    reason: str | None
-    gamma: Quantity | None
-    rolling_resistance: Quantity | None
-    e_n: float
-
-
-class AboveTheory(Record):
-    """The measured theta_min beside the theory with gamma as stated.
-
-    points : how many lie above it.  tilt : their mean.  excess : theta_min of the Bayesian line
-        there, less that of the theory; u of both.
+def line_result(campaign: Campaign, analysis: LineAnalysis) -> dict[str, Any]:
+    """Everything of a line, as `result.json` has it; the report prints from it.  Where the status
+    is not ok, uncertainties and what follows from them are null or empty.
     """
-
-    points: int
-    tilt: float
-    excess: Quantity
-
-
-class LineResult(Report):
-    """Everything of a line; the report prints from it.  Where the status is not ok, uncertainties
-    and what follows from them are null or empty.
-    """
-
-    title: str
-    kind: str
-    status: str
-    reasons: list[str]
-    advice: list[str]
-    disagreement: str
-    body: str
-    n_obs: int
-    gamma_masses: Quantity | None
-    gamma_origin: str
-    methods: dict[str, LineRow]
-    posterior: dict[str, Summary]
-    slope_interval: tuple[float, float]
-    steepest_phi: Quantity | None
-    log_bayes_factor_intercept: Quantity | None
-    intercept_prior_sd: float
-    zero_phi: float | None
-    zero_theta_min: float | None
-    above_theory: AboveTheory | None
-    provenance: Provenance
-
-
-def line_result(campaign: Campaign, analysis: LineAnalysis) -> LineResult:
-    """The record of a line analysis."""
-    methods = {name: _row(analysis, name) for name in _METHODS}
     intercept = analysis.chain.column("intercept")
     tilt = float(np.mean(np.cos(analysis.series.phi)))
     angle = float(np.mean(np.cos(analysis.series.theta_min)))
     steepest, status, ok = analysis.steepest, analysis.status, analysis.status.ok
-    return LineResult(
-        schema_="estim-line/1",
-        title=campaign.title,
-        kind=campaign.kind,
-        status=status,
-        reasons=list(analysis.reasons),
-        advice=advice_for(analysis.findings),
-        disagreement=analysis.disagreement,
-        body=analysis.series.body,
-        n_obs=analysis.series.x.size,
-        gamma_masses=analysis.gamma_masses,
-        gamma_origin=gamma_origin(campaign.source, analysis.series.body),
-        methods=methods,
-        posterior={
+    exact, evidence = analysis.slope_exact, analysis.evidence
+    return {
+        "schema": "estim-line/1",
+        "title": campaign.title,
+        "kind": campaign.kind,
+        "status": status,
+        "reasons": analysis.reasons,
+        "advice": advice_for(analysis.findings),
+        "disagreement": analysis.disagreement,
+        "body": analysis.series.body,
+        "n_obs": analysis.series.x.size,
+        "gamma_masses": analysis.gamma_masses,
+        "gamma_origin": gamma_origin(campaign.source, analysis.series.body),
+        "methods": {name: _row(analysis, name) for name in _METHODS},
+        "posterior": {
             name: trusted(summarise(draws, unit="1", meaning=meaning), status)
             for name, draws, meaning in (
                 ("gamma", analysis.gamma_draws, phrase("1/slope")),
@@ -142,37 +88,36 @@ def line_result(campaign: Campaign, analysis: LineAnalysis) -> LineResult:
                 ),
             )
         },
-        slope_interval=(analysis.slope_exact.low, analysis.slope_exact.high)
-        if status.draws_count
-        else (math.nan, math.nan),
-        steepest_phi=Quantity(
+        "slope_interval": [exact.low, exact.high] if status.draws_count else [None, None],
+        "steepest_phi": Quantity(
             math.asin(min(max(steepest.x0, -1.0), 1.0)),
             steepest.u_x0 / math.sqrt(max(1.0 - steepest.x0**2, 1e-12)),
         )
         if ok
         else None,
-        log_bayes_factor_intercept=Quantity(
-            analysis.evidence.log_bayes_factor, analysis.evidence.u_log_bayes_factor
+        "log_bayes_factor_intercept": Quantity(
+            evidence.log_bayes_factor, evidence.u_log_bayes_factor
         )
         if ok
         else None,
-        intercept_prior_sd=analysis.evidence.intercept_sd,
+        "intercept_prior_sd": evidence.intercept_sd,
         # the intercept read as a zero error: of the plumb line (theta_min too large), or of the
         # protractor (phi too small)
-        zero_phi=float(np.mean(intercept * analysis.gamma_draws)) / tilt if ok else None,
-        zero_theta_min=float(np.mean(intercept)) / angle if ok else None,
-        above_theory=_above_theory(analysis, intercept) if ok else None,
-        provenance=provenance_of(
+        "zero_phi": float(np.mean(intercept * analysis.gamma_draws)) / tilt if ok else None,
+        "zero_theta_min": float(np.mean(intercept)) / angle if ok else None,
+        "above_theory": _above_theory(analysis, intercept) if ok else None,
+        "provenance": provenance_of(
             campaign.source.path,
             campaign.source.sha256,
             {analysis.series.file: analysis.series.sha256},
             analysis.seed,
         ),
-    )
+    }
 
 
-def _above_theory(analysis: LineAnalysis, intercept: FloatArray) -> AboveTheory | None:
-    """None where no gamma is stated, or the body would not climb at the mean tilt.
+def _above_theory(analysis: LineAnalysis, intercept: FloatArray) -> dict[str, Any] | None:
+    """The measured theta_min beside the theory with gamma as stated; None where no gamma is stated,
+    or the body would not climb at the mean tilt.
 
     intercept : (n_draw,).
     """
@@ -184,31 +129,41 @@ def _above_theory(analysis: LineAnalysis, intercept: FloatArray) -> AboveTheory 
     fitted = np.arcsin(np.clip(intercept + tilt / analysis.gamma_draws, -1.0, 1.0))
     u_theory = math.tan(theory) * gamma.u / gamma.value
     excess = Quantity(float(np.mean(fitted)) - theory, math.hypot(np.std(fitted), u_theory))
-    points = int(np.sum(analysis.series.y > x / gamma.value))
-    return AboveTheory(points, math.asin(tilt), excess)
+    return {
+        "points": int(np.sum(analysis.series.y > x / gamma.value)),  # how many lie above it
+        "tilt": math.asin(tilt),  # their mean
+        "excess": excess,  # theta_min of the Bayesian line there, less that of the theory
+    }
 
 
-def _row(analysis: LineAnalysis, method: str) -> LineRow:
+def _row(analysis: LineAnalysis, method: str) -> dict[str, Any]:
     """What a method says; of a status that is not ok the best line and how well it fits, without
     any uncertainty.
     """
-    reading = analysis.readings[method]
-    told = (reading.gamma, reading.resistance, reading.e_n)
     if method == "posterior":
         names = ("intercept", "slope")
         line = analysis.chain.flat[:, [analysis.chain.names.index(name) for name in names]]
-        intercept, slope = line.mean(axis=0).tolist()
+        intercept, slope = line.mean(axis=0)
         cov = np.cov(line.T)
-        errors = {"posterior sd": [*sds_of(cov).tolist(), float(cov[0, 1])]}
-        row = LineRow(intercept, slope, math.nan, None, math.nan, errors, None, None, *told)
+        row = {
+            "intercept": intercept,
+            "slope": slope,
+            "chi2": None,
+            "dof": None,
+            "p_value": math.nan,
+            "standard_errors": {"posterior sd": [*sds_of(cov), cov[0, 1]]},
+            "recommended": None,
+            "reason": None,
+        }
     else:
-        fit = {"ols": analysis.ols, "weighted": analysis.weighted, "york": analysis.york}[method]
-        gamma, resistance, e_n = told
-        row = LineRow(**line_figures(fit), gamma=gamma, rolling_resistance=resistance, e_n=e_n)
+        fits = {"ols": analysis.ols, "weighted": analysis.weighted, "york": analysis.york}
+        row = line_figures(fits[method])
+    reading = analysis.readings[method]
+    row |= {"gamma": reading.gamma, "rolling_resistance": reading.resistance, "e_n": reading.e_n}
     if analysis.status.ok:
         return row
-    nothing = dict.fromkeys(("recommended", "reason", "gamma", "rolling_resistance"))
-    return msgspec.structs.replace(row, standard_errors={}, e_n=math.nan, **nothing)
+    uncertain = ("recommended", "reason", "gamma", "rolling_resistance", "e_n")
+    return row | dict.fromkeys(uncertain) | {"standard_errors": {}}
 
 
 def line_report(
@@ -223,11 +178,11 @@ def line_report(
     """
     result = line_result(campaign, analysis)
     drawers: Drawers = {"figures/line.png": partial(line_figure, analysis)}
-    records: dict[str, Report] = {"result.json": result}
+    records = {"result.json": result}
     if trials is not None:
         of_trials, records["trials.json"] = trials_section(campaign, trials, line=analysis)
         drawers = {**drawers, **of_trials}
-    estimates = [line_estimate(result, campaign.truth)] if result.status == "ok" else []
+    estimates = [line_estimate(result, campaign.truth)] if analysis.status.ok else []
     return page(
         drawers,
         "line.md.j2",
@@ -238,7 +193,7 @@ def line_report(
         assumption=analysis.assumption,
         trials=records.get("trials.json"),
         found=table(*result_table(estimates)),
-        copies=copies_of(estimates, kind=result.kind) if estimates else None,
+        copies=copies_of(estimates, kind=campaign.kind) if estimates else None,
         **LINE_WORDS,
         labels=UNKNOWN_LABELS,
     )
@@ -249,26 +204,26 @@ def line_lines(campaign: Campaign, analysis: LineAnalysis) -> list[str]:
     result = line_result(campaign, analysis)
     resistance = phrase(
         "c_rr = {value}, if all of the intercept is rolling resistance",
-        value=shown(result.methods["posterior"].rolling_resistance),
+        value=shown(analysis.readings["posterior"].resistance),
     )
     return screen_lines([line_estimate(result, campaign.truth)], minds=[resistance])
 
 
-def line_estimate(result: LineResult, truth: Mapping[str, float]) -> Estimate:
+def line_estimate(result: Mapping[str, Any], truth: Mapping[str, float]) -> Estimate:
     """gamma of a line whose status is ok, beside what was stated.  truth : name -> true value of
     synthetic data, where it is known.
     """
     summary = msgspec.structs.replace(
-        result.posterior["gamma"],
-        meaning=phrase("1/slope of the θ_min line of {body}", body=result.body),
+        result["posterior"]["gamma"],
+        meaning=phrase("1/slope of the θ_min line of {body}", body=result["body"]),
     )
     return Estimate(
         Notation("γ").label("1", "[line]"),
         summary,
-        shown(result.gamma_masses) if result.gamma_masses else "",
+        shown(result["gamma_masses"]) if result["gamma_masses"] else "",
         True,
         None,
-        truth.get(f"gamma[{result.body}]"),
+        truth.get(f"gamma[{result['body']}]"),
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -24,19 +25,9 @@ from estim.common import (
     phrase,
 )
 from estim.drawing import BLUE, GREY, INK, ORANGE, Axes, Figure, draw_bands, grid, legend_below
-from estim.line import (
-    HIGH,
-    LOW,
-    UNKNOWNS,
-    WAYS,
-    LineAnalysis,
-    Threshold,
-    TrialsAnalysis,
-    effective_start,
-)
+from estim.line import HIGH, LOW, UNKNOWNS, WAYS, LineAnalysis, TrialsAnalysis, effective_start
 from estim.reports.pages import Drawers, page
-from estim.reports.records import Record, Report
-from estim.reports.result import Provenance, provenance_of
+from estim.reports.result import provenance_of
 from estim.sampling import Summary, trusted
 from estim.words import advice_for, told_apart
 
@@ -58,87 +49,50 @@ _NAMES = PhraseTable({LOW: "below 90°", HIGH: "above 90°"})
 UNKNOWN_LABELS = {name: notation.label(unit) for name, (unit, _, notation) in UNKNOWNS.items()}
 
 
-class WayRow(Record):
-    """gamma by one way; e_n against the stated value, e_n_trials against gamma of all trials (null
-    for those that share trials with it).
-    """
-
-    words: str
-    gamma: Summary
-    e_n: float | None
-    e_n_trials: float | None
-    reliable: bool
-
-
-class TrialsResult(Report):
-    """Everything of trials of release; the report prints from it.  Where the status is not ok, what
-    it does not allow is null or empty.
-    """
-
-    title: str
-    kind: str
-    status: str
-    reasons: list[str]
-    advice: list[str]
-    disagreements: list[str]
-    body: str
-    n_trial: int
-    n_climbed: int
-    n_tilt: int
-    gamma_masses: float | None
-    u_gamma_masses: float | None
-    gamma_origin: str
-    unknowns: dict[str, Summary]
-    priors: dict[str, str]
-    resistance_fixed: float | None
-    ways: dict[str, WayRow]
-    ends_apart: list[float] | None  # difference, its standard uncertainty, in sds, E_n
-    thresholds: tuple[Threshold, ...]
-    offset: list[float] | None  # rad, with its standard uncertainty, at phi_mean
-    phi_mean: float
-    told_apart: list[str]
-    second_computation: str
-    provenance: Provenance
-
-
 def trials_result(
     campaign: Campaign, analysis: TrialsAnalysis, *, line: LineAnalysis | None = None
-) -> TrialsResult:
-    """The record of an analysis of trials.  line : of the same body, to stand beside it."""
+) -> dict[str, Any]:
+    """Everything of trials of release, as `trials.json` has it; the report prints from it.  Where
+    the status is not ok, what it does not allow is null or empty.
+
+    line : of the same body, to stand beside it.
+    """
     status, trials, masses = analysis.status, analysis.trials, analysis.gamma_masses
-    posterior = analysis.posterior
-    return TrialsResult(
-        schema_="estim-trials/1",
-        title=campaign.title,
-        kind=campaign.kind,
-        status=status,
-        reasons=list(analysis.reasons),
-        advice=advice_for(analysis.findings),
-        disagreements=list(analysis.disagreements),
-        body=trials.body,
-        n_trial=trials.n_trial,
-        n_climbed=trials.n_climbed,
-        n_tilt=len(trials.tilts),
-        gamma_masses=None if masses is None else masses.value,
-        u_gamma_masses=None if masses is None else masses.u,
-        gamma_origin=gamma_origin(campaign.source, trials.body),
-        unknowns={name: trusted(analysis.summary(name), status) for name in analysis.chain.names},
-        priors={name: _shown_prior(analysis, name) for name in analysis.chain.names},
-        resistance_fixed=number(posterior.resistance),
-        ways=_ways(analysis, line) if status.ok else {},
-        ends_apart=_apart(analysis) if status.ok else None,
-        thresholds=analysis.thresholds,
-        offset=[analysis.offset.value, analysis.offset.u] if status.ok else None,
-        phi_mean=analysis.phi_mean,
-        told_apart=told_apart(dict(analysis.told), analysis.correlation) if status.ok else [],
-        second_computation=analysis.agreement.reason,
-        provenance=provenance_of(
+    return {
+        "schema": "estim-trials/1",
+        "title": campaign.title,
+        "kind": campaign.kind,
+        "status": status,
+        "reasons": analysis.reasons,
+        "advice": advice_for(analysis.findings),
+        "disagreements": analysis.disagreements,
+        "body": trials.body,
+        "n_trial": trials.n_trial,
+        "n_climbed": trials.n_climbed,
+        "n_tilt": len(trials.tilts),
+        "gamma_masses": None if masses is None else masses.value,
+        "u_gamma_masses": None if masses is None else masses.u,
+        "gamma_origin": gamma_origin(campaign.source, trials.body),
+        "unknowns": {
+            name: trusted(analysis.summary(name), status) for name in analysis.chain.names
+        },
+        "priors": {name: _shown_prior(analysis, name) for name in analysis.chain.names},
+        "resistance_fixed": number(analysis.posterior.resistance),
+        "ways": _ways(analysis, line) if status.ok else {},
+        "ends_apart": _apart(analysis) if status.ok else None,
+        "thresholds": analysis.thresholds,
+        # rad, with its standard uncertainty, at phi_mean
+        "offset": [analysis.offset.value, analysis.offset.u] if status.ok else None,
+        "phi_mean": analysis.phi_mean,
+        "told_apart": told_apart(dict(analysis.told), analysis.correlation) if status.ok else [],
+        "second_computation": analysis.agreement.reason,
+        "provenance": provenance_of(
             campaign.source.path,
             campaign.source.sha256,
             {trials.file: trials.sha256},
             analysis.seed,
         ),
-    )
+    }
 
 
 def _shown_prior(analysis: TrialsAnalysis, name: str) -> str:
@@ -155,9 +109,18 @@ def _shown_prior(analysis: TrialsAnalysis, name: str) -> str:
     }.get(name) or analysis.posterior.priors[name].describe()
 
 
-def _ways(analysis: TrialsAnalysis, line: LineAnalysis | None) -> dict[str, WayRow]:
+def _ways(analysis: TrialsAnalysis, line: LineAnalysis | None) -> dict[str, dict[str, Any]]:
+    """gamma by each way; e_n against the stated value, e_n_trials against gamma of all trials (null
+    for those that share trials with it).
+    """
     rows = {
-        name: WayRow(WAYS[name], way.gamma, number(way.e_n), None, way.reliable)
+        name: {
+            "words": WAYS[name],
+            "gamma": way.gamma,
+            "e_n": number(way.e_n),
+            "e_n_trials": None,
+            "reliable": way.reliable,
+        }
         for name, way in analysis.ways.items()
     }
     if line is None or not line.status.ok or line.series.body != analysis.trials.body:
@@ -165,13 +128,13 @@ def _ways(analysis: TrialsAnalysis, line: LineAnalysis | None) -> dict[str, WayR
     gamma = analysis.ways["both"].quantity
     for name, words in _LINES.items():
         reading = line.readings[name]
-        rows[name] = WayRow(
-            words,
-            _plain(reading.gamma),
-            number(reading.e_n),
-            number(e_n(reading.gamma, gamma)),
-            True,
-        )
+        rows[name] = {
+            "words": words,
+            "gamma": _plain(reading.gamma),
+            "e_n": number(reading.e_n),
+            "e_n_trials": number(e_n(reading.gamma, gamma)),
+            "reliable": True,
+        }
     return rows
 
 
@@ -186,6 +149,7 @@ def _plain(gamma: Quantity) -> Summary:
 
 
 def _apart(analysis: TrialsAnalysis) -> list[float] | None:
+    """Difference, its standard uncertainty, in sds, E_n."""
     apart = analysis.ends_apart
     if apart is None:
         return None
@@ -194,7 +158,7 @@ def _apart(analysis: TrialsAnalysis) -> list[float] | None:
 
 def trials_section(
     campaign: Campaign, analysis: TrialsAnalysis, *, line: LineAnalysis | None
-) -> tuple[Drawers, TrialsResult]:
+) -> tuple[Drawers, dict[str, Any]]:
     """Figures, and the record that the section of a report prints, which is `trials.json`."""
     drawers: Drawers = {"figures/trials.png": partial(starts_figure, analysis)}
     if analysis.status.ok:
