@@ -31,7 +31,10 @@ _ROUGH, _FINE = 12, 100  # steps of a descent
 # at most; parameters that are drawn, from which on three searches are made at least
 _SEARCHES, _MANY = 6, 4
 _AGREE = 1e-3  # of the squares
+_FINELY = 20  # places for each point, at which curves through the points are told apart
 _SAME = 1e-6  # of the squares: minima in noise differ by more
+
+End = tuple[FloatArray, float]  # values (n_bent,) of the drawn parameters, and the squares left
 
 
 def guess_starts(
@@ -51,7 +54,7 @@ def guess_starts(
     """
     sought = [name for name in formula.names if name not in known]
     search = projected(formula, x, y, u, known, limits, sought)
-    ends: list[tuple[FloatArray, float]] = []
+    ends: list[End] = []
     for seed in range(_SEARCHES if search.nonlinear else 1):
         end, sure = _searched(search, np.random.default_rng(seed + 1))
         ends.append(end)
@@ -62,7 +65,7 @@ def guess_starts(
             len(ends) > (1 if len(search.nonlinear) < _MANY else 2)
             and ends[1][1] <= ends[0][1] * (1.0 + _AGREE) + search.rounding
         ):
-            return {**search.whole(ends[0][0]), **known}
+            return {**search.whole(_plainest(search, ends)[0]), **known}
     names = search.nonlinear or sought
     why = (
         "from the points"
@@ -78,9 +81,7 @@ def guess_starts(
     )
 
 
-def _searched(
-    search: ProjectedCurve, rng: np.random.Generator
-) -> tuple[tuple[FloatArray, float], bool]:
+def _searched(search: ProjectedCurve, rng: np.random.Generator) -> tuple[End, bool]:
     """The best values (n_bent,) of one search, the squares that they leave, and whether several of
     its descents ended there.
     """
@@ -89,17 +90,35 @@ def _searched(
     n = _DRAWN + _DRAWN_EACH * len(search.nonlinear)
     drawn = np.column_stack([scale.draw(rng, n) for scale in search.scales])
     alone = len(search.blocks) < 2
-    ends: list[tuple[FloatArray, float]] = []
+    ends: list[End] = []
     for points in (drawn[:_FEW], drawn) if alone else (drawn,):
         ends += _down(search, _best(search, points, _GO_DOWN), _ROUGH)
-        if not ends:
-            continue
-        limit = min(end[1] for end in ends) * (1.0 + _SAME) + search.rounding
-        same = [end for end in ends if end[1] <= limit]
-        best = min(same, key=lambda end: int(np.sum(end[0] < 0.0)))  # the signs that people write
-        if alone and len(same) >= _ENOUGH:
-            return best, True
-    return (_swept(search, best, rng) if ends else (drawn[0], math.inf)), False
+        if alone and len(_equal(search, ends)) >= _ENOUGH:
+            return _plainest(search, ends), True
+    if not ends:
+        return (drawn[0], math.inf), False
+    return _swept(search, _plainest(search, ends), rng), False
+
+
+def _equal(search: ProjectedCurve, ends: Sequence[End]) -> list[End]:
+    """Those that are as good as the best."""
+    limit = min((end[1] for end in ends), default=math.nan) * (1.0 + _SAME) + search.rounding
+    return [end for end in ends if end[1] <= limit]
+
+
+def _plainest(search: ProjectedCurve, ends: Sequence[End]) -> End:
+    """Of the best ends one whose curve goes up and down between the points as little as any (of
+    oscillations the slowest), with the fewest negative numbers.
+    """
+    equal = _equal(search, ends)
+    x = np.linspace(search.x.min(), search.x.max(), _FINELY * search.x.size)
+    with np.errstate(all="ignore"):
+        rough = [
+            float(np.sum(np.abs(np.diff(search.formula.value(x, values)[0]))))
+            for values in ({**search.whole(end[0]), **search.known} for end in equal)
+        ]
+    smooth = [end for end, r in zip(equal, rough, strict=True) if not r > 1.05 * min(rough)]
+    return min(smooth, key=lambda end: int(np.sum(end[0] < 0.0)))
 
 
 def _drawn_for(
@@ -114,9 +133,7 @@ def _drawn_for(
     return tried
 
 
-def _swept(
-    search: ProjectedCurve, end: tuple[FloatArray, float], rng: np.random.Generator
-) -> tuple[FloatArray, float]:
+def _swept(search: ProjectedCurve, end: End, rng: np.random.Generator) -> End:
     """The same after each parameter was looked for again beside the others, as long as that
     helps.
     """
@@ -144,7 +161,7 @@ def _best(search: ProjectedCurve, points: FloatArray, n: int) -> FloatArray:
     return points[order[np.isfinite(squares[order])]]
 
 
-def _down(search: ProjectedCurve, points: FloatArray, steps: int) -> list[tuple[FloatArray, float]]:
+def _down(search: ProjectedCurve, points: FloatArray, steps: int) -> list[End]:
     """Where descents in the drawn parameters end, and the squares there."""
     if not len(points):
         return []
