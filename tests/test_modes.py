@@ -819,3 +819,17 @@ def test_other_numbers_of_the_same_curves_are_told_by_what_differs() -> None:
     text = " ".join([found.message, *found.notes])
     assert "the curve is the same" in text
     assert "()" not in text
+
+
+def test_a_curve_without_a_value_at_a_reading_is_fit_with_errors_of_x() -> None:
+    """x**n has none below 0, where an error of x may put a reading: nan is not equal to nan, and
+    the optimum was not found among the curves through its own points (a ValueError).
+    """
+    rng = np.random.default_rng(2)
+    true = np.geomspace(0.1, 30.0, 14)
+    y = 2.0 * true**1.8 / (3.0**1.8 + true**1.8) + 0.05 * rng.standard_normal(14)
+    x = true + 0.3 * rng.standard_normal(14)
+    x[0] = -0.1
+    start = {"V": 2.0, "n": 1.8, "K": 3.0}
+    fit = fit_curve("V*x**n/(K**n + x**n)", x, y, start=start, u_y=0.05, u_x=0.3)
+    assert fit.values["K"] == pytest.approx(3.0, abs=4.0 * fit.sds["K"])

@@ -8,6 +8,7 @@ import ast
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ import numpy as np
 from estim.arrays import FloatArray, all_finite, max_abs
 from estim.curves.dimensions import dimensions_of, factors_of
 from estim.curves.dual_numbers import Dual, plain
-from estim.curves.formula import CONSTANTS, FUNCTIONS, Formula, angles_in, evaluate, names_in
+from estim.curves.formula import Formula, evaluate, names_in
 from estim.curves.models import Limits
 from estim.curves.parameter_sizes import Scale, places_of, scale_of
 from estim.levenberg_marquardt import LeastSquares
@@ -63,8 +64,6 @@ class ProjectedCurve:
     linear, nonlinear : names of the parameters that are solved for and drawn.
 
     scales, blocks : of those drawn; which of them stand in one term of the formula.
-    owned : linear parameters of these terms alone.
-    turning : angles that the formula takes the sine, cosine or tangent of.
     """
 
     formula: Formula
@@ -76,15 +75,12 @@ class ProjectedCurve:
     nonlinear: tuple[str, ...]
     scales: tuple[Scale, ...]
     blocks: tuple[tuple[int, ...], ...]
-    owned: tuple[set[str], ...]
-    turning: tuple[ast.expr, ...]
 
-    def function(self, absent: Sequence[Sequence[int]] = ()) -> LeastSquares:
-        """The sum of squares as a function of the drawn parameters, which descents minimise,
-        without the terms of the blocks `absent`.
-        """
+    @cached_property
+    def function(self) -> LeastSquares:
+        """The sum of squares as a function of the drawn parameters, which descents minimise."""
         return LeastSquares(
-            lambda points, _which: self.left(points, absent),
+            lambda points, _which: self.left(points),
             np.array([scale.low for scale in self.scales]),
             np.array([scale.high for scale in self.scales]),
             np.array([scale.sizes[0][0] for scale in self.scales]),
@@ -100,7 +96,7 @@ class ProjectedCurve:
 
     def whole(self, nonlinear: FloatArray) -> dict[str, float]:
         """Name -> value of the parameters that are sought; those solved for within their limits."""
-        rest, columns = self._parts(nonlinear[None, :], self.linear)
+        rest, columns = self._parts(nonlinear[None, :])
         size = np.linalg.norm(columns[:, 0], axis=1)
         size[size == 0.0] = 1.0
         solved = (
@@ -116,16 +112,11 @@ class ProjectedCurve:
             )
         )
 
-    def linear_of(self, block: Sequence[int]) -> set[str]:
-        """Linear parameters that stand in the terms of a block, and in no other."""
-        return self.owned[self.blocks.index(tuple(block))]
-
-    def left(self, nonlinear: FloatArray, absent: Sequence[Sequence[int]] = ()) -> FloatArray:
-        """(n, n_obs) what the curves at nonlinear (n, n_nonlinear) leave of y, without the terms of
-        the blocks `absent`; not finite where the curve is not.
+    def left(self, nonlinear: FloatArray) -> FloatArray:
+        """(n, n_obs) what the curves at nonlinear (n, n_nonlinear) leave of y; not finite where the
+        curve is not.
         """
-        gone = set().union(*(self.linear_of(block) for block in absent))
-        rest, columns = self._parts(nonlinear, [name for name in self.linear if name not in gone])
+        rest, columns = self._parts(nonlinear)
         taken: list[FloatArray] = []
         with np.errstate(all="ignore"):
             for column in columns:
@@ -139,37 +130,11 @@ class ProjectedCurve:
                 rest -= _dot(column, rest) * column
         return rest
 
-    def squares(self, nonlinear: FloatArray, absent: Sequence[Sequence[int]] = ()) -> FloatArray:
-        """(n,) sums of squares, inf where the curve is not finite or turns unseen."""
-        sums = 2.0 * self.function(absent).objectives(nonlinear)
-        return np.where(self._turns_unseen(nonlinear), math.inf, sums)
+    def squares(self, nonlinear: FloatArray) -> FloatArray:
+        """(n,) sums of squares, inf where the curve is not finite."""
+        return 2.0 * self.function.objectives(nonlinear)
 
-    def _turns_unseen(self, nonlinear: FloatArray) -> FloatArray:
-        """(n,) whether an oscillation makes more than half a turn from a point to the nearest other
-        one: a slower one draws the same curve there.
-        """
-        # places at which angles are compared
-        unseen, places = np.zeros(nonlinear.shape[0], dtype=bool), np.unique(self.x)[:50]
-        if places.size < 2 or not self.turning:
-            return unseen
-        step = np.diff(places)
-        symbols = {
-            "x": places,
-            **self.known,
-            **{name: nonlinear[:, [i]] for i, name in enumerate(self.nonlinear)},
-        }
-        with np.errstate(all="ignore"):
-            for tree in self.turning:
-                angle = np.broadcast_to(
-                    np.asarray(evaluate(tree, symbols)), (nonlinear.shape[0], places.size)
-                )
-                unseen |= (
-                    np.median(np.abs(np.diff(angle, axis=1) / step), axis=1) * float(np.min(step))
-                    > 1.01 * math.pi
-                )
-        return unseen
-
-    def _parts(self, nonlinear: FloatArray, solved: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    def _parts(self, nonlinear: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(n, n_obs) y without what the linear parameters do not move, and (n_linear, n, n_obs) the
         curves of a unit of each.
         """
@@ -181,9 +146,9 @@ class ProjectedCurve:
         }
         curve, shape = evaluate(self.formula.tree, symbols), (nonlinear.shape[0], self.x.size)
         still = np.broadcast_to(plain(curve), shape)
-        columns = np.empty((len(solved), *shape))
+        columns = np.empty((len(self.linear), *shape))
         with np.errstate(all="ignore"):
-            for column, name in zip(columns, solved, strict=True):
+            for column, name in zip(columns, self.linear, strict=True):
                 np.multiply(curve.partials[name], self.weight, out=column)
             return self.y - still * self.weight, columns
 
@@ -221,7 +186,6 @@ def projected(
         scale_of(units.get(name), factors[name], x, y, *ends[name], place=name in places)
         for name in nonlinear
     )
-    turning = _turning(formula, {*nonlinear, *known, "x"})
     return ProjectedCurve(
         formula,
         x,
@@ -231,43 +195,22 @@ def projected(
         linear,
         nonlinear,
         scales,
-        *_blocks(formula, linear, nonlinear),
-        turning,
+        _blocks(formula, nonlinear),
     )
 
 
-def _blocks(
-    formula: Formula, linear: Sequence[str], nonlinear: Sequence[str]
-) -> tuple[tuple[tuple[int, ...], ...], tuple[set[str], ...]]:
-    """Parameters that stand together in terms of a sum, and the linear parameters of these terms
-    alone.
-    """
-    terms = [names_in(term) for term in _terms(formula.tree)]
+def _blocks(formula: Formula, nonlinear: Sequence[str]) -> tuple[tuple[int, ...], ...]:
+    """Parameters that stand together in terms of a sum."""
     blocks: list[set[str]] = []
-    for names in terms:
-        block = names & {*nonlinear}
+    for term in _terms(formula.tree):
+        block = names_in(term) & {*nonlinear}
         joined = [other for other in blocks if other & block]
         blocks = [other for other in blocks if not other & block] + (
             [block.union(*joined)] if block else []
         )
-    owned = []
-    for block in blocks:
-        outside = set().union(*(names for names in terms if not names & block))
-        owned.append(
-            {name for names in terms if names & block for name in names & {*linear}} - outside
-        )
     return tuple(
         tuple(nonlinear.index(name) for name in nonlinear if name in block) for block in blocks
-    ), tuple(owned)
-
-
-def _turning(formula: Formula, given: Collection[str]) -> tuple[ast.expr, ...]:
-    """Angles that the formula takes the sine, cosine or tangent of, if they are made of x and of
-    names that are given.
-    """
-    known = {*given, *CONSTANTS, *FUNCTIONS, "power"}
-    angles = angles_in(formula.tree)
-    return tuple(a for a in angles if (names := names_in(a)) <= known and "x" in names)
+    )
 
 
 def _terms(tree: ast.expr) -> list[ast.expr]:

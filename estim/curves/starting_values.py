@@ -3,17 +3,17 @@
 The formula says in which unit each parameter must be (`dimensions`), and the points say how large
 such a thing may be: a place or a length along x, a rate or a frequency up to half a turn from one
 point to the next, a pure number (`scales`).  The linear parameters are solved for (`projected`), so
-only the others are drawn, thousands of times, and the terms of a sum are looked for one after the
-other.  The best trials go down to their optima, and each parameter is looked for again beside the
-others.  Nothing is taken for found until three descents of a search (where the curve is no sum of
-terms), or two searches that share no random number, end at the same squares.
+only the others are drawn, thousands of times.  The best trials go down to their optima, and each
+parameter, and those of each term of a sum, are looked for again beside the others.  Nothing is
+taken for found until three descents of a search (where the curve is no sum of terms), or two
+searches that share no random number, end at the same squares.  Of numbers that draw the same curve
+the search of the fit takes the usual ones (`estim.fitting.optimum`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from itertools import combinations
 
 import numpy as np
 
@@ -31,8 +31,10 @@ _ROUGH, _FINE = 12, 100  # steps of a descent
 # at most; parameters that are drawn, from which on three searches are made at least
 _SEARCHES, _MANY = 6, 4
 _AGREE = 1e-3  # of the squares
-_SAME = 1e-6  # of the squares: minima in noise differ by more
 _FINELY = 20  # places for each point, at which curves through the points are told apart
+_SAME = 1e-6  # of the squares: minima in noise differ by more
+
+End = tuple[FloatArray, float]  # values (n_bent,) of the drawn parameters, and the squares left
 
 
 def guess_starts(
@@ -52,7 +54,7 @@ def guess_starts(
     """
     sought = [name for name in formula.names if name not in known]
     search = projected(formula, x, y, u, known, limits, sought)
-    ends: list[tuple[FloatArray, float]] = []
+    ends: list[End] = []
     for seed in range(_SEARCHES if search.nonlinear else 1):
         end, sure = _searched(search, np.random.default_rng(seed + 1))
         ends.append(end)
@@ -63,7 +65,7 @@ def guess_starts(
             len(ends) > (1 if len(search.nonlinear) < _MANY else 2)
             and ends[1][1] <= ends[0][1] * (1.0 + _AGREE) + search.rounding
         ):
-            return {**search.whole(_positive(search, *_smoothest(search, ends))), **known}
+            return {**search.whole(_plainest(search, ends)[0]), **known}
     names = search.nonlinear or sought
     why = (
         "from the points"
@@ -79,9 +81,7 @@ def guess_starts(
     )
 
 
-def _searched(
-    search: ProjectedCurve, rng: np.random.Generator
-) -> tuple[tuple[FloatArray, float], bool]:
+def _searched(search: ProjectedCurve, rng: np.random.Generator) -> tuple[End, bool]:
     """The best values (n_bent,) of one search, the squares that they leave, and whether several of
     its descents ended there.
     """
@@ -90,67 +90,35 @@ def _searched(
     n = _DRAWN + _DRAWN_EACH * len(search.nonlinear)
     drawn = np.column_stack([scale.draw(rng, n) for scale in search.scales])
     alone = len(search.blocks) < 2
-    ends: list[tuple[FloatArray, float]] = []
+    ends: list[End] = []
     for points in (drawn[:_FEW], drawn) if alone else (drawn,):
-        ends += _down(search, _best_apart(search, points, _GO_DOWN), _ROUGH)
-        ends.sort(key=lambda end: end[1])
-        same = ends[0][1] * (1.0 + _SAME) + search.rounding if ends else math.nan
-        if alone and sum(end[1] <= same for end in ends) >= _ENOUGH:
-            return _smoothest(search, ends), True
-    ends += _down(search, _term_by_term(search, rng), _ROUGH)
+        ends += _down(search, _best(search, points, _GO_DOWN), _ROUGH)
+        if alone and len(_equal(search, ends)) >= _ENOUGH:
+            return _plainest(search, ends), True
     if not ends:
         return (drawn[0], math.inf), False
-    return _swept(search, _smoothest(search, ends), rng), False
+    return _swept(search, _plainest(search, ends), rng), False
 
 
-def _smoothest(
-    search: ProjectedCurve, ends: Sequence[tuple[FloatArray, float]]
-) -> tuple[FloatArray, float]:
-    """The first of the best ends whose curve goes up and down between the points as little as
-    any: of a product of oscillations no angle says that slower ones draw the same there.
+def _equal(search: ProjectedCurve, ends: Sequence[End]) -> list[End]:
+    """Those that are as good as the best."""
+    limit = min((end[1] for end in ends), default=math.nan) * (1.0 + _SAME) + search.rounding
+    return [end for end in ends if end[1] <= limit]
+
+
+def _plainest(search: ProjectedCurve, ends: Sequence[End]) -> End:
+    """Of the best ends one whose curve goes up and down between the points as little as any (of
+    oscillations the slowest), with the fewest negative numbers.
     """
-    same = min(end[1] for end in ends) * (1.0 + _SAME) + search.rounding
-    equal = [end for end in ends if end[1] <= same]
+    equal = _equal(search, ends)
     x = np.linspace(search.x.min(), search.x.max(), _FINELY * search.x.size)
     with np.errstate(all="ignore"):
         rough = [
             float(np.sum(np.abs(np.diff(search.formula.value(x, values)[0]))))
             for values in ({**search.whole(end[0]), **search.known} for end in equal)
         ]
-    return next(end for end, r in zip(equal, rough, strict=True) if not r > 1.05 * min(rough))
-
-
-def _term_by_term(search: ProjectedCurve, rng: np.random.Generator) -> list[FloatArray]:
-    """Points at which the terms of a sum were found one after the other, the one first that
-    explains most, each beside those before it.
-    """
-    blocks = [block for block in search.blocks if search.linear_of(block)]
-    alone = [i for i in range(len(search.nonlinear)) if not any(i in block for block in blocks)]
-    if len(blocks) < 2 or alone:
-        return []
-    points = []
-    for first in blocks:
-        absent = [block for block in blocks if block != first]
-        # places of the first term to go on from
-        for point in _best_apart(
-            search, _drawn_for(search, first, np.zeros(len(search.nonlinear)), rng), 6, absent
-        ):
-            remaining = list(absent)
-            while remaining:
-                tries = []
-                for block in remaining:
-                    others = [other for other in remaining if other != block]
-                    best = _best_apart(search, _drawn_for(search, block, point, rng), 1, others)
-                    tries += [
-                        (float(search.squares(candidate[None, :], others)[0]), candidate, block)
-                        for candidate in best
-                    ]
-                if not tries:
-                    break
-                _, point, block = min(tries, key=lambda candidate: candidate[0])
-                remaining.remove(block)
-            points += [] if remaining else [point]
-    return points
+    smooth = [end for end, r in zip(equal, rough, strict=True) if not r > 1.05 * min(rough)]
+    return min(smooth, key=lambda end: int(np.sum(end[0] < 0.0)))
 
 
 def _drawn_for(
@@ -165,9 +133,7 @@ def _drawn_for(
     return tried
 
 
-def _swept(
-    search: ProjectedCurve, end: tuple[FloatArray, float], rng: np.random.Generator
-) -> tuple[FloatArray, float]:
+def _swept(search: ProjectedCurve, end: End, rng: np.random.Generator) -> End:
     """The same after each parameter was looked for again beside the others, as long as that
     helps.
     """
@@ -180,75 +146,25 @@ def _swept(
         for block in blocks:
             tried = _drawn_for(search, block, end[0], rng)
             end = min(
-                [end, *_down(search, _best_apart(search, tried, 2), _ROUGH)],
+                [end, *_down(search, _best(search, tried, 2), _ROUGH)],
                 key=lambda candidate: candidate[1],
             )
         if not end[1] < before * (1.0 - 0.01 * _AGREE):
             break
-    return _down(search, [end[0]], _FINE)[0]
+    return _down(search, end[0][None, :], _FINE)[0]
 
 
-def _positive(search: ProjectedCurve, values: FloatArray, squares: float) -> FloatArray:
-    """The same curve with as few negative parameters as changes of one or two signs make it, within
-    limits; sizes come before places and angles.
-    """
-    low, high = (
-        np.array([getattr(scale, end) for scale in search.scales]) for end in ("low", "high")
-    )
-    worth = np.array([1.0 if scale.places is None else 0.1 for scale in search.scales])
-    flips = [
-        np.array([-1.0 if i in pair else 1.0 for i in range(values.size)])
-        for n in (1, 2)
-        for pair in combinations(range(values.size), n)
-    ]
-    for flip in flips:
-        tried = values * flip
-        fewer = worth @ (tried < 0.0) < worth @ (values < 0.0) and bool(
-            np.all((tried > low) & (tried < high))
-        )
-        if (
-            fewer
-            and float(search.squares(tried[None, :])[0]) <= squares * (1.0 + 1e-9) + search.rounding
-        ):
-            values = tried
-    return values
+def _best(search: ProjectedCurve, points: FloatArray, n: int) -> FloatArray:
+    """The best `n` of `points` (n_point, n_bent), or fewer where the curve is not finite."""
+    squares = search.squares(points)
+    order = np.argsort(squares, kind="stable")[:n]
+    return points[order[np.isfinite(squares[order])]]
 
 
-def _best_apart(
-    search: ProjectedCurve, points: FloatArray, n: int, absent: Sequence[Sequence[int]] = ()
-) -> list[FloatArray]:
-    """The best `n` of `points` (n_point, n_bent), whose residuals are not alike, without the terms
-    of the blocks `absent`.
-    """
-    squares = search.squares(points, absent)
-    order = np.argsort(squares, kind="stable")[: 40 * n]
-    order = order[np.isfinite(squares[order])]
-    chosen: list[FloatArray] = []
-    shapes = np.zeros((0, search.x.size))
-    for first in range(0, order.size, 2 * n):
-        tried = points[order[first : first + 2 * n]]
-        with np.errstate(all="ignore"):
-            residuals = search.left(tried, absent)
-            residuals /= np.linalg.norm(residuals, axis=1, keepdims=True)
-        for point, shape in zip(tried, residuals, strict=True):
-            if len(chosen) < n and np.all(shapes @ shape < 0.9995):
-                chosen.append(point)
-                shapes = np.vstack([shapes, shape])
-        if len(chosen) == n:
-            break
-    return chosen
-
-
-def _down(
-    search: ProjectedCurve, starts: Sequence[FloatArray], steps: int
-) -> list[tuple[FloatArray, float]]:
+def _down(search: ProjectedCurve, points: FloatArray, steps: int) -> list[End]:
     """Where descents in the drawn parameters end, and the squares there."""
-    if not starts:
+    if not len(points):
         return []
-    points = np.array(starts)
-    first = search.squares(points)
     # predicted decrease of the squares at which a descent ends
-    ends, _, _ = search.function().descend(points, ftol=1e-8, max_steps=steps)
-    after = search.squares(ends)
-    lower = (after < first)[:, None]
-    return list(zip(np.where(lower, ends, points), np.minimum(after, first).tolist(), strict=True))
+    ends, squares, _ = search.function.descend(points, ftol=1e-8, max_steps=steps)
+    return list(zip(ends, squares.tolist(), strict=True))

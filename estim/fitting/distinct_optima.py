@@ -122,7 +122,7 @@ def choose(
     through = [
         i
         for i, end in enumerate(ends)
-        if _is_alias(search, end, best) or _as_good(search, end, best, between=False)
+        if end is best or _is_alias(search, end, best) or _as_good(search, end, best, between=False)
     ]
     apart = np.ptp([named[i] for i in through], axis=0)
     steady = np.array(
