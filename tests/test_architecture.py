@@ -104,7 +104,10 @@ def test_inference_meets_physics_in_seven_files():
     assert {m for m in FILES if "estim.model" in map(room, imports()[m])} - set(MODEL) == found
 
 
-@pytest.mark.parametrize(("package", "module"), [("emcee", "estim.sampling.ensembles")])
+@pytest.mark.parametrize(
+    ("package", "module"),
+    [("lmfit", "estim.fitting.least_squares"), ("emcee", "estim.sampling.ensembles")],
+)
 def test_one_file_knows_each_engine(package, module):
     assert importers(package) == {module}
 

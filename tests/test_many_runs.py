@@ -19,7 +19,7 @@ from estim.checks.goodness_of_fit import Check, Goodness
 from estim.checks.prior_sensitivity import power_scaling
 from estim.fitting import arrowhead
 from estim.fitting.fisher_information import information
-from estim.fitting.least_squares import _inverse, fit_least_squares
+from estim.fitting.least_squares import _fit_curve, _inverse, fit_least_squares
 from estim.problem.noise import Independent, Scale
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal, Uniform
@@ -190,20 +190,6 @@ def test_steps_too_far_are_damped_and_what_is_no_number_is_left(rng):
         assert np.allclose(found, expected.x, rtol=1e-6)
 
 
-def dense_least_squares(posterior, start):
-    low, high = posterior.problem.support()
-    return least_squares(
-        posterior.residuals,
-        start,
-        jac=posterior.jacobian,
-        bounds=(low, high),
-        x_scale="jac",
-        ftol=1e-12,
-        xtol=1e-12,
-        gtol=1e-12,
-    ).x
-
-
 def test_eight_runs_end_where_dense_least_squares_do_to_eight_digits(rng):
     ys = [
         rng.normal(2.0, 0.1) * np.exp(-1.5 * X) + 0.02 * rng.standard_normal(X.size)
@@ -215,7 +201,7 @@ def test_eight_runs_end_where_dense_least_squares_do_to_eight_digits(rng):
     posterior = problem.linearised(problem.start())
     one_by_one, together = (
         arrowhead.descend_by_runs(posterior, problem.start(), range(problem.n_par)),
-        dense_least_squares(posterior, problem.start()),
+        _fit_curve(posterior, problem.start()),
     )
     assert not arrowhead.many(problem)
     assert np.allclose(one_by_one, together, rtol=1e-8, atol=0.0)
@@ -229,7 +215,7 @@ def test_eight_runs_of_the_replica_end_where_dense_least_squares_do():
     free = range(problem.n_par)
     one_by_one, together = (
         arrowhead.descend_by_runs(posterior, problem.start(), free),
-        dense_least_squares(posterior, problem.start()),
+        _fit_curve(posterior, problem.start()),
     )
     matrix = information(posterior, together)
     assert np.max(np.abs(one_by_one - together) * np.sqrt(np.diag(matrix))) < 1e-5

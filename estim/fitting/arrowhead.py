@@ -1,8 +1,10 @@
-"""Least squares of one run or of many: each depends on a few parameters that runs share and on a
-few of its own.
+"""Least squares of many runs: each depends on a few parameters that runs share and on a few of its
+own.
 
 No run is widened to the parameters of all others: what it says is added where it belongs, to the
 information of all, or goes as a triangle (QR) of its own into a root of it.
+
+Use it for more than `MANY_RUNS` independent groups of runs; fewer are fit by lmfit.
 """
 
 from __future__ import annotations

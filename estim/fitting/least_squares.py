@@ -1,10 +1,10 @@
-"""The posterior mode by least squares.
+"""The posterior mode by least squares.  The only file that knows lmfit.
 
 Priors enter as residuals, sigmas are absolute, the Jacobian is analytic, and
 the search starts from several points.  The covariance of the noise depends weakly on the curve, so
 the fit is repeated with it taken at the last result until nothing moves (iteratively reweighted
 least squares); inferred noise parameters are updated in turn by maximising the same posterior.
-Each run is differentiated in its own parameters alone (`estim.fitting.arrowhead`).
+More than 16 independent runs are fit run by run (`estim.fitting.arrowhead`), not by lmfit.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from itertools import compress
 
 import numpy as np
 
-from estim.arrays import FloatArray, all_finite, diagonal_scale, max_abs, sds_of
+from estim.arrays import FloatArray, all_finite, diagonal_scale, finite_or, max_abs, sds_of
 from estim.common import Finding, InputError, NumericalError, phrase
 from estim.discrepancy import FoundDeviation, FoundForce, NormalParts
 from estim.distributions import chi2_tail
@@ -32,8 +32,8 @@ from estim.fitting.separable import SeparableSearch
 from estim.problem import Coordinates, JeffreysPrior, Measure, Posterior, Problem, Symmetry
 
 _FEW_ROUNDS = 6
-# steps of the curve in a round: from a start, and from the round before
-_MOST, _HASTY = 200, 5
+# relative steps at which a search of the curve ends: at the mode, and to see where a start leads
+_EXACT, _ROUGH = 1e-12, 1e-6
 WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
 _FINE = 1e-2
 # of -2 log density without a parameter, beyond which its sign is known and it is sampled by size;
@@ -313,7 +313,7 @@ def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
     places: list[tuple[FloatArray, _End]] = []
     ends = []
     for start, begun in starts:
-        values, posterior, moved = _settle(start, begun, max_rounds=1, most=_MOST)
+        values, posterior, moved = _settle(start, begun, max_rounds=1, tolerance=_ROUGH)
         if math.isnan(moved):
             continue
         scale = _spread(information(posterior, values))
@@ -323,7 +323,8 @@ def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
         if twin is None:
             twin = (values, posterior, moved)
             if moved >= SETTLED:
-                twin = _settle(values, posterior, max_rounds=3)
+                more = 3
+                twin = _settle(values, posterior, max_rounds=more, hasty=True, tolerance=_ROUGH)
             places.append((values, twin))
         ends.append(twin)
     return [end for end in ends if not math.isnan(end[2])]
@@ -344,11 +345,13 @@ def _spread(matrix: FloatArray) -> FloatArray:
     return np.where(scale > 0.0, scale, np.inf)
 
 
-def _best(posterior: Posterior, values: FloatArray, *, most: int = _HASTY) -> FloatArray:
-    """Values of the highest density from `values` (n_par,): of the curve, after at most `most`
-    steps, then of the noise.
+def _best(
+    posterior: Posterior, values: FloatArray, *, hasty: bool = True, tolerance: float = _EXACT
+) -> FloatArray:
+    """Values of the highest density from `values` (n_par,): of the curve, then of the noise; hasty
+    : of many runs, a few steps towards it.
     """
-    return fit_noise(posterior, _fit_curve(posterior, values, most=most))
+    return fit_noise(posterior, _fit_curve(posterior, values, hasty=hasty, tolerance=tolerance))
 
 
 def _curved(posterior: Posterior, values: FloatArray) -> FloatArray | None:
@@ -360,7 +363,12 @@ def _curved(posterior: Posterior, values: FloatArray) -> FloatArray | None:
 
 
 def _settle(
-    values: FloatArray, posterior: Posterior, *, max_rounds: int, most: int = _HASTY
+    values: FloatArray,
+    posterior: Posterior,
+    *,
+    max_rounds: int,
+    hasty: bool = False,
+    tolerance: float = _EXACT,
 ) -> _End:
     """Rounds of (curve; noise; covariance at the values) from a posterior linearised there until
     they settle; moved is nan without curvature.
@@ -371,7 +379,7 @@ def _settle(
     moved, share, step = math.inf, 1.0, np.zeros_like(values)
     for n_round in range(max_rounds):
         before, step_before, moved_before = values, step, moved
-        step = _best(posterior, values, most=most) - before
+        step = _best(posterior, values, hasty=hasty, tolerance=tolerance) - before
         # half way, where there are no derivatives at the end: on a limit they may be missing
         for part in (share, 0.5 * share):
             values = before + part * step
@@ -394,21 +402,77 @@ def _settle(
     return values, posterior, moved
 
 
-def _fit_curve(posterior: Posterior, values: FloatArray, *, most: int) -> FloatArray:
-    """The parameters of the curve that minimise the squared residuals, noise parameters held, after
-    at most `most` steps.
-    """
+def _fit_curve(
+    posterior: Posterior, values: FloatArray, *, hasty: bool = False, tolerance: float = _EXACT
+) -> FloatArray:
+    """The parameters of the curve that minimise the squared residuals, noise parameters held."""
     problem = posterior.problem
-    if not problem.of_curve:
+    free = problem.of_curve
+    if not free:
         return values
-    reached = descend_by_runs(posterior, values, problem.of_curve, most=most)
-    if many(problem) or not any(run.creeps for run in posterior.likelihoods):
+    if many(problem):
+        # the next round takes them on, with a better covariance
+        return descend_by_runs(posterior, values, free, most=5 if hasty else 200)
+    from lmfit.minimizer import minimize
+    from lmfit.parameter import Parameters
+
+    table = Parameters()
+    for i in free:
+        prior = problem.parameters[i].prior
+        table.add(
+            f"p{i}",
+            value=_inside(float(values[i]), prior.low, prior.high),
+            min=prior.low,
+            max=prior.high,
+        )
+
+    def filled(parameters: Parameters) -> FloatArray:
+        full = values.copy()
+        full[free] = [parameters[f"p{i}"].value for i in free]
+        return full
+
+    def residual(parameters: Parameters) -> FloatArray:
+        return posterior.residuals(filled(parameters))
+
+    def jacobian(parameters: Parameters) -> FloatArray:
+        columns = posterior.jacobian(filled(parameters))[:, free]
+        # a point beside the edge of where the curve is defined has no say in the step
+        return finite_or(columns, 0.0)
+
+    creeps = any(run.creeps for run in posterior.likelihoods)
+    tolerance = 1e-5 if creeps else tolerance  # steps by the information finish
+    # lmfit inverts the Hessian too, singular where the data are silent; not used
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        result = minimize(
+            residual,
+            table,
+            method="least_squares",
+            scale_covar=False,
+            calc_covar=False,
+            jac=jacobian,
+            x_scale="jac",
+            # scipy steps back from where the curve is not defined
+            ftol=tolerance,
+            xtol=tolerance,
+            gtol=1e-12,
+            max_nfev=400,
+            nan_policy="propagate",
+        )
+    reached = filled(result.params)
+    if not creeps:
         return reached
-    # least squares creep, steps by the information finish
+    low, high = problem.support()
     nothing = np.zeros(0, dtype=np.int64)
-    free = np.array(problem.of_curve)
-    search = SeparableSearch(posterior, reached, *problem.support(), nothing, free)
+    search = SeparableSearch(
+        posterior, reached, low, high, linear=nothing, nonlinear=np.array(free)
+    )
     return stepped(search, reached, most=20, tolerance=_FINE * SETTLED)[0]
+
+
+def _inside(value: float, low: float, high: float) -> float:
+    """`value` moved strictly between the bounds: a search that starts on a bound may stay there."""
+    span = high - low if math.isfinite(high - low) else max(abs(value), 1e-6)
+    return min(max(value, low + 1e-6 * span), high - 1e-6 * span)
 
 
 def led_here(n_same: int, n_start: int) -> str:
