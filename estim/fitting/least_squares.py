@@ -1,6 +1,6 @@
 """The posterior mode by least squares.  The only file that knows lmfit.
 
-Priors enter as residuals, sigmas are absolute, the Jacobian is analytic, and
+Priors enter as residuals, sigmas are absolute (`scale_covar=False`), the Jacobian is analytic, and
 the search starts from several points.  The covariance of the noise depends weakly on the curve, so
 the fit is repeated with it taken at the last result until nothing moves (iteratively reweighted
 least squares); inferred noise parameters are updated in turn by maximising the same posterior.
