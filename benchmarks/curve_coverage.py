@@ -21,9 +21,14 @@ import numpy as np
 from scipy import stats
 
 from estim.checks.goodness_of_fit import P_POOR_FIT, _of_order, _pattern, _repeated, _uneven
+from estim.discrepancy.curve_covariances import (
+    LONG,
+    correlated_shapes,
+    deviation_shapes,
+    relative_grid,
+)
 from estim.discrepancy.grid import SPIKE
 from estim.discrepancy.linearised import linearise
-from estim.discrepancy.own_curve import LONG, correlated_shapes, deviation_shapes, relative_grid
 from estim.discrepancy.scale_mixture import diagonalise
 from estim.problem.roots import root_of
 

@@ -32,10 +32,10 @@ from estim.calibration.trial import measured_anew, posterior_draws
 from estim.campaign import Campaign, NewRun, load_campaign, with_own_gamma, with_tables
 from estim.common import NumericalError, Quantity
 from estim.fitting import Fit, fit_least_squares, fit_problem
-from estim.fitting.forces import fit_with_forces
-from estim.planning.candidate_measurements import sds_with
-from estim.planning.changes import BETTER, MORE, OTHERWISE, Change, Readings, measured_better
-from estim.planning.own_curve import CurveBasis
+from estim.fitting.unmodelled_force import fit_with_forces
+from estim.planning.candidates import BETTER, MORE, OTHERWISE, Change, Readings, measured_better
+from estim.planning.expected_uncertainty import sds_with
+from estim.planning.planned_readings import CurveBasis
 from estim.planning.planning import targets_of
 from estim.planning.rolling import Outlook, RollingBasis, rolling_basis
 from estim.problem import Normal, Parameter, Problem

@@ -18,7 +18,7 @@ from estim.fitting import Fit, fit_problem, refit
 from estim.problem import Normal, Problem
 from estim.problem.roots import covariance_of
 from estim.sampling import Target
-from estim.studies.fit_budget import Budget, uncertainty_budget
+from estim.studies.fit_uncertainty_budget import Budget, uncertainty_budget
 
 X = np.linspace(0.0, 1.0, 12)
 U, U_CLOCK, U_B = 0.05, 0.02, 0.03

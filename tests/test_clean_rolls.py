@@ -15,8 +15,8 @@ from scipy.integrate import solve_ivp
 
 from estim.campaign import load_campaign
 from estim.checks.diagnosis import failed_tests
-from estim.checks.forces import beyond_their_priors
 from estim.checks.goodness_of_fit import check_goodness
+from estim.checks.unmodelled_force import beyond_their_priors
 from estim.discrepancy import MixtureErrors
 from estim.fitting import Fit, fit_problem
 from estim.words.sentences import advice

@@ -13,6 +13,13 @@ from scipy.special import softmax
 
 from estim.common.errors import InputError
 from estim.discrepancy import mixture_likelihood
+from estim.discrepancy.curve_covariances import (
+    correlated_shapes,
+    deviation_shapes,
+    equally_probable,
+    relative_grid,
+    stated_is_conservative,
+)
 from estim.discrepancy.force import force_kernel, speed_response, track
 from estim.discrepancy.grid import prior_grid, track_lengths
 from estim.discrepancy.kernels import (
@@ -26,13 +33,6 @@ from estim.discrepancy.kernels import (
 )
 from estim.discrepancy.linearised import linearise, mixture_quantiles
 from estim.discrepancy.mixture_likelihood import keep_probable
-from estim.discrepancy.own_curve import (
-    correlated_shapes,
-    deviation_shapes,
-    equally_probable,
-    relative_grid,
-    stated_is_conservative,
-)
 from estim.discrepancy.scale_mixture import Shape, diagonalise
 from estim.problem.roots import covariance_of, root_of
 

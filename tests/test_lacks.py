@@ -17,13 +17,13 @@ from estim.campaign import load_campaign
 from estim.cli.commands import cli
 from estim.common.errors import InputError
 from estim.common.finding_kinds import Status
+from estim.discrepancy.curve_covariances import correlated_shapes, deviation_shapes, relative_grid
 from estim.discrepancy.kernels import root, without_mean
 from estim.discrepancy.linearised import linearise
-from estim.discrepancy.own_curve import correlated_shapes, deviation_shapes, relative_grid
 from estim.discrepancy.residual_part import see_deviation
 from estim.discrepancy.scale_mixture import diagonalise
 from estim.fitting import fit_problem
-from estim.fitting.discrepancy import fit_discrepancy
+from estim.fitting.discrepancy_fit import fit_discrepancy
 from estim.fitting.optimum import fit_optimum
 from estim.pipeline import analyse, sample_curve
 from estim.problem.observations import Discrepancy

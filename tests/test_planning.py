@@ -18,10 +18,10 @@ from estim.cli.commands import cli
 from estim.common import InputError, Quantity
 from estim.discrepancy import force_sizes
 from estim.fitting import expected_information, fit_problem, information
-from estim.planning.candidate_measurements import sds_with, weigh
-from estim.planning.changes import MORE, OTHERWISE, Change, Readings, measured_better
+from estim.planning.candidates import MORE, OTHERWISE, Change, Readings, measured_better
+from estim.planning.expected_uncertainty import sds_with, weigh
 from estim.planning.halving import ways_to_halve
-from estim.planning.own_curve import CurveBasis
+from estim.planning.planned_readings import CurveBasis
 from estim.planning.planning import plan, targets_of
 from estim.planning.rolling import RollingBasis, rolling_basis
 from estim.planning.suggestions import more_runs

@@ -19,12 +19,12 @@ from test_noise import CAMPAIGN, DIFFERENTIATED, INDEPENDENT, POSITIONS, TIMES, 
 from estim.campaign import Campaign, as_complete, load_campaign
 from estim.common import InputError
 from estim.fitting import fit_problem, forces
-from estim.fitting.forces import fit_with_forces
 from estim.fitting.least_squares import Fit, fit_least_squares
+from estim.fitting.unmodelled_force import fit_with_forces
 from estim.pipeline import Analysis, analyse
 from estim.problem import Problem
 from estim.reports.analysis import analysis_report
-from estim.reports.deviation import force_figure
+from estim.reports.model_discrepancy import force_figure
 from estim.reports.result import result_of
 from estim.sampling.chain import Target
 from estim.words import tell

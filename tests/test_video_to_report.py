@@ -14,8 +14,8 @@ from click.testing import CliRunner, Result
 from stand_ins import FALLS, ROLLS, error_of_slope, frequency
 
 from estim.campaign import load_campaign
-from estim.checks.deviations import wrong_curves
 from estim.checks.goodness_of_fit import check_goodness
+from estim.checks.model_discrepancy import wrong_curves
 from estim.cli.commands import cli
 from estim.common import Kind
 from estim.fitting import fit_problem

@@ -13,7 +13,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.campaign.campaign_file import LevelTable
-from estim.campaign.causes import Candidate
+from estim.campaign.candidate_causes import Candidate
 from estim.campaign.lookup_levels import Levels, StatedNoise, stated_noise
 from estim.common import Notation, phrase
 from estim.curves import size_with_blur

@@ -19,7 +19,7 @@ from estim.campaign.binding import KINDS_OF_QUANTITIES, bind_quantities, grip_of
 from estim.campaign.blur import blurs
 from estim.campaign.campaign import Campaign
 from estim.campaign.campaign_file import NoiseTable
-from estim.campaign.causes import Candidate, Surroundings, sketches, with_lines, without
+from estim.campaign.candidate_causes import Candidate, Surroundings, sketches, with_lines, without
 from estim.campaign.curve_models import ADDED, CurveModel, outlines
 from estim.campaign.effects import ramp_of, setting_of, with_full_curves
 from estim.campaign.lookup_levels import Levels, run_levels, stated_noise

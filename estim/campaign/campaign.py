@@ -1,7 +1,7 @@
 """A campaign: its file and the tables of its runs.
 
 What its runs measure is either a rolling body (`bodies`) or a curve of the user's own
-(`own_curve`): both are classes of `Campaign`.
+(`curve_campaign`): both are classes of `Campaign`.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from estim.campaign.campaign_file import CampaignFile
-from estim.campaign.causes import Candidate, without
+from estim.campaign.candidate_causes import Candidate, without
 from estim.common import PhraseTable, phrase
 from estim.discrepancy import START_SD
 from estim.problem import Prior, Problem
@@ -64,7 +64,7 @@ class CurveModel:
     lines : what a campaign must say for it, beside what it says; empty where it says so already.
     forced : whether it has an unmodelled force.
     roomy : whether its noise has the room that it has beside a force
-        (`estim.discrepancy.without_force`).
+        (`estim.discrepancy.noise_without_force`).
     """
 
     name: str

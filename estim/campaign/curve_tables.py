@@ -1,6 +1,6 @@
 """The tables of a campaign file that say a user's own curve: what goes together in them.
 
-`estim.campaign.own_curve` gives them meaning.
+`estim.campaign.curve_campaign` gives them meaning.
 """
 
 from __future__ import annotations

@@ -11,9 +11,9 @@ from estim.campaign.binding import parts_fact
 from estim.campaign.bodies import RollingCampaign
 from estim.campaign.campaign import Campaign
 from estim.campaign.campaign_file import CampaignFile, RunTable, read_campaign_file
+from estim.campaign.curve_campaign import read_curve_campaign
 from estim.campaign.derived import read_derived
 from estim.campaign.dialect_table import choices_of, dialect_of
-from estim.campaign.own_curve import read_curve_campaign
 from estim.campaign.true_values import read_truth
 from estim.common import InputError, listed, phrase
 from estim.reading import COLUMNS, Run, compare_intervals, is_timed_track, is_tracker_file, read_run

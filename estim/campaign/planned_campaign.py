@@ -15,8 +15,8 @@ from estim.campaign.binding import KINDS_OF_QUANTITIES
 from estim.campaign.bodies import RollingCampaign
 from estim.campaign.campaign import Campaign
 from estim.campaign.campaign_file import CampaignFile, LevelTable, NoiseTable, RunTable
+from estim.campaign.curve_campaign import CurveCampaign
 from estim.campaign.lookup_levels import read_at
-from estim.campaign.own_curve import CurveCampaign
 from estim.campaign.plan_table import PlannedRunTable
 from estim.campaign.prior_table import PriorTable, Value, times
 from estim.common import Quantity, read_quantity

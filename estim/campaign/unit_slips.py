@@ -10,7 +10,7 @@ from functools import partial
 import msgspec
 
 from estim.campaign.campaign_file import CampaignFile, LevelTable
-from estim.campaign.causes import Candidate
+from estim.campaign.candidate_causes import Candidate
 from estim.common import phrase
 
 _KEYS = {"θ₀": ("theta0_deg", "theta0_rad"), "φ": ("phi_deg", "phi_rad")}

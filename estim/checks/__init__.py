@@ -43,9 +43,9 @@ from estim.checks.diagnosis import (
     too_many_outliers,
     unidentified,
 )
-from estim.checks.deviations import deviation_finding, unasked, wrong_curves
+from estim.checks.model_discrepancy import deviation_finding, unasked, wrong_curves
 from estim.checks.fitted_curve import curve_findings, curve_remarks, values_outside
-from estim.checks.forces import SURE, force_finding, noise_finding
+from estim.checks.unmodelled_force import SURE, force_finding, noise_finding
 from estim.checks.goodness_of_fit import (
     Check,
     P_FLOOR,

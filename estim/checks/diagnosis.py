@@ -14,14 +14,14 @@ from estim.arrays import FloatArray
 from estim.checks.conflict import Conflict, stated_values
 from estim.checks.consistency import Consistency
 from estim.checks.counts_as_readings import counts_as_readings
-from estim.checks.deviations import deviation_remarks, unasked, wrong_curves
-from estim.checks.forces import beyond_their_priors, force_remarks
 from estim.checks.goodness_of_fit import P_FLOOR, P_POOR_FIT, P_TOLD, SCATTER_LIMIT, Goodness
 from estim.checks.identifiability import Identifiability
+from estim.checks.model_discrepancy import deviation_remarks, unasked, wrong_curves
 from estim.checks.modes import Modes
 from estim.checks.outliers import bad_frames_found, too_many_bad_frames
 from estim.checks.rolling import Rolling, rolling_remarks
 from estim.checks.systematic_errors import Influence, large_influences
+from estim.checks.unmodelled_force import beyond_their_priors, force_remarks
 from estim.common import Amount, Finding, Kind, Status, decide, wrong
 from estim.fitting import Fit, chi2_p, jeffreys_prior, limit_found, open_sides, pressed_edges
 from estim.problem import Observations, same_curves

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.checks.forces import LIKELY
+from estim.checks.unmodelled_force import LIKELY
 from estim.common import Finding, Kind
 from estim.discrepancy import FoundForce, Jump
 from estim.problem import Likelihood, Posterior, Problem

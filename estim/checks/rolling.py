@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.checks.forces import SURE
+from estim.checks.unmodelled_force import SURE
 from estim.common import Finding, Kind
 from estim.problem import Observations, Problem
 

@@ -1,4 +1,4 @@
-"""What every room may use: errors, quantities, labels and units, statuses, the one file that
+"""What every package may use: errors, quantities, labels and units, statuses, the one file that
 writes.  Read `statuses` and `kinds` first.
 """
 

@@ -1,8 +1,8 @@
 """What the curve lacks, as covariance: a force along a track, deviations, errors correlated in
-time.  Read `scale_mixture` first, then `with_force`.
+time.  Read `scale_mixture` first, then `noise_with_force`.
 """
 
-from estim.discrepancy.without_force import log_rescaled, log_restarted, pose_without_force
+from estim.discrepancy.noise_without_force import log_rescaled, log_restarted, pose_without_force
 from estim.discrepancy.autocorrelated import AutoCorrelated
 from estim.discrepancy.force_bands import Completed
 from estim.discrepancy.trajectory import Trajectory
@@ -24,6 +24,6 @@ from estim.discrepancy.curve_discrepancy import (
 )
 from estim.discrepancy.noise_with_discrepancy import FreeStart
 from estim.discrepancy.error_parts import DEVIATION, FORCE, FRAMES, START, parts_of_errors
-from estim.discrepancy.with_force import FoundForce
+from estim.discrepancy.noise_with_force import FoundForce
 from estim.discrepancy.smoothing import GUARD
 from estim.discrepancy.repetition import MixtureErrors, replicas

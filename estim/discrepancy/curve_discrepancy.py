@@ -18,11 +18,7 @@ import numpy as np
 
 from estim.arrays import FloatArray, diagonal_scale
 from estim.common import PROBABILITIES, phrase
-from estim.discrepancy.grid import SPIKE
-from estim.discrepancy.linearised import Linearised, linearise
-from estim.discrepancy.mixture_likelihood import keep_probable
-from estim.discrepancy.noise_with_discrepancy import WithMixture, normal_covariance
-from estim.discrepancy.own_curve import (
+from estim.discrepancy.curve_covariances import (
     DEVIATION,
     LONG,
     TIME,
@@ -32,10 +28,11 @@ from estim.discrepancy.own_curve import (
     relative_grid,
     stated_is_conservative,
 )
-from estim.discrepancy.residual_part import ResidualPart, see_deviation
-from estim.discrepancy.residuals import Residuals
-from estim.discrepancy.scale_mixture import Shape, diagonalise
-from estim.discrepancy.with_force import (
+from estim.discrepancy.grid import SPIKE
+from estim.discrepancy.linearised import Linearised, linearise
+from estim.discrepancy.mixture_likelihood import keep_probable
+from estim.discrepancy.noise_with_discrepancy import WithMixture, normal_covariance
+from estim.discrepancy.noise_with_force import (
     TrialInformation,
     as_prior,
     growth_over,
@@ -44,6 +41,9 @@ from estim.discrepancy.with_force import (
     likely_root,
     linear_groups,
 )
+from estim.discrepancy.residual_part import ResidualPart, see_deviation
+from estim.discrepancy.residuals import Residuals
+from estim.discrepancy.scale_mixture import Shape, diagonalise
 from estim.problem import Discrepancy, Observations, Problem, Root, Wording
 
 _TIMES_NOISE = 2.0  # scale of correlated errors

@@ -20,6 +20,7 @@ from scipy.linalg import block_diag
 from estim.arrays import FloatArray, sds_of
 from estim.common import InputError, phrase
 from estim.discrepancy.bad_frame_search import BadFrames, find_bad_frames
+from estim.discrepancy.curve_covariances import stated_is_conservative
 from estim.discrepancy.force import OWN, Response, Track, force_shapes, shared_force_shapes
 from estim.discrepancy.force_bands import Completed
 from estim.discrepancy.grid import SCALES, Grid, prior_grid
@@ -28,13 +29,7 @@ from estim.discrepancy.likelihood import MixtureErrors
 from estim.discrepancy.linearised import Linearised, linearise_beside
 from estim.discrepancy.mixture_likelihood import Mixture, keep_probable
 from estim.discrepancy.noise_with_discrepancy import Stated, StatedErrors, WithForce, formed_about
-from estim.discrepancy.normal_parts import NormalParts as NormalParts
-from estim.discrepancy.normal_parts import normal_parts
-from estim.discrepancy.own_curve import stated_is_conservative
-from estim.discrepancy.residuals import Residuals, points_about, stacked
-from estim.discrepancy.scale_mixture import Deviation, Shape, diagonalise
-from estim.discrepancy.trajectory import Along, Trajectory
-from estim.discrepancy.with_force import (
+from estim.discrepancy.noise_with_force import (
     FoundForce,
     TrialInformation,
     as_prior,
@@ -46,6 +41,11 @@ from estim.discrepancy.with_force import (
     priors_at,
     summed,
 )
+from estim.discrepancy.normal_parts import NormalParts as NormalParts
+from estim.discrepancy.normal_parts import normal_parts
+from estim.discrepancy.residuals import Residuals, points_about, stacked
+from estim.discrepancy.scale_mixture import Deviation, Shape, diagonalise
+from estim.discrepancy.trajectory import Along, Trajectory
 from estim.problem import (
     Likelihood,
     Named,

@@ -20,8 +20,8 @@ from scipy.linalg import solve_triangular
 
 from estim.arrays import FloatArray, log_sum_exp
 from estim.discrepancy.linearised import Linearised
+from estim.discrepancy.precomputed_terms import Terms, Weight, terms_of
 from estim.discrepancy.scale_mixture import Deviation, Family
-from estim.discrepancy.terms import Terms, Weight, terms_of
 from estim.problem import Root, beside
 
 # what the directions left out of a basis may add to the variances, relative to the noise and summed

@@ -15,7 +15,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.discrepancy.linearised import Linearised
-from estim.discrepancy.with_force import TrialInformation, likelihood_of_normal
+from estim.discrepancy.noise_with_force import TrialInformation, likelihood_of_normal
 
 _WIDE = 3  # groups of the components with a force, from narrow to wide
 _MOST = 24  # combinations that are kept

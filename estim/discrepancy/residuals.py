@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.discrepancy.terms import Weight
+from estim.discrepancy.precomputed_terms import Weight
 from estim.problem import (
     Curve,
     LocalCurve,

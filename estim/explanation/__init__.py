@@ -1,7 +1,8 @@
 """What may be missing where a curve does not explain the data: candidates, each refit, and what
 they tell together.
 
-Read `explaining` first; the candidates of a rolling body stand in `estim.campaign.causes`.
+Read `explaining` first; the candidates of a rolling body stand in
+`estim.campaign.candidate_causes`.
 """
 
 from estim.explanation.candidates import Cause, Estimated, Suspects

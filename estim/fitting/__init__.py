@@ -16,14 +16,14 @@ from estim.fitting.prior_limits import (
 )
 from estim.fitting.prior_limits import Quadratic as Quadratic
 from estim.fitting.fisher_information import information, known_from_data, prior_sds
-from estim.fitting.forces import (
+from estim.fitting.unmodelled_force import (
     FORCE_KEY,
     complete_as,
     expected_information,
     fit_without_force,
     taken_as_complete,
 )
-from estim.fitting.discrepancy import fit_discrepancy, sds_near_limits
+from estim.fitting.discrepancy_fit import fit_discrepancy, sds_near_limits
 from estim.fitting.posterior_mode import fit_problem, fit_white
 from estim.fitting.jeffreys import jeffreys_prior
 from estim.fitting.least_squares import (

@@ -15,11 +15,11 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import InputError, Kind, NumericalError, at_commands
-from estim.fitting.discrepancy import fit_discrepancy
-from estim.fitting.forces import fit_with_forces
+from estim.fitting.discrepancy_fit import fit_discrepancy
 from estim.fitting.least_squares import Fit, fit_least_squares, refit
 from estim.fitting.optimum import fit_optimum, is_resolved, scanned_fit
 from estim.fitting.unconstrained import no_scatter, silent_parameters
+from estim.fitting.unmodelled_force import fit_with_forces
 from estim.problem import Observations, Problem, Unstated
 
 _FAR = 5.0  # times as far from the median as any other reading

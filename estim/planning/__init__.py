@@ -4,5 +4,5 @@ trusted.  Read `planning` first.
 
 from estim.planning.halving import Halving
 from estim.planning.planning import FAR, Plan, plan
-from estim.planning.candidate_measurements import Option
-from estim.planning.changes import MORE
+from estim.planning.expected_uncertainty import Option
+from estim.planning.candidates import MORE

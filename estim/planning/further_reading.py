@@ -9,9 +9,9 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase
-from estim.planning.candidate_measurements import sds_by
-from estim.planning.changes import MORE, Change, Readings, further_readings, which_place
-from estim.planning.own_curve import CurveBasis
+from estim.planning.candidates import MORE, Change, Readings, further_readings, which_place
+from estim.planning.expected_uncertainty import sds_by
+from estim.planning.planned_readings import CurveBasis
 from estim.planning.rolling import Outlook
 from estim.problem import Parameter
 

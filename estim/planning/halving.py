@@ -10,8 +10,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import phrase
-from estim.planning.candidate_measurements import Option, sds_with, weigh
-from estim.planning.changes import (
+from estim.planning.candidates import (
     MORE,
     OTHERWISE,
     Change,
@@ -19,7 +18,8 @@ from estim.planning.changes import (
     by_quantity,
     measured_better,
 )
-from estim.planning.own_curve import Basis
+from estim.planning.expected_uncertainty import Option, sds_with, weigh
+from estim.planning.planned_readings import Basis
 from estim.planning.rolling import Outlook
 from estim.planning.suggestions import again
 from estim.problem import Parameter

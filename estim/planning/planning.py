@@ -29,8 +29,7 @@ from estim.campaign import Campaign, quantity_of_key
 from estim.checks import check_goodness, check_stated_values, failed_tests, stated_values
 from estim.common import Finding, InputError, Stream, later, phrase, split_level, stream, wrong
 from estim.fitting import Fit, fit_problem
-from estim.planning.candidate_measurements import Option, sds_with, weigh
-from estim.planning.changes import (
+from estim.planning.candidates import (
     BETTER,
     MORE,
     OTHERWISE,
@@ -42,9 +41,10 @@ from estim.planning.changes import (
     measured_otherwise,
     which_place,
 )
+from estim.planning.expected_uncertainty import Option, sds_with, weigh
 from estim.planning.further_reading import Along, more_readings, weigh_places
 from estim.planning.halving import Halving, ways_to_halve
-from estim.planning.own_curve import CurveBasis
+from estim.planning.planned_readings import CurveBasis
 from estim.planning.rolling import Outlook, posed, rolling_basis
 from estim.planning.suggestions import more_runs, planned_runs
 from estim.problem import Parameter, Problem, n_uses

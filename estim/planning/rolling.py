@@ -24,7 +24,7 @@ from estim.campaign import (
 from estim.common import InputError, later, phrase, split_level
 from estim.discrepancy import ForceSize, force_sizes
 from estim.fitting import Fit, expected_information
-from estim.planning.changes import Change
+from estim.planning.candidates import Change
 from estim.problem import Observations, Problem
 from estim.reading import Run
 

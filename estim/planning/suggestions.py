@@ -11,7 +11,7 @@ import numpy as np
 from estim.campaign import Campaign, NewRun, planned_quantities
 from estim.common import Quantity, phrase
 from estim.fitting import Fit
-from estim.planning.changes import MORE, Change, further_readings
+from estim.planning.candidates import MORE, Change, further_readings
 from estim.problem import Observations
 
 _RELEASES = (1.0, 179.0)  # degrees, of a body that climbs

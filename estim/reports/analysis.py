@@ -25,7 +25,6 @@ from estim.common import (
 from estim.explanation import Explanation, across_runs
 from estim.fitting import MANY_RUNS, ProfileInterval
 from estim.pipeline import Analysis
-from estim.reports.budget import Shares, budget_figure, budget_of, shares_of
 from estim.reports.consistency import consistency_text, forest_figure
 from estim.reports.copying import copies_of
 from estim.reports.corner_figures import corner_figure, corner_words, trace_figure
@@ -39,9 +38,9 @@ from estim.reports.curve_figures import (
     together_figure,
 )
 from estim.reports.derived import derived_rows
-from estim.reports.deviation import discrepancy_figure, force_figure
 from estim.reports.explanation import explanation_text, runs_text, slip_words
 from estim.reports.identifiability import direction_figure, identify_section, profile_figure
+from estim.reports.model_discrepancy import discrepancy_figure, force_figure
 from estim.reports.pages import Drawers, finished, images, numbered, shortened
 from estim.reports.records import DRAWS, FELT
 from estim.reports.rendering import render
@@ -56,6 +55,7 @@ from estim.reports.result import (
 )
 from estim.reports.rolling import friction_cell, rolling_figure
 from estim.reports.sections import sections_called, written
+from estim.reports.uncertainty_budget import Shares, budget_figure, budget_of, shares_of
 from estim.sampling import Summary, value_cell
 from estim.studies.determination import determine
 from estim.words import first_step, name_of_test, one_sided

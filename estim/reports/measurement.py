@@ -25,10 +25,10 @@ from estim.common import (
 from estim.distributions import student_log_density, student_quantile
 from estim.drawing import BLUE, GREEN, INK, ORANGE, PALE, Axes, Figure, grid, legend_below
 from estim.measurement_model import Propagation, Region, ellipse
-from estim.reports.budget import budget_figure
 from estim.reports.corner_figures import density_of
 from estim.reports.pages import Drawers, page
 from estim.reports.result import provenance_of
+from estim.reports.uncertainty_budget import budget_figure
 
 _DIGITS = 3  # of u in tables: one more than a statement has
 _EMPTY = 0.5  # of the interval, without any draw: two separate groups

@@ -59,7 +59,6 @@ from estim.common import (
 from estim.pipeline import Analysis
 from estim.problem import Observations
 from estim.reading import Run, line_numbers
-from estim.reports.budget import UncertaintyBudget, budget_of, budget_records
 from estim.reports.derived import (
     derived_facts,
     derived_summaries,
@@ -68,8 +67,13 @@ from estim.reports.derived import (
     origin_warnings,
     speed_facts,
 )
-from estim.reports.deviation import DeviationSummary, ForceSummary, curve_deviations, deviations
 from estim.reports.explanation import ExplanationSummary, explanation_summary
+from estim.reports.model_discrepancy import (
+    DeviationSummary,
+    ForceSummary,
+    curve_deviations,
+    deviations,
+)
 from estim.reports.records import (
     FELT,
     CertificateSummary,
@@ -93,9 +97,10 @@ from estim.reports.records import (
     parameter_summary,
 )
 from estim.reports.rolling import RollingSummary, rolling_summaries
+from estim.reports.uncertainty_budget import UncertaintyBudget, budget_of, budget_records
 from estim.sampling import summarise, trusted
 from estim.studies.determination import Determination
-from estim.studies.fit_budget import PRIOR, READINGS, STATED, Budget
+from estim.studies.fit_uncertainty_budget import PRIOR, READINGS, STATED, Budget
 from estim.versions import engine_versions, version
 from estim.words import Choice, advice_for, choices_for, common_error, tell
 

@@ -1,4 +1,4 @@
-"""The one thing to do first about a result that is not ok, in short; `telling.advice` says all
+"""The one thing to do first about a result that is not ok, in short; `sentences.advice` says all
 there is to do.
 """
 

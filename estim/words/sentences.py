@@ -12,11 +12,10 @@ from dataclasses import dataclass, replace
 from estim.common import Finding, Kind, at_commands, later, phrase
 from estim.words import (
     agreement,
-    causes,
-    deviations,
+    candidate_causes,
     draws,
-    forces,
     frames,
+    model_discrepancy,
     parameters,
     regimes,
     releases,
@@ -25,6 +24,7 @@ from estim.words import (
     rows,
     theta_min_line,
     trials,
+    unmodelled_force,
 )
 from estim.words.table import Table, filled
 
@@ -101,9 +101,9 @@ WORDS: Table = {
     **parameters.WORDS,
     **draws.WORDS,
     **residuals.WORDS,
-    **forces.WORDS,
-    **deviations.WORDS,
-    **causes.WORDS,
+    **unmodelled_force.WORDS,
+    **model_discrepancy.WORDS,
+    **candidate_causes.WORDS,
     **frames.WORDS,
     **agreement.WORDS,
     **theta_min_line.WORDS,

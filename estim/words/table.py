@@ -1,4 +1,4 @@
-"""What the tables of this room hold: a sentence, which names in braces what it says of
+"""What the tables of this package hold: a sentence, which names in braces what it says of
 a finding (`facts`), or where one sentence is not enough how to make it.
 """
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from estim.arrays import FloatArray, diagonal_scale
 from estim.common import InputError, phrase
-from estim.planning.changes import Change
-from estim.planning.own_curve import Basis
+from estim.planning.candidates import Change
+from estim.planning.planned_readings import Basis
 from estim.planning.rolling import Outlook
 from estim.problem import Parameter
 

@@ -30,6 +30,7 @@ import numpy as np
 from estim.campaign.campaign import Campaign
 from estim.campaign.campaign_file import CampaignFile, NoiseTable
 from estim.campaign.curve_keys import AxisTable, CurveKeys, CurveTable, ParameterTable
+from estim.campaign.curve_run import MAX_ROWS, NUMBER, RunOfCurve, rows_of
 from estim.campaign.curve_tables import (
     check_counts,
     check_parameters,
@@ -43,7 +44,6 @@ from estim.campaign.curve_tables import (
     y_axis,
 )
 from estim.campaign.noise_models import NoiseModel
-from estim.campaign.own_curve_run import MAX_ROWS, NUMBER, RunOfCurve, rows_of
 from estim.common import InputError, language, later, number, phrase, same_numbers
 from estim.curves import (
     AxisNames,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from estim.checks.forces import FAR_LARGER, LIKELY
+from estim.checks.unmodelled_force import FAR_LARGER, LIKELY
 from estim.common import Finding, Kind
 from estim.discrepancy import FoundDeviation, presence
 from estim.fitting import MANY_RUNS, Fit

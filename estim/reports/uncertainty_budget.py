@@ -17,7 +17,14 @@ from estim.drawing import BLUE, INK, Figure, grid, name_ticks
 from estim.pipeline import Analysis
 from estim.reports.derived import derived_columns
 from estim.reports.records import DRAWS, Labels, Record
-from estim.studies.fit_budget import PRIOR, READINGS, STATED, Budget, Source, uncertainty_budget
+from estim.studies.fit_uncertainty_budget import (
+    PRIOR,
+    READINGS,
+    STATED,
+    Budget,
+    Source,
+    uncertainty_budget,
+)
 
 
 class UncertaintySource(Record):

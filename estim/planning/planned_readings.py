@@ -14,7 +14,7 @@ from estim.calibration import curve_at
 from estim.campaign import Campaign, axis_columns, group_columns, with_tables
 from estim.common import InputError, later
 from estim.fitting import Fit, expected_information
-from estim.planning.changes import Change
+from estim.planning.candidates import Change
 from estim.planning.rolling import Outlook, RollingBasis
 from estim.problem import Problem, Scale
 
