@@ -29,6 +29,17 @@ _REFUSED = {
 _KINDS = ((bool, "b"), (str, "U"), (bytes, "S"), (complex, "c"), (date, "M"), (timedelta, "m"))
 
 
+def random_generator(rng: np.random.Generator | int | None, seed: int = 1) -> np.random.Generator:
+    """`rng`, or a generator of the seed that it is; of `seed` where it is None.  Raises
+    InputError.
+    """
+    try:
+        return np.random.default_rng(seed if rng is None else rng)
+    except (TypeError, ValueError):
+        rule = "must be a seed (a whole number from 0) or a numpy.random.Generator"
+        raise InputError(rule, field="rng", value=rng) from None
+
+
 def real_numbers(values: Any, field: str, rule: str = "must be numbers") -> FloatArray:
     """`values` as floats in an array of its own, of whatever shape.  Raises InputError naming
     `field` for whatever is no real number.

@@ -232,3 +232,21 @@ def test_points_without_the_masked_ones_give_the_line_of_the_others() -> None:
 def test_dates_counted_as_told_give_the_slope_in_their_unit() -> None:
     seconds = (DATES - DATES[0]) / np.timedelta64(1, "s")
     assert fit_line(seconds, Y).slope == pytest.approx(2.0, abs=0.02)
+
+
+def test_a_seed_stands_for_its_generator_and_anything_else_is_refused() -> None:
+    x = np.arange(5.0)
+    y = 1.0 + 2.0 * x + 0.1 * np.random.default_rng(1).standard_normal(5)
+    by_seed, by_generator = (
+        fit_curve("a + b*x", x, y, u_y=0.1, rng=rng) for rng in (7, np.random.default_rng(7))
+    )
+    assert by_seed.goodness[0].checks == by_generator.goodness[0].checks
+    inputs = [Input("L", 1.0, 0.1)]
+    seeded, generated = (
+        propagate_monte_carlo("2*L", inputs, rng=rng, n_draw=2000)
+        for rng in (7, np.random.default_rng(7))
+    )
+    assert seeded.u == generated.u
+    for wrong in ("one", -1, 1.5):
+        with pytest.raises(InputError, match="'rng' must be a seed"):
+            fit_curve("a + b*x", x, y, rng=wrong)  # type: ignore[arg-type]

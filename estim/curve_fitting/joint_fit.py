@@ -33,6 +33,7 @@ from estim.curves import (
     with_joint_priors,
 )
 from estim.fitting import N_START
+from estim.given_numbers import random_generator
 from estim.problem import JointNormal
 
 
@@ -44,7 +45,7 @@ def fit_curves(
     start: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
     priors: Mapping[str, Any] | None = None,
-    rng: np.random.Generator | None = None,
+    rng: np.random.Generator | int | None = None,
     errors: Sequence[Component] = (),
     units: Mapping[str, str] | None = None,
     axes: AxisNames | None = None,
@@ -87,7 +88,7 @@ def fit_curves(
     _checked(data, curve)
     priors = with_joint_priors(priors)
     _check_shared({"start": start, "bounds": bounds, "priors": priors}, shared)
-    rng = np.random.default_rng(1) if rng is None else rng
+    rng = random_generator(rng)
     written: dict[str, Any] = {
         "start": start,
         "bounds": bounds,

@@ -77,7 +77,7 @@ from estim.fitting import (
     spread,
     with_other_modes,
 )
-from estim.given_numbers import are_complex
+from estim.given_numbers import are_complex, random_generator
 from estim.problem import Problem
 from estim.words import tell
 
@@ -98,7 +98,7 @@ def fit_curve(
     u_y: ArrayLike | None = None,
     bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
     priors: Mapping[str, Any] | None = None,
-    rng: np.random.Generator | None = None,
+    rng: np.random.Generator | int | None = None,
     cov_y: ArrayLike | None = None,
     u_x: ArrayLike | None = None,
     errors: Sequence[Component] = (),
@@ -177,7 +177,7 @@ def fit_curve(
     derived : name -> formula of the parameters, like {"g": "4*pi**2/slope"}; a formula may name
         those before it, `units` have its unit.  x, y, u_x, u_y, start, fixed and bounds may be
         quantities of pint: the fit is then in SI base units (`estim.curves.quantities`).
-    rng : of the further starts and of the simulated tests; None always draws the same.
+    rng : of the further starts and of the simulated tests, or its seed; None always draws the same.
     n_start : starts tried, 1 for the given one alone; None: 8, and 1 for differential equations
         (`estim.ode`).
 
@@ -191,7 +191,7 @@ def fit_curve(
     b = 0.15 ± 0.24, 68 % in [−0.09, 0.39], 95 % in [−0.33, 0.63]
     chi2 = 2.05, dof = 2, p = 0.36; the starting values led to this optimum
     """
-    rng = np.random.default_rng(1) if rng is None else rng
+    rng = random_generator(rng)
     n_start = getattr(curve, "n_start", N_START) if n_start is None else n_start
     whole = are_complex(y)
     curve, x = (curve, x) if whole else numbered(curve, x)

@@ -23,7 +23,7 @@ import numpy as np
 
 from estim.arrays import BoolArray, FloatArray
 from estim.common import InputError, Shown, Tabled, interval, later, phrase, rounded
-from estim.given_numbers import check_probability
+from estim.given_numbers import check_probability, random_generator
 from estim.propagation.copula import copula_matrix, draw_inputs
 from estim.propagation.evaluation import (
     MeasurementFunction,
@@ -173,7 +173,7 @@ def propagate_monte_carlo(
     function: MeasurementFunction | str,
     inputs: StatedInputs,
     *,
-    rng: np.random.Generator,
+    rng: np.random.Generator | int,
     n_draw: int | None = None,
     correlation: Correlation | None = None,
     probability: float = 0.95,
@@ -206,7 +206,7 @@ def propagate_monte_carlo(
          mean   u      95 %, symmetric  95 %, shortest
       y  9.794  0.034  [9.728, 9.861]   [9.729, 9.862]
     """
-    checked = check_inputs(inputs)
+    checked, rng = check_inputs(inputs), random_generator(rng)
     function = callable_of(function, checked)
     matrix = correlation_matrix(checked, correlation)
     check_probability(probability)
