@@ -18,7 +18,7 @@ from test_noise import CAMPAIGN, DIFFERENTIATED, INDEPENDENT, POSITIONS, TIMES, 
 
 from estim.campaign import Campaign, as_complete, load_campaign
 from estim.common import InputError
-from estim.fitting import fit_problem, forces
+from estim.fitting import fit_problem, unmodelled_force
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.fitting.unmodelled_force import fit_with_forces
 from estim.pipeline import Analysis, analyse
@@ -309,7 +309,7 @@ def test_a_run_that_cannot_be_linearised_is_fit_without_and_says_so_unless_a_for
         raise InputError("must be > 0 along the track", field="speed")
 
     white = fitted(body(tmp_path, shared=OFF))
-    monkeypatch.setattr(forces, "pose_forces", at_rest)
+    monkeypatch.setattr(unmodelled_force, "pose_forces", at_rest)
     fit = fitted(body(tmp_path))
     assert fit.forces == ()
     assert np.array_equal(fit.values, white.values)
