@@ -255,10 +255,11 @@ def _switched_on(
     function: Function, x: FloatArray, start: Mapping[str, float]
 ) -> Mapping[str, float]:
     """`start`, with parameters that are 0 or nearly so moved by a part of their reach."""
-    reaches = {
-        name: _reach(_shifted(function, x, start, name), abs(value) or 1.0)
-        for name, value in start.items()
-    }
+    with np.errstate(all="ignore"):
+        reaches = {
+            name: _reach(_shifted(function, x, start, name), abs(value) or 1.0)
+            for name, value in start.items()
+        }
     return {
         name: value + 0.1 * reaches[name] if reaches[name] > abs(value) else value
         for name, value in start.items()
