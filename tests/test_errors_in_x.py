@@ -21,8 +21,8 @@ from estim.curve_fitting.single import fit_curve
 from estim.curves.curve_problem import AxisNames, pose_curve
 from estim.fitting.fisher_information import information
 from estim.fitting.least_squares import fit_least_squares
-from estim.problem.abscissas import predictive, true_abscissas
 from estim.problem.curve import POINTS
+from estim.problem.errors_in_x_quadrature import predictive, true_abscissas
 from estim.problem.posterior import Problem
 from estim.problem.roots import covariance_of
 from estim.problem.tails import GAUSSIAN, Mixture
@@ -479,7 +479,7 @@ def test_some_x_may_be_exact_while_others_have_errors() -> None:
                 return a * np.exp(b * (centre + sd * z))
 
             expected = brute_force(y[i], curve, sd=0.1)
-        # components are narrow normal ones: `abscissas` says how exactly they make the integral
+        # components are narrow normal ones: `errors_in_x_quadrature` says how exactly
         assert pointwise[i] == pytest.approx(expected, abs=1e-9 if u_x[i] == 0.0 else 2e-3)
     nearly = fit_curve("a*exp(b*x)", x, y, start=start, u_y=0.1, u_x=np.maximum(u_x, 1e-5))
     assert list(fit.values.values()) == pytest.approx(list(nearly.values.values()), rel=1e-4)

@@ -142,9 +142,9 @@ def fit_curve(
         and u_y.
     u_x : standard uncertainty of x, a number or (n_obs,), beside u_y; None where x is exact.  The
         true abscissas are integrated out one by one under a normal distribution fitted to the x
-        (`estim.problem.abscissas`); values are the maximum of that likelihood and cov its inverse
-        Fisher information.  The curve is evaluated up to 4.8 u_x beside each x; where it is not
-        defined there, no true abscissa lies.
+        (`estim.problem.errors_in_x_quadrature`); values are the maximum of that likelihood and cov
+        its inverse Fisher information.  The curve is evaluated up to 4.8 u_x beside each x; where
+        it is not defined there, no true abscissa lies.
     fixed : name -> exact value of each parameter of the curve that is not fit; it has neither start
         nor prior nor uncertainty.
     bounds : name -> (low, high), None for no limit.

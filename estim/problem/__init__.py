@@ -3,7 +3,7 @@
 """
 
 from estim.arrays import Named as Named
-from estim.problem.abscissas import hide_the_range
+from estim.problem.errors_in_x_quadrature import hide_the_range
 from estim.problem.curve import (
     EXACT,
     CommonError,

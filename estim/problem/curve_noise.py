@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray, Named, all_finite, sds_of
 from estim.common import InputError, phrase
 from estim.given_numbers import real_numbers
-from estim.problem.abscissas import correlated_abscissas
 from estim.problem.correlated_normal import GaussianErrors
 from estim.problem.curve import Wording
+from estim.problem.errors_in_x_quadrature import correlated_abscissas
 from estim.problem.likelihood import Noise, Points
 from estim.problem.noise import Independent, scatter_words
 from estim.problem.noise_variance import NoiseVariance, Scale
@@ -65,7 +65,7 @@ class Correlated(Noise):
 
     With errors of x the likelihood is that of the curve about the expected true abscissas, straight
     there: y is normal about it, with what remains of the errors of x times the slopes.  Of a line
-    it is exact (`estim.problem.abscissas`: regression calibration).
+    it is exact (`estim.problem.errors_in_x_quadrature`: regression calibration).
     """
 
     cov: FloatArray

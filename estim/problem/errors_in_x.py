@@ -1,5 +1,5 @@
-"""The likelihood of independent points whose abscissas have errors (`estim.problem.abscissas` says
-what it is), with its derivatives.
+"""The likelihood of independent points whose abscissas have errors, with its derivatives
+(`estim.problem.errors_in_x_quadrature` says what it is).
 
 `LatentErrors` is a likelihood like any other (`estim.problem.likelihood`): densities, residuals,
 information and tests of such a run.
@@ -36,7 +36,8 @@ from estim.arrays import (
     log_sum_exp,
 )
 from estim.distributions import normal_log_density
-from estim.problem.abscissas import (
+from estim.problem.curve import EXACT
+from estim.problem.errors_in_x_quadrature import (
     LOG_WEIGHTS,
     Predictive,
     TrueAbscissas,
@@ -46,7 +47,6 @@ from estim.problem.abscissas import (
     slopes_in_x,
     true_abscissas,
 )
-from estim.problem.curve import EXACT
 from estim.problem.likelihood import Ends, Likelihood, Points, n_draws, some_draws
 from estim.problem.noise_variance import NoiseVariance, Scale
 from estim.problem.tails import Tails

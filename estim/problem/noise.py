@@ -18,11 +18,11 @@ Each is a record of what was assumed; what it makes of points and their curve is
 (`estim.problem.likelihood`).
 
 Errors of x: the true abscissas of independent points are integrated out one by one, under a
-distribution that is fitted to the x (`estim.problem.abscissas`).  The tempting N(y | f, sigma_y^2 +
-f'^2 sigma_x^2) with its log-determinant is what remains of true abscissas spread evenly over the
-whole axis; it is biased, and the more points the worse.  Without the log-determinant (York's
-chi-square) it rewards ever steeper curves.  Here it serves as the size of a residual only
-(`LatentErrors.sd`).
+distribution that is fitted to the x (`estim.problem.errors_in_x_quadrature`).  The tempting
+N(y | f, sigma_y^2 + f'^2 sigma_x^2) with its log-determinant is what remains of true abscissas
+spread evenly over the whole axis; it is biased, and the more points the worse.  Without the
+log-determinant (York's chi-square) it rewards ever steeper curves.  Here it serves as the size of a
+residual only (`LatentErrors.sd`).
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from scipy.sparse import csr_array, diags_array
 
 from estim.arrays import FloatArray, IntArray, Named
 from estim.common import InputError, phrase
-from estim.problem.abscissas import true_abscissas
 from estim.problem.correlated_normal import Diagonal, GaussianErrors
 from estim.problem.curve import SpeedCurve, Wording
 from estim.problem.differences import in_rows
 from estim.problem.errors_in_x import LatentErrors
+from estim.problem.errors_in_x_quadrature import true_abscissas
 from estim.problem.finite_differences import STENCILS as STENCILS
 from estim.problem.finite_differences import Derivative as Derivative
 from estim.problem.finite_differences import differentiate as differentiate
