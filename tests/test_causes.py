@@ -202,6 +202,7 @@ def test_a_shift_that_stays_is_named_where_it_begins_and_no_single_reading_far_f
 
 
 @pytest.mark.parametrize("noise", ["speeds", "positions"])
+@pytest.mark.slow
 def test_positions_that_are_not_counted_from_the_release_are_named(
     tmp_path: Path, noise: str
 ) -> None:

@@ -373,11 +373,12 @@ def test_folded_posterior_keeps_the_whole_integral() -> None:
             2,
             "a with b and k with q",
         ),
-        (
+        pytest.param(
             "a*exp(-k*x) + b*exp(-q*x) + c*exp(-r*x)",
             {"a": 1.0, "b": 2.0, "c": 0.7, "k": 0.1, "q": 3.0, "r": 0.6},
             6,
             "b with c and q with r",
+            marks=pytest.mark.slow,
         ),
         (
             "a*exp(-(x - m)**2/2/s**2) + b*exp(-(x - n)**2/2/t**2)",

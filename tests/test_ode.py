@@ -56,6 +56,7 @@ def test_a_fit_by_the_equation_is_that_by_its_solution() -> None:
 
 
 @pytest.mark.parametrize("degrees", [60.0, 90.0, 120.0])
+@pytest.mark.slow
 def test_a_pendulum_of_large_amplitude_has_the_period_of_the_elliptic_integral(
     degrees: float,
 ) -> None:

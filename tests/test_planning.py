@@ -86,6 +86,7 @@ def changed(
 # as things are
 
 
+@pytest.mark.slow
 def test_foreseen_at_the_data_at_hand_is_what_the_fit_knows(pair: RollingBasis) -> None:
     """No code shared: the fit takes the force from its own mixture, the plan makes it anew from
     tracks and amplitudes.
@@ -103,6 +104,7 @@ def test_foreseen_at_the_data_at_hand_is_what_the_fit_knows(pair: RollingBasis) 
     assert np.abs(np.sqrt(np.diag(np.linalg.inv(without))) / scale - 1.0).max() > 0.2
 
 
+@pytest.mark.slow
 def test_without_errors_it_is_nearly_the_same(pair: RollingBasis) -> None:
     here = pair.outlook(NOTHING)
     assert here.problem.names == pair.fit.names
@@ -114,6 +116,7 @@ def test_without_errors_it_is_nearly_the_same(pair: RollingBasis) -> None:
 # one thing at a time
 
 
+@pytest.mark.slow
 def test_a_better_protractor_is_what_a_campaign_that_states_it_gives(
     pair: RollingBasis, tmp_path: Path, replica: Path
 ) -> None:
@@ -137,6 +140,7 @@ def test_a_better_protractor_is_what_a_campaign_that_states_it_gives(
     assert truth < 0.95
 
 
+@pytest.mark.slow
 def test_a_run_is_repeated_as_if_it_were_independent(pair: RollingBasis) -> None:
     """Where nothing but the readings is uncertain, n equal runs leave 1/sqrt(n): all priors taken
     away but that of kappa.
@@ -167,6 +171,7 @@ def _alone(pair: RollingBasis):
     return fit_problem(problem, rng=np.random.default_rng(1))
 
 
+@pytest.mark.slow
 def test_more_of_everything_never_harms_and_better_is_better(pair: RollingBasis) -> None:
     targets = targets_of(pair.campaign, pair.fit.problem, ["kappa", "gamma"])
     here = pair.outlook(NOTHING)
@@ -181,6 +186,7 @@ def test_more_of_everything_never_harms_and_better_is_better(pair: RollingBasis)
     assert np.all(worse.ratio > 1.01)
 
 
+@pytest.mark.slow
 def test_another_particle_on_the_same_disk_shares_its_kappa(pair: RollingBasis) -> None:
     said = {"gamma": Quantity(0.28, 0.01), "phi": Quantity(0.1, 0.007)}
     there = pair.outlook(Change("", MORE, runs=(NewRun("new", "heavy-04", said),)))
@@ -198,6 +204,7 @@ def test_another_particle_on_the_same_disk_shares_its_kappa(pair: RollingBasis) 
         ({"theta0": Quantity(np.radians(5.0))}, "does not start"),
     ],
 )
+@pytest.mark.slow
 def test_a_run_that_cannot_be_measured_is_said_and_not_ranked(
     pair: RollingBasis, said: dict[str, Quantity], why: str
 ) -> None:
@@ -501,6 +508,7 @@ def test_a_value_is_shown_whole_without_its_uncertainty(value: float, u: float, 
     assert value_alone(value, u) == said
 
 
+@pytest.mark.slow
 def test_of_the_runs_that_are_tried_the_best_of_each_kind_are_shown(pair: RollingBasis) -> None:
     (kappa,) = targets_of(pair.campaign, pair.fit.problem, ["kappa"])
     here = pair.outlook(NOTHING)
@@ -521,6 +529,7 @@ def test_of_the_runs_that_are_tried_the_best_of_each_kind_are_shown(pair: Rollin
 
 
 @pytest.mark.statistics
+@pytest.mark.slow
 def test_what_is_foreseen_is_achieved(pair: RollingBasis) -> None:
     """Scatter of ten posterior means and their standard deviations over the predicted one (200:
     docs/planning.md).
