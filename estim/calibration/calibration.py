@@ -137,7 +137,9 @@ class Calibration:
 
     @property
     def off_sds(self) -> float:
-        """From how many such standard deviations a share is off, and not one of many by chance."""
+        """How many of these standard deviations a share must be off to count as wrong, given that
+        many shares are tested.
+        """
         n_share = len(PROBABILITIES) * len(self.reported)
         return -float(normal_quantile(0.5 * OFF_BELOW / max(n_share, 1)))
 

@@ -51,8 +51,9 @@ class Surroundings:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """words : what may be missing, or wrong.  source : the campaign with it.  of : quantities, or
-    parameters without their level, that are its own.  The others are those of a `Cause`.
+    """words : what may be missing, or wrong.  source : the campaign with it.  of : the
+    quantities (or parameters, without their level) that this candidate adds.  The other fields are
+    as in `Cause`.
     """
 
     name: str

@@ -169,7 +169,9 @@ class CurveCampaign(Campaign):
         return replace(self.axes, x_unit=units.get("x", "1"), y_unit=units["y"])
 
     def _own(self, said: Mapping[str, Mapping[str, Any]]) -> dict[str, set[str]]:
-        """Run -> its unknowns that no other run shares: it states them, or all others do."""
+        """Run -> the unknowns that it shares with no other run, since it alone states something of
+        them, or all other runs do.
+        """
         unknown = {name: {*self.curve.names} - {*one["fixed"]} for name, one in said.items()}
         own = {name: unknown[name] & {*self.runs[name].table.parameters} for name in said}
         uses = Counter(argument for name in said for argument in unknown[name] - own[name])

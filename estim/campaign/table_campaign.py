@@ -127,8 +127,9 @@ class Axis:
 
 
 def choices_of_table(said: Mapping[str, Any]) -> TableChoices:
-    """What options say of a table and its curve (`--u-y` as u_y); what is not said is missing, None
-    or empty; without a formula, an empty one.  Raises InputError naming the option.
+    """The table and its curve as the options of a command describe them (`--u-y` is u_y).  Options
+    that are not given may be absent, None or empty; without a formula, that is empty.  Raises
+    InputError naming the option.
     """
     read: dict[str, Any] = {
         "formula": said.get("formula") or "",

@@ -1,5 +1,5 @@
-"""Angles in radians under keys that take degrees: the campaign as it would read with the other key,
-as a candidate for what its curve lacks.
+"""Angles that were written in radians under keys that take degrees: the campaign with the other key
+is a candidate for why its curve does not fit.
 """
 
 from __future__ import annotations

@@ -83,8 +83,8 @@ _OF_NEIGHBOURS = frozenset(("runs", "autocorrelation"))
 P_FLOOR = 1.0 / (1.0 + _N_SIMULATED)  # a p-value of the tests below cannot come out smaller
 
 
-# What gives of whitened residuals (n, n_obs) of n data sets a statistic (n,), large where the model
-# is wrong
+# Computes a statistic (n,) from the whitened residuals (n, n_obs) of n data sets; it is large where
+# the model is wrong
 Statistic = Callable[[FloatArray], FloatArray]
 _OF_SIZE = ("chi2", "repeated")  # statistics that are compared with those of exact residuals
 # What gives the exact residuals of simulated data sets, and what gives them as recorded, once:
@@ -544,7 +544,7 @@ def _tests_of(
 
 
 def _of_order(n: int, *, stated: bool) -> dict[str, Statistic]:
-    """Of the size of n residuals, if that was `stated`, and of their order."""
+    """Tests of the order of n residuals, and of their size if that was `stated`."""
     slow = _slow(n, 3)
     tests: dict[str, Statistic] = {
         "runs": lambda z: -np.sum(np.diff(np.signbit(z), axis=1), axis=1).astype(float),
@@ -560,7 +560,7 @@ def _squares(z: FloatArray) -> FloatArray:
 
 
 def _size(z: FloatArray) -> FloatArray:
-    """Of residuals that are all exactly zero, which have no shape, 1."""
+    """Sums of squares; 1 where all residuals are exactly zero, which have no shape."""
     return _or_one(_squares(z))
 
 
@@ -569,8 +569,8 @@ def _or_one(values: FloatArray) -> FloatArray:
 
 
 def _uneven(f: FloatArray, x: FloatArray) -> dict[str, Statistic]:
-    """Whether residuals grow with the curve (n_obs,), its size or the abscissa, with those that are
-    not the same everywhere.
+    """Tests whether residuals grow with the curve (n_obs,), its size or the abscissa; what is
+    constant is left out.
     """
     centred = [w - np.mean(w) for w in (f, np.abs(f), x) if float(np.ptp(w)) > _SAME * max_abs(w)]
     if not centred:

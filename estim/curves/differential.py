@@ -106,7 +106,7 @@ class OdeCurve:
         reach = max_abs(x - self.x0) or 1.0
         with np.errstate(all="ignore"):
             covered = reach * np.abs(self._rate(self.x0, state, own))
-        # of the state alone: a fast reaction would cover far more than there is
+        # of the state itself: a fast reaction's rate, times the range of x, exceeds all its values
         size = np.abs(state.real)
         size = np.where(size > 0.0, size, np.minimum(covered, np.max(size) or math.inf))
         size = np.where(

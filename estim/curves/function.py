@@ -220,8 +220,8 @@ def _broadcasts(function: Function, x: FloatArray, start: Mapping[str, float]) -
 
 
 def _derivatives(function: Function, x: FloatArray, start: Mapping[str, float]) -> str:
-    """The best way of differentiation that works and agrees with differences, also where no
-    parameter switches a term off by being 0.
+    """The best way to differentiate that works and agrees with differences, both at the start and
+    at a place where no parameter is 0, which may switch a term off.
     """
     places, on = [start], _switched_on(function, x, start)
     if on != start:

@@ -123,8 +123,9 @@ def join(
     order: Iterable[str] = (),
     same_size: bool = False,
 ) -> JointProblem:
-    """The joint problem.  own : data set -> its parameters that are none of the others'; all others
-    of one name are one unknown.  Where that begins, the first of `parts` says.  Raises InputError.
+    """The joint problem.  own : data set -> the parameters that belong to it alone.  All other
+    parameters of one name are one unknown, which starts where the first of `parts` puts it.  Raises
+    InputError.
 
     common : the errors in common, which come last.
     derived : what follows from parameters of several data sets, with the stated `units`.

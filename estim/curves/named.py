@@ -97,8 +97,8 @@ def with_defaults(
     curve: object, start: Mapping[str, float] | None, *held: Collection[str] | None
 ) -> Mapping[str, float] | None:
     """The starts that were given; where none was, those of the numbers by default of a function of
-    Python, but for the arguments `held`.  Beside a start that was given, an argument with a number
-    by default keeps that.
+    Python, but for the arguments `held`.  If any start was given, an argument with a default
+    value is held at it.
     """
     if not callable(curve) or start:
         return start

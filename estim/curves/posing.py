@@ -99,11 +99,12 @@ def pose_sets(
 ) -> dict[str, CurveProblem]:
     """Name -> problem of its data set.
 
-    said : of each the `said` of `pose_points`.  taken : the parameters that its curve takes; own :
+    said : data set -> `said`, as in `pose_points`.  taken : the parameters of its curve; own :
         those of them that no other data set shares.
-    pose : makes a problem of its name, of what is said, and of `found` and `beside`.
-    begun : parameter -> start that is known already; what is shared then begins where the first
-        found it, as it does where all points are pooled.  None: each looks for itself.
+    pose : makes the problem of one data set from its name, `said`, `found` and `beside`.
+    begun : parameter -> start that is known already.  A shared parameter then starts where the
+        first data set put it, as it does where all points are pooled.  None: each data set finds
+        its own starts.
     """
     parts: dict[str, CurveProblem] = {}
     points = _pooled(sets, said, own)

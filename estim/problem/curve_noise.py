@@ -63,9 +63,9 @@ class Correlated(Noise):
 
     cov : (n_obs, n_obs).  cov_x : the same of the errors of x, None where these are exact.
 
-    With errors of x the likelihood is that of the curve about the expected true abscissas, straight
-    there: y is normal about it, with what remains of the errors of x times the slopes.  Of a line
-    it is exact (`estim.problem.errors_in_x_quadrature`: regression calibration).
+    With errors of x, the curve is taken as straight near the expected true abscissas: y is normal
+    about it, and the remaining errors of x, times the slope, add to the covariance.  For a line
+    this is exact (`estim.problem.errors_in_x_quadrature`: regression calibration).
     """
 
     cov: FloatArray

@@ -240,8 +240,8 @@ def is_column(name: str, names: Sequence[str]) -> bool:
 
 
 def dialect_of_options(said: Mapping[str, Any]) -> Dialect:
-    """How a table is written, of what options say (`--skip-rows` as skip_rows); what is not said is
-    missing or None.  Raises InputError naming the option.
+    """How a table is written, as the options of a command describe it (`--skip-rows` is skip_rows).
+    Options that are not given may be absent or None.  Raises InputError naming the option.
     """
     columns = said.get("columns")
     names = None if columns is None else tuple(name.strip() for name in columns.split(","))

@@ -258,7 +258,7 @@ def _summary(row: ComparedModel) -> dict[str, Any]:
         "u_log_evidence": number(row.u_log_evidence),
         "no_evidence": "" if row.lack is None else _LACKS[row.lack],
         "behind_evidence": number(row.odds),
-        # of log evidence, that a free start costs and no odds count
+        # log evidence that a free start costs; the odds do not include it
         "price_of_start": row.price_of_start,
         "elpd": number(row.loo.elpd),
         "behind_elpd": number(row.behind),

@@ -304,7 +304,7 @@ def _prior_words(analysis: Analysis, parameter: Parameter) -> str:
 
 
 def correlation_of(analysis: Analysis) -> Correlation:
-    """Of at most `_MOST` parameters, those that runs share first, in their order."""
+    """Of at most `_MOST` parameters; shared ones have precedence, and the order is kept."""
     indices = analysis.problem.foremost(_MOST)
     matrix = np.atleast_2d(np.corrcoef(analysis.chain.flat[:, indices].T))
     return Correlation([analysis.problem.names[i] for i in indices], matrix.round(6).tolist())

@@ -98,8 +98,9 @@ class Element:
 
 
 def parse_tracker_xml(data: bytes) -> Element:
-    """The root object of the XML text `data`, in UTF-8, UTF-16 or Windows-1252, whatever it says:
-    names of tracks alone hold letters that differ.  Raises InputError with the line.
+    """The root object of the XML text `data`.  The encoding may be UTF-8, UTF-16 or Windows-1252,
+    whatever the file declares: only names of tracks hold characters that differ between them.
+    Raises InputError with the line.
     """
     written, _ = decoded(data)
     top: list[Element] = []
