@@ -8,8 +8,8 @@
   (`estim.problem.correlated_runs`), most of which hold one run.
 
 `estim.problem.correlated_normal`, `robust_likelihood`, `errors_in_x`, `count_noise`, `own_density`
-and `estim.discrepancy.likelihood` have the likelihoods; nobody else knows which of them a run has.  What only
-some have is asked for and may be None: `Likelihood.normal`.
+and `estim.discrepancy.likelihood` have the likelihoods; nobody else knows which of them a run has.
+What only some have is asked for and may be None: `Likelihood.normal`.
 """
 
 from __future__ import annotations
