@@ -33,11 +33,12 @@ def random_generator(rng: np.random.Generator | int | None, seed: int = 1) -> np
     """`rng`, or a generator of the seed that it is; of `seed` where it is None.  Raises
     InputError.
     """
-    try:
-        return np.random.default_rng(seed if rng is None else rng)
-    except (TypeError, ValueError):
-        rule = "must be a seed (a whole number from 0) or a numpy.random.Generator"
-        raise InputError(rule, field="rng", value=rng) from None
+    rng = seed if rng is None else rng
+    whole = isinstance(rng, int | np.integer) and not isinstance(rng, bool) and rng >= 0
+    if whole or isinstance(rng, np.random.Generator):
+        return np.random.default_rng(rng)
+    rule = "must be a seed (a whole number from 0) or a numpy.random.Generator"
+    raise InputError(rule, field="rng", value=rng)
 
 
 def real_numbers(values: Any, field: str, rule: str = "must be numbers") -> FloatArray:

@@ -121,7 +121,7 @@ def test_a_decay_of_time_and_temperature_is_that_of_python(tmp_path: Path) -> No
     same = fit_curve(formula, {"t": t, "theta": theta}, y, u_y=0.05, start={"tau": 3.0})
     assert fit.values == pytest.approx([same.values[name] for name in fit.names], rel=1e-5)
     command = ("fit", table, "--formula", formula, "--out", tmp_path / "out", "--x", "t")
-    assert "needs a starting value (--start)" in told(*command, "--x", "theta")
+    assert "or --start tau=...)" in told(*command, "--x", "theta")
     # t is the abscissa of a formula that names it: theta then is a parameter, and this is told
     assert "'b' is not determined by the data, nor is 'theta'" in told(*command)
     assert "to use the column theta as an abscissa" in told(*command)

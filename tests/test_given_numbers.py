@@ -247,6 +247,6 @@ def test_a_seed_stands_for_its_generator_and_anything_else_is_refused() -> None:
         for rng in (7, np.random.default_rng(7))
     )
     assert seeded.u == generated.u
-    for wrong in ("one", -1, 1.5):
+    for wrong in ("one", -1, 1.5, True, [1, 2]):
         with pytest.raises(InputError, match="'rng' must be a seed"):
             fit_curve("a + b*x", x, y, rng=wrong)  # type: ignore[arg-type]

@@ -268,6 +268,14 @@ def test_own_parameters_close_to_an_edge_are_sampled_or_refused(rng: np.random.G
         sample_marginal(fitted(problem_of(LINE, prior, own, X, ys, 0.2)), rng=rng)
 
 
+def test_runs_that_share_nothing_are_refused(rng: np.random.Generator) -> None:
+    x = np.arange(6.0)
+    sets = {name: DataSet(x, 1.0 + x + 0.1 * rng.standard_normal(6), 0.1) for name in "ab"}
+    apart = fit_curves("a + b*x", sets, shared=[])
+    with pytest.raises(InputError, match="must share a parameter"):
+        sample_marginal(apart.held, rng=rng)
+
+
 def test_noise_that_is_not_normal_is_refused(rng: np.random.Generator) -> None:
     fit = fitted(linear_problem(rng)[0])
     heavy = tuple(

@@ -168,3 +168,17 @@ def test_other_places_have_the_same_abscissas(x: Any) -> None:
         fit(x)
     with pytest.raises(InputError, match="along one axis"):
         fit_curve("a*x", U, 2.0 * U + noise(0.2))({"u": [1.0], "v": [2.0]})
+
+
+def test_what_shared_does_not_name_is_a_data_sets_own() -> None:
+    u = np.linspace(0.1, 10.0, 20)
+    x, rng = {"u": u, "v": np.cos(u)}, np.random.default_rng(0)
+    sets = {
+        name: DataSet(x, 2.0 * u + x["v"] + c + 0.05 * rng.standard_normal(20), 0.05)
+        for name, c in (("a", 5.0), ("b", 9.0))
+    }
+    fit = fit_curves("P*u + q*v + c", sets, shared=["P", "q"], derived={"d": "c[b] - c[a]"})
+    assert fit.names == ("P", "q", "c[a]", "c[b]")
+    assert fit.status == "ok"
+    assert fit.derived["d"].value == pytest.approx(4.0, abs=4.0 * fit.derived["d"].sd)
+    assert fit_curves("P*u + q*v + c", sets).status == "poor-fit"

@@ -153,6 +153,12 @@ def fit_curves(
         if parameter not in unknown:
             rule = f"names '{parameter}', which is not a fitted parameter ({', '.join(unknown)})"
             raise InputError(rule, field="shared")
+    common = [item.parameter_name for item in errors]
+    if shared is not None:
+        own = {
+            name: {p.name for p in part.parameters} - {*shared, *common}
+            for name, part in parts.items()
+        }
     alike = {
         (part.axes.x_unit, part.axes.y_unit)
         for name, part in parts.items()
@@ -167,7 +173,7 @@ def fit_curves(
     joint = join(
         parts,
         own=own,
-        common=[item.parameter_name for item in errors],
+        common=common,
         derived={
             name: text
             for name, text in (derived or {}).items()

@@ -589,7 +589,10 @@ def _check_formula(
                 rule = "must hold x, its variable, or the name of its axis (axes)"
                 raise InputError(rule, field="curve", value=formula.text)
             if isinstance(formula, OfPoints):
-                rule = "needs a starting value (--start): with several abscissas there is no search"
+                rule = (
+                    f"needs a starting value (start={{'{name}': ...}} or --start {name}=...): with "
+                    "several abscissas there is no search"
+                )
                 raise InputError(rule, field=f"start[{name}]")
             raise InputError(
                 f"has no starting value for '{name}' of the formula",

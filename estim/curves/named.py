@@ -23,7 +23,7 @@ from estim.curves.models import ModelSum as ModelSum
 from estim.curves.models import known_models as known_models
 from estim.curves.models import read_model as read_model
 from estim.curves.projected import linear_in as linear_in
-from estim.curves.several_abscissas import arguments_taken
+from estim.curves.several_abscissas import OfPoints, arguments_taken
 from estim.curves.starting_values import guess_starts
 from estim.problem import MOST_REWEIGHTED, Counts, Flat, errors_widened, typical_size
 
@@ -117,6 +117,8 @@ def arguments_of(curve: object, *named: Collection[str]) -> tuple[str, ...]:
 
     named : as for `called_by_name`.  Raises InputError.
     """
+    if isinstance(curve, OfPoints) and curve.names:
+        return curve.names
     if callable(curve):
         parameters = arguments_taken(getattr(curve, "rhs", curve))[1:]
         begin = [entry for entry in getattr(curve, "at_start", ()) if isinstance(entry, str)]

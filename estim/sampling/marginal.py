@@ -131,9 +131,9 @@ def sample_marginal(
 ) -> MarginalPosterior:
     """Draws of the posterior of a joint fit, through the marginal of its shared parameters.
 
-    Raises InputError where a run's noise is not normal or too many parameters have to be sampled,
-    and NumericalError where the fit leaves a combination of parameters undetermined or the proposal
-    finds no posterior mass.
+    Raises InputError where a run's noise is not normal, where runs share nothing or too many
+    parameters have to be sampled, and NumericalError where the fit leaves a combination of
+    parameters undetermined or the proposal finds no posterior mass.
     """
     options = options or MarginalOptions()
     if fit.singular:
@@ -142,6 +142,8 @@ def sample_marginal(
             "more of them with an uncertainty"
         )
     columns = sampled_columns(fit)
+    if not columns.size:
+        raise InputError("must share a parameter, for a marginal over runs", field="runs")
     terms = run_terms(fit, columns)
     weight = fit.measure_of_shared
     target = Marginal(fit.problem, columns, terms, weight)
