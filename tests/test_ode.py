@@ -113,6 +113,17 @@ def test_an_equation_may_name_a_parameter_that_is_a_start_too() -> None:
     assert decay(T, k=1.3, y=3.0) == pytest.approx(3.0 * np.exp(-1.3 * T), abs=1e-8)
 
 
+def test_a_right_side_that_does_not_tell_its_arguments_is_solved() -> None:
+    class Compiled:
+        __signature__ = "none"
+
+        def __call__(self, t: float, y: np.ndarray, k: float) -> list[float]:
+            return [-k * y[0]]
+
+    decay = ode(Compiled(), ["y0"])
+    assert decay(T, k=1.3, y0=3.0) == pytest.approx(3.0 * np.exp(-1.3 * T), abs=1e-8)
+
+
 def test_where_the_solution_ends_there_is_no_value() -> None:
     found = ode(lambda t, y, a: [a * y[0] ** 2], [1.0])(np.array([0.5, 2.0]), a=1.0)
     assert np.isnan(found).any()

@@ -154,7 +154,7 @@ def fit_curves(
             rule = f"names '{parameter}', which is not a fitted parameter ({', '.join(unknown)})"
             raise InputError(rule, field="shared")
     common = [item.parameter_name for item in errors]
-    if shared is not None:
+    if shared is not None:  # with those that a function takes without naming them
         own = {
             name: {p.name for p in part.parameters} - {*shared, *common}
             for name, part in parts.items()

@@ -7,13 +7,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from inspect import signature
 from typing import Any, Literal
 
 import numpy as np
 
 from estim.arrays import all_finite, max_abs
 from estim.common import InputError
+from estim.curves.several_abscissas import arguments_taken
 
 Method = Literal["DOP853", "RK45", "Radau", "BDF"]
 _TOLERANCE = 1e-10
@@ -60,7 +60,7 @@ class OdeCurve:
         draws = {
             name: np.broadcast_to(np.ravel(value), (n_draw,)) for name, value in parameters.items()
         }
-        asked = list(signature(self.rhs).parameters)[2:]  # after x and y
+        asked = [entry.name for entry in arguments_taken(self.rhs)[2:]]  # after x and y
         own = {
             name: value
             for name, value in draws.items()
