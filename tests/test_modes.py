@@ -715,18 +715,10 @@ def test_an_optimum_beyond_a_fold_is_found(seed: int) -> None:
         assert fit.intervals["b"][0.95] == pytest.approx((within[0], within[-1]), abs=2e-3)
 
 
-@pytest.mark.parametrize(
-    ("origin", "amplitude", "seed"),
-    [(0.0, 5.0, 1), (300.0, 5.0, 1), (1000.0, 5.0, 1), *((10000.0, 1.5, k) for k in (1, 2, 3))],
-)
-@pytest.mark.slow
-def test_a_period_is_sampled_whole_wherever_x_begins(
-    origin: float, amplitude: float, seed: int
-) -> None:
-    """Far from the origin a phase makes turns within a standard deviation of the period: one turn
-    about the mode cut a stripe out of the ridge, and u(T) was 5 times too small, `ok`.
-
-    Very far the ridge bends by many turns, and not every chain gets along it.
+def _sampled_period(origin: float, amplitude: float, *, seed: int) -> tuple[str, float, float]:
+    """Status of a sampled swing read off a clock that begins at -origin; how far the mean of its
+    period is from that of the fit at origin 0, and how large its standard deviation is, in standard
+    deviations of that.
     """
     x = np.arange(0.0, 6.0, 0.2)
     noise = np.random.default_rng(3).standard_normal(x.size)
@@ -736,11 +728,34 @@ def test_a_period_is_sampled_whole_wherever_x_begins(
     fit = fit_curve("A*cos(2*pi*x/T + p)", x + origin, y, u_y=1.0, start=start)
     sampled = sample_curve(fit, seed=seed, target=Target(ess=1000.0))
     draws = sampled.chain.flat[:, list(sampled.fit.names).index("T")]
-    if origin > 1000.0 and sampled.diagnosis.status == "not-converged":
-        return
-    assert sampled.diagnosis.status == "ok"
-    assert np.mean(draws) == pytest.approx(near.values["T"], abs=0.15 * near.sds["T"])
-    assert np.std(draws) == pytest.approx(near.sds["T"], rel=0.12)
+    off = float(np.mean(draws) - near.values["T"]) / near.sds["T"]
+    return sampled.diagnosis.status, off, float(np.std(draws)) / near.sds["T"]
+
+
+@pytest.mark.parametrize(
+    ("origin", "amplitude"),
+    [(0.0, 5.0), (300.0, 5.0), (1000.0, 5.0), (10000.0, 5.0), (3000.0, 1.5)],
+)
+@pytest.mark.slow
+def test_a_period_is_sampled_whole_wherever_x_begins(origin: float, amplitude: float) -> None:
+    """Far from the origin a phase makes turns within a standard deviation of the period: one turn
+    about the mode cut a stripe out of the ridge, and u(T) was 5 times too small, `ok`.
+    """
+    status, off, spread = _sampled_period(origin, amplitude, seed=1)
+    assert status == "ok"
+    assert off == pytest.approx(0.0, abs=0.15)
+    assert spread == pytest.approx(1.0, rel=0.12)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.slow
+def test_a_ridge_that_bends_by_many_turns_is_sampled_whole_or_not_at_all(seed: int) -> None:
+    """p makes 160 turns within its standard deviation, and bends by five: some chains stay in a
+    part of it, which part depends on the processor, and say so.
+    """
+    status, off, spread = _sampled_period(10000.0, 1.5, seed=seed)
+    whole = off == pytest.approx(0.0, abs=0.15) and spread == pytest.approx(1.0, rel=0.12)
+    assert whole or status == "not-converged"
 
 
 @pytest.mark.slow
