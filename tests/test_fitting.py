@@ -16,7 +16,9 @@ from estim.campaign import load_campaign
 from estim.fitting import least_squares
 from estim.fitting.gauss_newton import step_between
 from estim.fitting.least_squares import fit_least_squares
+from estim.fitting.profile_search import search_of
 from estim.pipeline import analyse
+from estim.problem import Posterior
 from estim.problem.priors import Normal
 from estim.sampling.chain import Target
 
@@ -255,7 +257,7 @@ def test_rounds_that_go_to_and_fro_settle_where_they_lead_nowhere_else(
     for _ in range(60):
         cycle.append(float(leads(cycle[-1])))
     assert abs(cycle[-1] - cycle[-2]) > 0.5
-    values, _, moved = least_squares._settle(
+    values, _, moved, _ = least_squares._settle(
         np.array([0.3]), Following(leads, monkeypatch), max_rounds=60
     )
     assert moved < 1e-4
@@ -266,7 +268,7 @@ def test_rounds_across_a_jump_end_soon_and_do_not_pass_for_settled(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     following = Following(lambda mean: np.where(mean < 0.5, 1.0, 0.0), monkeypatch)
-    *_, moved = least_squares._settle(np.array([0.3]), following, max_rounds=60)
+    _, _, moved, _ = least_squares._settle(np.array([0.3]), following, max_rounds=60)
     assert moved > 0.4
     assert following.rounds < 30
 
@@ -306,3 +308,20 @@ def test_step_between_limits_is_the_best_of_all_ways_to_hold_parameters_there(
     # without limits that matter, the free step
     free = np.linalg.lstsq(rows, -aim, rcond=None)[0]
     assert step_between(rows, aim, np.full(3, -np.inf), np.full(3, np.inf)) == pytest.approx(free)
+
+
+def test_a_search_asks_for_the_information_at_its_fit_once(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = load_campaign("data/replica/campaign.toml").problem(["light-04"], usual=True)
+    fit = fit_least_squares(problem, rng=rng, n_start=1)
+    asked = list[np.ndarray]()
+    plain = Posterior.information
+
+    def counted(self: Posterior, values: np.ndarray) -> np.ndarray:
+        asked.append(values)
+        return plain(self, values)
+
+    monkeypatch.setattr(Posterior, "information", counted)
+    search_of(fit.posterior, fit.values, fit.cov, 30.0)
+    assert len(asked) == 1

@@ -78,7 +78,7 @@ def identify(fit: Fit) -> Identifiability:
     """What the data of `fit` can tell, direction by direction."""
     problem = fit.problem
     sds = prior_sds(problem, fit.cov)
-    whitened = known_from_data(fit.posterior, fit.values) * np.outer(sds, sds)
+    whitened = known_from_data(fit.posterior, fit.values).matrix * np.outer(sds, sds)
     values, vectors = np.linalg.eigh(whitened)
     values = np.maximum(values, 0.0)
     pulls = problem.prior_information(fit.values) * np.outer(sds, sds)

@@ -4,6 +4,8 @@ it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, finite_or, sds_of
@@ -23,28 +25,63 @@ def information(posterior: Posterior, values: FloatArray) -> FloatArray:
     return posterior.information(values) + posterior.problem.prior_information(values)
 
 
-def on_limit(posterior: Posterior, values: FloatArray) -> BoolArray:
+@dataclass(frozen=True, eq=False)
+class DataInformation:
+    """What the data tell about the parameters at a point.
+
+    matrix : (n_par, n_par) the Fisher information without priors; of those that `inside` moves, and
+        of what they hide, that inside.
+    on_limit : (n_par,) which parameters lie on a limit of their priors (`on_limit`).
+    inside : (n_par,) the point, but for parameters on a limit at which the curve does not depend on
+        them to first order (the b of sqrt(a^2 + b^2 x^2) at 0), or not at all on another one (the t
+        of a exp(-x/t) where a is 0).  Such a one lies inside, where the density has fallen by half
+        a unit.
+    """
+
+    matrix: FloatArray
+    on_limit: BoolArray
+    inside: FloatArray
+
+
+def on_limit(problem: Problem, values: FloatArray, matrix: FloatArray) -> BoolArray:
     """(n_par,) which parameters lie on a limit of their priors.
 
     Those within 1 % of the standard deviation that they have when all others are held: one that
     another on its limit makes uncertain may lie far from its own.
+
+    matrix : (n_par, n_par) information at `values`, priors included.
     """
-    low, high = posterior.problem.support()
-    known = np.sqrt(np.diag(information(posterior, values)))
+    low, high = problem.support()
+    known = np.sqrt(np.diag(matrix))
     room = np.minimum(values - low, high - values)
     felt = known > 0.0
     return (room <= 0.0) | (felt & (room * np.where(felt, known, 1.0) <= _ON_LIMIT))
 
 
-def beside_limits(posterior: Posterior, values: FloatArray) -> FloatArray:
-    """(n_par,) `values`, but for parameters on a limit at which the curve does not depend on them
-    to first order (the b of sqrt(a^2 + b^2 x^2) at 0), or not at all on another one (the t of a
-    exp(-x/t) where a is 0).  Such a one lies inside, where the density has fallen by half a unit.
-    """
+def known_from_data(posterior: Posterior, values: FloatArray) -> DataInformation:
+    """What the data tell about the parameters at `values` (n_par,)."""
+    problem, matrix = posterior.problem, posterior.information(values)
+    full = matrix + problem.prior_information(values)
+    at_limit = on_limit(problem, values, full)
+    inside = _beside_limits(posterior, values, np.sqrt(np.diag(full)), at_limit)
+    moved = inside != values
+    if np.any(moved):
+        matrix[moved], matrix[:, moved] = 0.0, 0.0
+        alone = np.diag(matrix)
+        beside = np.diag(posterior.information(inside))
+        own = np.where(alone <= _SILENT * beside, beside, alone)
+        np.fill_diagonal(matrix, own)
+    return DataInformation(matrix, at_limit, inside)
+
+
+def _beside_limits(
+    posterior: Posterior, values: FloatArray, known: FloatArray, at_limit: BoolArray
+) -> FloatArray:
+    """(n_par,) `DataInformation.inside`.  known : (n_par,) roots of the information of each."""
     low, high = posterior.problem.support()
-    known, inside = np.sqrt(np.diag(information(posterior, values))), values.copy()
+    inside = values.copy()
     silent = bool(np.any(known[list(posterior.problem.of_curve)] == 0.0))
-    for i in np.flatnonzero(on_limit(posterior, values)):
+    for i in np.flatnonzero(at_limit):
         below = values[i] - low[i] < high[i] - values[i]
         room = high[i] - values[i] if below else values[i] - low[i]
         reach = min(room, 1.0 / known[i] if known[i] > 0.0 else np.inf)
@@ -58,21 +95,6 @@ def beside_limits(posterior: Posterior, values: FloatArray) -> FloatArray:
         if (silent or heights[0] - heights[1] > _MUCH) and not np.all(fallen):
             inside[i] = places[1 + np.argmin(fallen), i]
     return inside
-
-
-def known_from_data(posterior: Posterior, values: FloatArray) -> FloatArray:
-    """(n_par, n_par) what the data tell about the parameters at `values`: the Fisher information,
-    of those that `beside_limits` moves, and of what they hide, that inside.
-    """
-    matrix, inside = posterior.information(values), beside_limits(posterior, values)
-    moved = inside != values
-    if np.any(moved):
-        matrix[moved], matrix[:, moved] = 0.0, 0.0
-        alone = np.diag(matrix)
-        beside = np.diag(posterior.information(inside))
-        own = np.where(alone <= _SILENT * beside, beside, alone)
-        np.fill_diagonal(matrix, own)
-    return matrix
 
 
 def prior_sds(problem: Problem, cov: FloatArray) -> FloatArray:

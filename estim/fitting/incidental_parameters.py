@@ -35,7 +35,7 @@ from __future__ import annotations
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.fitting.fisher_information import on_limit
+from estim.fitting.fisher_information import information, on_limit
 from estim.problem import JeffreysPrior, Measure, Posterior, uses_of
 
 
@@ -59,7 +59,7 @@ def measure_of(
         return None
     low, high = problem.support()
     # what lies on a limit stays there
-    still = on_limit(posterior, values)
+    still = on_limit(problem, values, information(posterior, values))
     still[shared] = False
     if still.any():
         cov = cov - cov[:, still] @ np.linalg.solve(cov[np.ix_(still, still)], cov[still])

@@ -21,7 +21,7 @@ from estim.common import Finding, InputError, NumericalError, phrase
 from estim.discrepancy import FoundDeviation, FoundForce, NormalParts
 from estim.distributions import chi2_tail
 from estim.fitting.arrowhead import descend_by_runs, many
-from estim.fitting.fisher_information import information, known_from_data, on_limit
+from estim.fitting.fisher_information import information, known_from_data
 from estim.fitting.gauss_newton import stepped
 from estim.fitting.incidental_parameters import measure_of
 from estim.fitting.jeffreys import jeffreys_prior
@@ -41,8 +41,10 @@ _FINE = 1e-2
 _ONE_SIGN = 30.0
 _ILL = 1e12  # condition of the information, columns of unit length
 
-_End = tuple[FloatArray, Posterior, float]
-"""Values, the posterior linearised there, and how far the last round moved."""
+_End = tuple[FloatArray, Posterior, float, FloatArray | None]
+"""Values, the posterior linearised there, how far the last round moved, and standard deviations;
+nan and None without curvature.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,10 +244,10 @@ def fit_least_squares(
     if not rough:
         raise _no_curvature(*begun[0])
     objective = np.array(
-        [-float(posterior.log_density(values[None, :])[0]) for values, posterior, _ in rough]
+        [-float(posterior.log_density(values[None, :])[0]) for values, posterior, *_ in rough]
     )
     best = int(np.nanargmin(objective))
-    values, posterior, _ = rough[best]
+    values, posterior, *_ = rough[best]
     if float(np.mean(posterior.size_residuals(values) ** 2)) > hopeless:
         raise NumericalError(
             "the curve stays far from the data: the mean square of the whitened residuals "
@@ -256,14 +258,14 @@ def fit_least_squares(
         end = settle_by_runs(values, posterior, best=_best, spread=_curved)
         values, posterior, moved, held = end.values, end.posterior, end.moved, end.held
     else:
-        values, posterior, moved = _settle(values, posterior, max_rounds=max_rounds)
+        values, posterior, moved, _ = _settle(values, posterior, max_rounds=max_rounds)
     if math.isnan(moved):
         raise _no_curvature(values, posterior)
     level = objective <= objective[best] + 0.5
     ends = [
         rough[i][0] for i in np.argsort(objective) if objective[i] <= objective[best] + WITHIN_REACH
     ]
-    same = [end for (end, _, _), equal in zip(rough, level, strict=True) if equal]
+    same = [end for (end, *_), equal in zip(rough, level, strict=True) if equal]
     return replace(
         _describe(problem, posterior, values, moved, ends, n_start=len(rough), same=same), held=held
     )
@@ -313,15 +315,15 @@ def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
     places: list[tuple[FloatArray, _End]] = []
     ends = []
     for start, begun in starts:
-        values, posterior, moved = _settle(start, begun, max_rounds=1, tolerance=_ROUGH)
-        if math.isnan(moved):
+        first = _settle(start, begun, max_rounds=1, tolerance=_ROUGH)
+        values, posterior, moved, scale = first
+        if scale is None:
             continue
-        scale = _spread(information(posterior, values))
         # standard deviations, after one round: nearer ends go on as one
         near = (end for place, end in places if float(np.max(np.abs(values - place) / scale)) < 0.2)
         twin = next(near, None)
         if twin is None:
-            twin = (values, posterior, moved)
+            twin = first
             if moved >= SETTLED:
                 more = 3
                 twin = _settle(values, posterior, max_rounds=more, hasty=True, tolerance=_ROUGH)
@@ -339,12 +341,6 @@ def _inverse(matrix: FloatArray) -> FloatArray:
     return np.linalg.pinv(scaled, hermitian=True) / np.outer(units, units)
 
 
-def _spread(matrix: FloatArray) -> FloatArray:
-    """(n_par,) standard deviations from an information matrix, inf for what it says nothing of."""
-    scale = sds_of(_inverse(matrix))
-    return np.where(scale > 0.0, scale, np.inf)
-
-
 def _best(
     posterior: Posterior, values: FloatArray, *, hasty: bool = True, tolerance: float = _EXACT
 ) -> FloatArray:
@@ -355,11 +351,14 @@ def _best(
 
 
 def _curved(posterior: Posterior, values: FloatArray) -> FloatArray | None:
-    """(n_par,) standard deviations at the values, None where the curve has no finite
-    derivatives.
+    """(n_par,) standard deviations at the values, inf for what the information says nothing of;
+    None where the curve has no finite derivatives.
     """
     matrix = information(posterior, values)
-    return _spread(matrix) if all_finite(matrix) else None
+    if not all_finite(matrix):
+        return None
+    scale = sds_of(_inverse(matrix))
+    return np.where(scale > 0.0, scale, np.inf)
 
 
 def _settle(
@@ -371,7 +370,7 @@ def _settle(
     tolerance: float = _EXACT,
 ) -> _End:
     """Rounds of (curve; noise; covariance at the values) from a posterior linearised there until
-    they settle; moved is nan without curvature.
+    they settle.
 
     Where a covariance that follows the curve sends the rounds to and fro, they go part of the way:
     to the same place.
@@ -388,7 +387,7 @@ def _settle(
             if scale is not None:
                 break
         else:
-            return values, posterior, math.nan
+            return values, posterior, math.nan, None
         moved = float(np.max(np.abs(step) / scale, initial=0.0))
         if (
             n_round >= _FEW_ROUNDS
@@ -399,7 +398,7 @@ def _settle(
         # there, or beside a jump of the covariance: no place where it stays
         if moved < SETTLED or share < LEAST_SHARE:
             break
-    return values, posterior, moved
+    return values, posterior, moved, scale
 
 
 def _fit_curve(
@@ -515,8 +514,8 @@ def _describe(
     same: list[FloatArray],
 ) -> Fit:
     """Raises NumericalError where the curve has no finite derivatives."""
-    matrix = known_from_data(posterior, values)
-    matrix += problem.prior_information(values)
+    known = known_from_data(posterior, values)
+    matrix = known.matrix + problem.prior_information(values)
     if not all_finite(matrix):
         raise _no_curvature(values, posterior)
     units = diagonal_scale(matrix)
@@ -526,17 +525,16 @@ def _describe(
     sds = np.full(problem.n_par, np.nan) if singular else curvature.copy()
     low, high = problem.support()
     sds[np.minimum(values - low, high - values) < curvature] = np.nan
-    at_bound = on_limit(posterior, values)
     curve = problem.of_curve
     # what lies on a limit is held there, and so is what its prior says
-    pulls = [i for i in curve if problem.parameters[i].prior.informative and not at_bound[i]]
+    pulls = [i for i in curve if problem.parameters[i].prior.informative and not known.on_limit[i]]
     of_data = (
         -2.0 * posterior.log_likelihood(values[None, :])[0]
         if problem.own_density
         else np.sum(posterior.size_residuals(values) ** 2)
     )
     chi2 = float(of_data + np.sum(posterior.prior_residuals(values)[pulls] ** 2))
-    dof = problem.n_obs + len(pulls) - int(np.sum(~at_bound[list(curve)]))
+    dof = problem.n_obs + len(pulls) - int(np.sum(~known.on_limit[list(curve)]))
     unlike = problem.robust or problem.counted
     place = np.where(curvature > 0.0, curvature, np.inf)
     n_same = (
@@ -561,7 +559,7 @@ def _describe(
         values=values,
         cov=cov,
         sds=sds,
-        at_bound=tuple(compress(problem.names, at_bound)),
+        at_bound=tuple(compress(problem.names, known.on_limit)),
         posterior=posterior,
         chi2=chi2,
         dof=dof,

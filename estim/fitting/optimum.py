@@ -38,7 +38,7 @@ from estim.fitting.distinct_optima import (
     is_one,
     repeats,
 )
-from estim.fitting.fisher_information import beside_limits
+from estim.fitting.fisher_information import known_from_data
 from estim.fitting.further_optima import far_places, further_optima
 from estim.fitting.gauss_newton import (
     End,
@@ -674,7 +674,8 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
         silent = ~np.any(there, axis=0) & np.isin(np.arange(values.size), free)
         if all_finite(there) and np.any(silent):
             # what another parameter hides on its limit lies anywhere: where it started
-            beside = search.scoring(beside_limits(search.posterior, on_limit))[0]
+            inside = known_from_data(search.posterior, on_limit).inside
+            beside = search.scoring(inside)[0]
             hidden = silent & np.any(beside, axis=0)
             begun = np.where(hidden, search.held, on_limit)
             # not where it is the product of a factor and of one next to 0 that counts

@@ -16,13 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, IntArray, all_finite, sds_of
-from estim.fitting.fisher_information import (
-    beside_limits,
-    information,
-    known_from_data,
-    on_limit,
-    prior_sds,
-)
+from estim.fitting.fisher_information import information, known_from_data, prior_sds
 from estim.levenberg_marquardt import Start, minima
 from estim.problem import Coordinates, Likelihood, Posterior, made_up_for
 
@@ -209,10 +203,11 @@ def search_of(
     sizes = problem.sizes_from_zero & squared
     nothing = np.zeros(sds.size, dtype=bool)
     coordinates = Coordinates(values, nothing, np.where(sizes, sds, 0.0))
-    slopes = coordinates.slopes(beside_limits(posterior, values))  # where the data are asked
-    sds = np.where(sizes, 1.0, sds)
     with np.errstate(all="ignore"):
-        whitened = known_from_data(posterior, values) * np.outer(slopes * sds, slopes * sds)
+        told = known_from_data(posterior, values)
+        slopes = coordinates.slopes(told.inside)  # where the data are asked
+        sds = np.where(sizes, 1.0, sds)
+        whitened = told.matrix * np.outer(slopes * sds, slopes * sds)
     if not all_finite(whitened):
         whitened = np.zeros_like(whitened)
     # its eigenvalues are positive: terms that all but cancel leave rounding errors for some
@@ -222,7 +217,7 @@ def search_of(
     conditional = sds / np.sqrt(np.square(basis) @ precision)
     low, high = (coordinates.of(end) for end in problem.support())
     plain = ProfileSearch(posterior, coordinates, low, high, sds_of(cov), conditional, sds, cov)
-    by_size = _known_by_size(plain, values, level)
+    by_size = _known_by_size(plain, values, level, told.on_limit)
     if not np.any(by_size):
         return plain
     coordinates = replace(coordinates, by_size=by_size)
@@ -240,7 +235,9 @@ def search_of(
     )
 
 
-def _known_by_size(search: ProfileSearch, values: FloatArray, level: float) -> BoolArray:
+def _known_by_size(
+    search: ProfileSearch, values: FloatArray, level: float, at_limit: BoolArray
+) -> BoolArray:
     """(n_par,) which parameters others go with, so that the data tell little of their size, and
     which are not 0: without them, the objective is higher by more than `level`.
     """
@@ -249,7 +246,7 @@ def _known_by_size(search: ProfileSearch, values: FloatArray, level: float) -> B
         return known
     tied = made_up_for(values, search.cov)
     squared = np.greater(search.coordinates.unit, 0.0)
-    candidates = np.flatnonzero(tied & ~squared & ~on_limit(search.posterior, values))
+    candidates = np.flatnonzero(tied & ~squared & ~at_limit)
     at, starts = search.coordinates.of(values), []
     for i in candidates:
         # where the others are, and where they go with it to first order: either may be far off
