@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_t
 from targets import COV, Known, banana, bimodal, box, chain_errors, exponential, half_normal, normal
 
 from estim.campaign import load_campaign
@@ -37,6 +38,23 @@ TARGETS = {
     "flat box": (box(3), np.zeros(3), 0.3 * np.eye(3)),
     "banana": (banana(0.4), np.zeros(2), np.eye(2)),
 }
+
+
+def test_the_density_of_many_draws_is_that_of_each(rng: np.random.Generator) -> None:
+    factors = np.tril(rng.standard_normal((3, 2, 2))) + 3.0 * np.eye(2)
+    mixture = Proposal(np.array([0.2, 0.3, 0.5]), rng.standard_normal((3, 2)), factors)
+    draws = mixture.draw(rng, 1203)
+    each = [
+        sum(
+            weight * multivariate_t.pdf(draw, mean, factor @ factor.T, df=mixture.dof)
+            for weight, mean, factor in zip(
+                mixture.weights, mixture.means, mixture.factors, strict=True
+            )
+        )
+        for draw in draws
+    ]
+    np.testing.assert_allclose(mixture.log_density(draws), np.log(each), rtol=1e-10)
+    assert mixture.log_density(draws[:0]).size == 0
 
 
 def certificate_of(

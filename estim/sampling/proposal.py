@@ -27,6 +27,7 @@ from estim.sampling.importance import kish_ess, pareto_smoothed, tempered
 from estim.sampling.log_density import Density, log_density_in_batches
 
 DOF = 5  # tails heavier than those of most posteriors
+_BLOCK = 500  # draws at once: what many components need of them fits in the cache
 _N_COMPONENT = 8  # of a mixture fitted to draws from elsewhere
 # share and width (in sds of the whole) of the component that guards a mixture
 _WIDE_SHARE, _WIDE_FACTOR = 0.05, 2.0
@@ -135,8 +136,9 @@ class Proposal:
 
     def log_density(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) normalised log density at draws (n_draw, n_par)."""
-        parts = self.component_log_densities(self.distances(draws))
-        return log_sum_exp(parts, axis=0)
+        blocks = (draws[k : k + _BLOCK] for k in range(0, len(draws), _BLOCK))
+        parts = (self.component_log_densities(self.distances(block)) for block in blocks)
+        return np.concatenate([np.zeros(0), *(log_sum_exp(part, axis=0) for part in parts)])
 
 
 def adapt_proposal(
