@@ -15,7 +15,7 @@ from estim.shadowed_modules import forget_working_folder, in_the_way, namesake_b
 _BAD_INPUT = 2  # `estim.cli.commands.BAD_INPUT`, which cannot be imported yet
 # made before garbage is looked for: modules make many that stay, and looking through them took a
 # tenth of a short command
-_OBJECTS = 50_000
+_OBJECTS = 500_000
 _THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # read when NumPy is loaded
 
 

@@ -221,7 +221,7 @@ copyreg.pickle(MappingProxyType, lambda mapping: (_read_only, (dict(mapping),)))
 def _start(task: bytes) -> None:
     """Prepare a worker process."""
     global _task
-    gc.set_threshold(50_000)  # as in the command line, before the task loads its modules
+    gc.set_threshold(500_000)  # as in the command line, before the task loads its modules
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if sys.platform != "win32":
         # held when this process was started; its parent ends it so
