@@ -168,13 +168,9 @@ def see(linear: Linearised, priors: Iterable[tuple[FloatArray, FloatArray]]) -> 
         square = np.square(family.amplitude[place])[:, None]
         off, turned = (r - linear.steps[here] @ j) @ family.basis, j @ family.basis
         means.append(square * ((off * precision) @ seen.T))
-        moved = square[:, :, None] * np.einsum(
-            "id,kd,pd->kip", seen, precision, turned, optimize=True
-        )
+        moved = square[:, :, None] * ((precision[:, None] * seen) @ turned.T)
         spread = square * variance - np.square(square) * (precision @ np.square(seen).T)
-        spread += np.einsum(
-            "kip,kpq,kiq->ki", moved, linear.covariances[here], moved, optimize=True
-        )
+        spread += np.sum((moved @ linear.covariances[here]) * moved, axis=2)
         sds.append(np.sqrt(np.maximum(spread, 0.0)))
     weights = linear.weights[components]
     return Seen(components, weights / weights.sum(), np.vstack(means), np.vstack(sds))

@@ -103,7 +103,8 @@ class Mixture:
         shares = self.deviation.each(self.shares(residuals))
         for (family, share), terms in zip(shares, self.terms, strict=True):
             *gain, white, _ = -2.0 * share @ terms.gain
-            middle = -np.einsum("k,kqi,kqj->ij", share, terms.cross, terms.cross, optimize=True)
+            weighed = share[:, None, None] * terms.cross
+            middle = -np.tensordot(weighed, terms.cross, axes=((0, 1), (0, 1)))
             middle[np.diag_indices(len(gain))] += gain
             yield float(white), np.hstack([family.basis, self.columns]), middle
 
