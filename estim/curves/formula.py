@@ -225,7 +225,7 @@ def evaluate(tree: ast.expr, symbols: Mapping[str, Any]) -> Any:
     """
     code, known = _compiled(tree)
     with np.errstate(all="ignore"):
-        return eval(code, known, dict(symbols))
+        return eval(code, known, symbols)
 
 
 @lru_cache(maxsize=256)
@@ -279,15 +279,15 @@ def time_derivative_of(curve: Any, x: FloatArray, arguments: Named, order: int) 
 
 def _full(result: Any, x: FloatArray, arguments: Named) -> FloatArray:
     """A result as (n_draw, n_obs)."""
-    rows = (np.shape(value)[0] for value in (x, *arguments.values()) if np.ndim(value) == 2)
-    n_draw = next((n for n in rows if n != 1), 1)
+    shapes = [np.shape(value) for value in (x, *arguments.values())]
+    n_draw = next((shape[0] for shape in shapes if len(shape) == 2 and shape[0] != 1), 1)
     return _spread(result, (n_draw, np.shape(x)[-1]))
 
 
 def _spread(result: Any, shape: tuple[int, ...]) -> FloatArray:
     """A result in all rows and columns of `shape`."""
     array = np.asarray(result, dtype=float)
-    return array if array.shape == shape else np.ascontiguousarray(np.broadcast_to(array, shape))
+    return array if array.shape == shape else np.full(shape, array)
 
 
 def _arrays(arguments: Named, names: Iterable[str]) -> dict[str, Any]:

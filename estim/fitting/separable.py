@@ -69,12 +69,11 @@ class SeparableSearch:
         size = np.maximum(np.abs(self.held), 1e-3 * of_prior)
 
         def residuals(points: FloatArray, _which: Indices) -> FloatArray:
-            with np.errstate(all="ignore"):
-                of_data = self.posterior.residuals_at(points)
-                if not pulling:
-                    return of_data
-                pulls = self.posterior.problem.prior_residuals(points)[:, pulling]
-                return np.hstack([of_data, pulls])
+            of_data = self.posterior.residuals_at(points)
+            if not pulling:
+                return of_data
+            pulls = self.posterior.problem.prior_residuals(points)[:, pulling]
+            return np.hstack([of_data, pulls])
 
         return LeastSquares(
             residuals,
