@@ -211,7 +211,8 @@ def _check_looks(names: Iterable[str], field: str) -> None:
     """No name passes for another one, nor for the variable, a constant or a function, by letters of
     another alphabet.
     """
-    if alike := same_looks((*sorted(RESERVED), *names)):
+    latin = all(map(str.isascii, names))
+    if not latin and (alike := same_looks((*sorted(RESERVED), *names))):
         raise InputError(
             "has two names that look alike: write both in the letters of one alphabet",
             field=field,

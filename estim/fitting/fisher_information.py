@@ -30,8 +30,10 @@ def on_limit(posterior: Posterior, values: FloatArray) -> BoolArray:
     another on its limit makes uncertain may lie far from its own.
     """
     low, high = posterior.problem.support()
-    known = np.sqrt(np.diag(information(posterior, values)))
     room = np.minimum(values - low, high - values)
+    if np.all(room == np.inf):
+        return np.zeros(values.size, dtype=bool)
+    known = np.sqrt(np.diag(information(posterior, values)))
     felt = known > 0.0
     return (room <= 0.0) | (felt & (room * np.where(felt, known, 1.0) <= _ON_LIMIT))
 
@@ -42,9 +44,12 @@ def beside_limits(posterior: Posterior, values: FloatArray) -> FloatArray:
     exp(-x/t) where a is 0).  Such a one lies inside, where the density has fallen by half a unit.
     """
     low, high = posterior.problem.support()
-    known, inside = np.sqrt(np.diag(information(posterior, values))), values.copy()
+    limits, inside = np.flatnonzero(on_limit(posterior, values)), values.copy()
+    if not limits.size:
+        return inside
+    known = np.sqrt(np.diag(information(posterior, values)))
     silent = bool(np.any(known[list(posterior.problem.of_curve)] == 0.0))
-    for i in np.flatnonzero(on_limit(posterior, values)):
+    for i in limits:
         below = values[i] - low[i] < high[i] - values[i]
         room = high[i] - values[i] if below else values[i] - low[i]
         reach = min(room, 1.0 / known[i] if known[i] > 0.0 else np.inf)

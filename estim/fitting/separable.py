@@ -45,6 +45,11 @@ class SeparableSearch:
         return np.sort(np.concatenate([self.linear, self.nonlinear]))
 
     @cached_property
+    def limited(self) -> bool:
+        """Whether any parameter has a limit."""
+        return bool(np.isfinite([self.low, self.high]).any())
+
+    @cached_property
     def _of_noise(self) -> float:
         """Squares of the residuals of the noise parameters' priors, which no move changes."""
         held = np.setdiff1d(np.arange(self.held.size), self.free)
