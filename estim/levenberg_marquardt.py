@@ -193,9 +193,9 @@ class LeastSquares:
         for part in self._parts(len(points), self.linear.size):
             residuals, columns = self.tangents(points[part], self.linear, 1.0, which[part])
             if self.linear.size:
-                step = finite_or(solve(columns, -residuals), 0.0)
-                solved[part, self.linear] += step
-                residuals = residuals + (columns @ step[:, :, None])[..., 0]
+                step = finite_or(solve(columns, -residuals[:, :, None]), 0.0)
+                solved[part, self.linear] += step[..., 0]
+                residuals = residuals + (columns @ step)[..., 0]
             squares[part] = np.einsum("ij,ij->i", residuals, residuals)
         return solved, finite_or(0.5 * squares, np.inf)
 
@@ -230,7 +230,9 @@ class LeastSquares:
         rows = np.repeat(points, n_row, axis=0)
         rows.reshape(-1, n_row, points.shape[1])[:, np.arange(1, n_row), moving] = beside
         every = self.residuals(rows, np.repeat(which, n_row)).reshape(len(points), n_row, -1)
-        columns = (every[:, 1:] - every[:, :1]) / (beside - at)[:, :, None]
+        columns = every[:, 1:]
+        columns -= every[:, :1]
+        columns /= (beside - at)[:, :, None]
         return every[:, 0], np.swapaxes(columns, 1, 2)
 
     def descend(
@@ -263,20 +265,17 @@ class LeastSquares:
         return [slice(k, k + rows) for k in range(0, max(1, n), rows)]
 
 
-def solve(
-    columns: FloatArray, target: FloatArray, damping: float | FloatArray = 1e-12
-) -> FloatArray:
-    """(n_point, n_col) damped least squares of target (n_point, n_res) by columns (n_point, n_res,
-    n_col).
+def solve(columns: FloatArray, targets: FloatArray, damping: float = 1e-12) -> FloatArray:
+    """(n_point, n_col, n_target) damped least squares of targets (n_point, n_res, n_target) by
+    columns (n_point, n_res, n_col).
     """
-    columns, target = finite_or(columns, 0.0), finite_or(target, 0.0)
-    gram = np.swapaxes(columns, 1, 2) @ columns
+    columns, targets = finite_or(columns, 0.0), finite_or(targets, 0.0)
+    rows = np.swapaxes(columns, 1, 2)
+    gram = rows @ columns
     scale = np.sqrt(np.diagonal(gram, axis1=1, axis2=2))
     scale = np.where(scale > 0.0, scale, 1.0)
-    gram = gram / squared_rows(scale)
-    gram += np.asarray(damping).reshape(-1, 1, 1) * np.eye(gram.shape[1])
-    gradient = (np.swapaxes(columns, 1, 2) @ target[:, :, None])[..., 0] / scale
-    return np.linalg.solve(gram, gradient[..., None])[..., 0] / scale
+    gram = gram / squared_rows(scale) + damping * np.eye(gram.shape[1])
+    return np.linalg.solve(gram, rows @ targets / scale[..., None]) / scale[..., None]
 
 
 class _Descents:
