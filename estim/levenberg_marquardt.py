@@ -22,7 +22,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.arrays import FloatArray, finite_or, squared_rows
+from estim.arrays import FloatArray, all_finite, finite_or, squared_rows
 
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
@@ -358,13 +358,15 @@ class _Descents:
         if not now.size:
             return
         reached, objectives = self.function.evaluate(trials[now], now)
-        lost = np.flatnonzero(~np.isfinite(objectives) & np.isfinite(self.objectives[now]))
-        if lost.size:
-            # of the way to where there is no objective: it may be missing at a limit alone
-            reached[lost], objectives[lost] = self.function.evaluate(
-                self.points[now[lost]] + 0.99 * (trials - self.points)[now[lost]], now[lost]
-            )
-        self._started(now, objectives)
+        if not all_finite(objectives):
+            lost = np.flatnonzero(~np.isfinite(objectives) & np.isfinite(self.objectives[now]))
+            if lost.size:
+                # of the way to where there is no objective: it may be missing at a limit alone
+                nearer = self.points + 0.99 * (trials - self.points)
+                reached[lost], objectives[lost] = self.function.evaluate(
+                    nearer[now[lost]], now[lost]
+                )
+            self._started(now, objectives)
         lower = objectives < self.objectives[now]
         self.points[now[lower]], self.objectives[now[lower]] = reached[lower], objectives[lower]
         old = self.learned[now] & ~lower

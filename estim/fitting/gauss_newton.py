@@ -185,13 +185,15 @@ def unit_at(search: SeparableSearch, best: End) -> float:
 
 def spread_at(search: SeparableSearch, best: End) -> FloatArray:
     """(n_par,) standard deviations at an optimum, 0 for what the search does not move."""
-    jacobian = search.scoring(best[0])[0][:, search.free]
-    spread = np.zeros(best[0].size)
-    if all_finite(jacobian):
-        spread[search.free] = unit_at(search, best) * np.sqrt(
-            np.maximum(np.diag(inverse_information(jacobian)[0]), 0.0)
-        )
-    return spread
+    key = best[0].tobytes()
+    if key not in search.spreads:
+        jacobian = search.scoring(best[0])[0][:, search.free]
+        spread = np.zeros(best[0].size)
+        if all_finite(jacobian):
+            cov = inverse_information(jacobian)[0]
+            spread[search.free] = unit_at(search, best) * np.sqrt(np.maximum(np.diag(cov), 0.0))
+        search.spreads[key] = spread
+    return search.spreads[key]
 
 
 def is_close(a: FloatArray, b: FloatArray, spread: FloatArray, limit: float) -> bool:

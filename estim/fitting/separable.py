@@ -137,6 +137,11 @@ class SeparableSearch:
         return self._latest[key]
 
     @cached_property
+    def spreads(self) -> dict[bytes, FloatArray]:
+        """Optima that were asked for -> their standard deviations."""
+        return {}
+
+    @cached_property
     def _latest(self) -> dict[bytes, tuple[FloatArray, FloatArray]]:
         return {}
 
