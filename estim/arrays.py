@@ -29,8 +29,9 @@ def diagonal_scale(matrix: FloatArray) -> FloatArray:
 
 
 def finite_or(values: ArrayLike, otherwise: ArrayLike) -> FloatArray:
-    """`values`, with `otherwise` in place of those that are not finite."""
-    return np.where(np.isfinite(values), values, otherwise)
+    """`values`, with `otherwise` in place of those that are not finite; no copy where all are."""
+    finite = np.isfinite(values)
+    return np.asarray(values) if finite.all() else np.where(finite, values, otherwise)
 
 
 def log_sum_exp(terms: FloatArray, axis: int | None = None) -> FloatArray:

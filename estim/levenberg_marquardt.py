@@ -22,7 +22,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.arrays import FloatArray, finite_or, squared_rows
+from estim.arrays import FloatArray, all_finite, finite_or, squared_rows
 
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
@@ -178,35 +178,28 @@ class LeastSquares:
     def reach(self, points: FloatArray) -> FloatArray:
         return np.maximum(np.abs(points), self.size)
 
-    def objectives(self, points: FloatArray, which: Indices | None = None) -> FloatArray:
-        """(n,) inf where the residuals are not finite."""
-        which = np.arange(len(points)) if which is None else which
+    def objectives(self, points: FloatArray) -> FloatArray:
+        """(n,) at points as they are, inf where the residuals are not finite."""
+        which, squares = np.arange(len(points)), np.empty(len(points))
         with np.errstate(all="ignore"):
-            half = np.concatenate(
-                [
-                    0.5 * np.einsum("ij,ij->i", residuals, residuals)
-                    for part in self._parts(len(points), 1)
-                    for residuals in (self.residuals(points[part], which[part]),)
-                ]
-            )
-        return finite_or(half, np.inf)
+            for part in self._parts(len(points), 0):
+                residuals = self.residuals(points[part], which[part])
+                squares[part] = np.einsum("ij,ij->i", residuals, residuals)
+        return finite_or(0.5 * squares, np.inf)
 
-    def solved(self, points: FloatArray, which: Indices | None = None) -> FloatArray:
-        """Points (n, n_par) with their linear parameters at the least-squares solution."""
-        which, solution = np.arange(len(points)) if which is None else which, points.copy()
-        for part in self._parts(len(points), self.linear.size) if self.linear.size else ():
-            base, columns = self.tangents(points[part], self.linear, 1.0, which[part])
-            with np.errstate(all="ignore"):
-                step = solve(columns, -base)
-            solution[part, self.linear] += finite_or(step, 0.0)
-        return solution
+    @np.errstate(all="ignore")
+    def evaluate(self, points: FloatArray, which: Indices) -> tuple[FloatArray, FloatArray]:
+        solved, squares = points.copy(), np.empty(len(points))
+        for part in self._parts(len(points), self.linear.size):
+            residuals, columns = self.tangents(points[part], self.linear, 1.0, which[part])
+            if self.linear.size:
+                step = finite_or(solve(columns, -residuals[:, :, None]), 0.0)
+                solved[part, self.linear] += step[..., 0]
+                residuals = residuals + (columns @ step)[..., 0]
+            squares[part] = np.einsum("ij,ij->i", residuals, residuals)
+        return solved, finite_or(0.5 * squares, np.inf)
 
-    def evaluate(
-        self, points: FloatArray, which: Indices | None = None
-    ) -> tuple[FloatArray, FloatArray]:
-        solved = self.solved(points, which)
-        return solved, self.objectives(solved, which)
-
+    @np.errstate(all="ignore")
     def derivatives(
         self, points: FloatArray, which: Indices, curved: Flags
     ) -> tuple[FloatArray, FloatArray]:
@@ -231,18 +224,16 @@ class LeastSquares:
         differences of `step` of a parameter's size.
         """
         which = np.arange(len(points)) if which is None else which
-        steps = step * np.maximum(np.abs(points[:, moving]), self.size[moving])
-        steps = np.where(points[:, moving] + steps > self.high[moving], -steps, steps)
-        rows = np.repeat(points[None, :, :], 1 + moving.size, axis=0)
-        rows[1 + np.arange(moving.size), :, moving] += steps.T
-        steps = rows[1 + np.arange(moving.size), :, moving].T - points[:, moving]
-        every = self.residuals(
-            rows.reshape(-1, points.shape[1]), np.tile(which, 1 + moving.size)
-        ).reshape(1 + moving.size, len(points), -1)
-        with np.errstate(all="ignore"):
-            every[1:] -= every[0]
-            every[1:] /= steps.T[:, :, None]
-        return every[0], np.moveaxis(every[1:], 0, 2)
+        at, n_row = points[:, moving], 1 + moving.size
+        steps = step * np.maximum(np.abs(at), self.size[moving])
+        beside = at + np.where(at + steps > self.high[moving], -steps, steps)
+        rows = np.repeat(points, n_row, axis=0)
+        rows.reshape(-1, n_row, points.shape[1])[:, np.arange(1, n_row), moving] = beside
+        every = self.residuals(rows, np.repeat(which, n_row)).reshape(len(points), n_row, -1)
+        columns = every[:, 1:]
+        columns -= every[:, :1]
+        columns /= (beside - at)[:, :, None]
+        return every[:, 0], np.swapaxes(columns, 1, 2)
 
     def descend(
         self, points: FloatArray, *, ftol: float, max_steps: int, hopeless: float = math.inf
@@ -274,20 +265,17 @@ class LeastSquares:
         return [slice(k, k + rows) for k in range(0, max(1, n), rows)]
 
 
-def solve(
-    columns: FloatArray, target: FloatArray, damping: float | FloatArray = 1e-12
-) -> FloatArray:
-    """(n_point, n_col) damped least squares of target (n_point, n_res) by columns (n_point, n_res,
-    n_col).
+def solve(columns: FloatArray, targets: FloatArray, damping: float = 1e-12) -> FloatArray:
+    """(n_point, n_col, n_target) damped least squares of targets (n_point, n_res, n_target) by
+    columns (n_point, n_res, n_col).
     """
-    columns, target = finite_or(columns, 0.0), finite_or(target, 0.0)
-    gram = np.swapaxes(columns, 1, 2) @ columns
+    columns, targets = finite_or(columns, 0.0), finite_or(targets, 0.0)
+    rows = np.swapaxes(columns, 1, 2)
+    gram = rows @ columns
     scale = np.sqrt(np.diagonal(gram, axis1=1, axis2=2))
     scale = np.where(scale > 0.0, scale, 1.0)
-    gram = gram / squared_rows(scale)
-    gram += np.asarray(damping).reshape(-1, 1, 1) * np.eye(gram.shape[1])
-    gradient = (np.swapaxes(columns, 1, 2) @ target[:, :, None])[..., 0] / scale
-    return np.linalg.solve(gram, gradient[..., None])[..., 0] / scale
+    gram = gram / squared_rows(scale) + damping * np.eye(gram.shape[1])
+    return np.linalg.solve(gram, rows @ targets / scale[..., None]) / scale[..., None]
 
 
 class _Descents:
@@ -364,26 +352,21 @@ class _Descents:
         """
         going = np.flatnonzero(self.going)
         begun = going[np.isfinite(self.objectives[going])]
-        self._surveyed(begun[self.stale[begun]])
-        begun = begun[self.going[begun]]
         trials = self.points.copy()
-        step, _ = self._steps(begun, self.damping[begun])
-        trials[begun] = np.where(
-            self.held[begun],
-            self.points[begun],
-            np.clip(self.points[begun] + step, self.function.low, self.function.high),
-        )
+        trials[begun] = self._next(begun, begun[self.stale[begun]])
         now = np.flatnonzero(self.going)
         if not now.size:
             return
         reached, objectives = self.function.evaluate(trials[now], now)
-        lost = np.flatnonzero(~np.isfinite(objectives) & np.isfinite(self.objectives[now]))
-        if lost.size:
-            # of the way to where there is no objective: it may be missing at a limit alone
-            reached[lost], objectives[lost] = self.function.evaluate(
-                self.points[now[lost]] + 0.99 * (trials - self.points)[now[lost]], now[lost]
-            )
-        self._started(now, objectives)
+        if not all_finite(objectives):
+            lost = np.flatnonzero(~np.isfinite(objectives) & np.isfinite(self.objectives[now]))
+            if lost.size:
+                # of the way to where there is no objective: it may be missing at a limit alone
+                nearer = self.points + 0.99 * (trials - self.points)
+                reached[lost], objectives[lost] = self.function.evaluate(
+                    nearer[now[lost]], now[lost]
+                )
+            self._started(now, objectives)
         lower = objectives < self.objectives[now]
         self.points[now[lower]], self.objectives[now[lower]] = reached[lower], objectives[lower]
         old = self.learned[now] & ~lower
@@ -407,12 +390,38 @@ class _Descents:
         self.instead[nowhere] = np.nan
         self.going[nowhere[~elsewhere]] = False
 
-    def _surveyed(self, which: Indices) -> None:
-        """Gradients and Hessians at `which`; descents whose predicted decrease is small enough
-        end here.
+    def _next(self, begun: Indices, stale: Indices) -> FloatArray:
+        """(n, n_par) where `begun` look next, their gradients and Hessians taken anew at `stale`;
+        of these, descents whose predicted decrease is small enough end here.
         """
-        if not which.size:
-            return
+        if stale.size:
+            self._survey(stale)
+        both = np.append(begun, stale)
+        least = np.full(stale.size, _LEAST_DAMPING)
+        damping, points = np.append(self.damping[begun], least), self.points[both]
+        box = (
+            self.function.reach(points)
+            * np.sqrt(np.minimum(1.0, _FIRST_DAMPING / damping))[:, None]
+        )
+        low, high = self.function.low, self.function.high
+        steps, predicted = bounded_steps(
+            self.gradients[both],
+            self.hessians[both],
+            damping,
+            ~self.held[both],
+            np.maximum(-box, self.function.fraction_to_bound * (low - points)),
+            np.minimum(box, self.function.fraction_to_bound * (high - points)),
+        )
+        self.predicted[stale] = predicted[begun.size :]
+        ended = self.predicted[stale] <= self.least[stale] + self.ftol * np.abs(
+            self.objectives[stale]
+        )
+        self.converged[stale[ended]], self.going[stale[ended]] = True, False
+        at = points[: begun.size]
+        return np.where(self.held[begun], at, np.clip(at + steps[: begun.size], low, high))
+
+    def _survey(self, which: Indices) -> None:
+        """Gradients and Hessians at `which`."""
         points, outdated = self.points[which], self.outdated[which]
         gradients, hessians = self.function.derivatives(points, which, outdated)
         if not np.all(outdated):
@@ -432,29 +441,9 @@ class _Descents:
             False,
         )
         self.outdated[which] = not self.function.quasi_newton
-        _, self.predicted[which] = self._steps(which, np.full(which.size, _LEAST_DAMPING))
-        ended = self.predicted[which] <= self.least[which] + self.ftol * np.abs(
-            self.objectives[which]
-        )
-        self.converged[which[ended]], self.going[which[ended]] = True, False
-
-    def _steps(self, which: Indices, damping: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The next steps (n, n_par) of `which`, and the decrease that is predicted for each."""
-        points = self.points[which]
-        box = (
-            self.function.reach(points)
-            * np.sqrt(np.minimum(1.0, _FIRST_DAMPING / damping))[:, None]
-        )
-        return bounded_steps(
-            self.gradients[which],
-            self.hessians[which],
-            damping,
-            ~self.held[which],
-            np.maximum(-box, self.function.fraction_to_bound * (self.function.low - points)),
-            np.minimum(box, self.function.fraction_to_bound * (self.function.high - points)),
-        )
 
 
+@np.errstate(all="ignore")
 def bounded_steps(
     gradients: FloatArray,
     hessians: FloatArray,
@@ -469,11 +458,11 @@ def bounded_steps(
     """
     free = free & ~(((low >= 0.0) & (gradients > 0.0)) | ((high <= 0.0) & (gradients < 0.0)))
     step = _damped(gradients, hessians, damping, free)
+    beyond = free & ((step < low) | (step > high))
+    if not beyond.any():
+        return step, _predicted(step, gradients, hessians)
     shorter = step * np.min(_inside(step, low, high), axis=1, initial=1.0)[:, None]
     for _ in range(_PASSES):
-        beyond = free & ((step < low) | (step > high))
-        if not np.any(beyond):
-            break
         # the farthest first: where little is known of one, it takes others far along
         share = np.where(beyond, _inside(step, low, high), np.inf)
         farthest = beyond & (share <= _FARTHEST * np.min(share, axis=1, keepdims=True))
@@ -481,6 +470,9 @@ def bounded_steps(
         held = np.where(free, 0.0, step)
         more = gradients + np.einsum("kij,kj->ki", hessians, held)
         step = np.where(free, _damped(more, hessians, damping, free), step)
+        beyond = free & ((step < low) | (step > high))
+        if not beyond.any():
+            break
     cut = np.clip(step, low, high)
     predictions = [_predicted(tried, gradients, hessians) for tried in (cut, shorter)]
     further = predictions[0] >= predictions[1]
@@ -489,8 +481,7 @@ def bounded_steps(
 
 def _inside(step: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     """Parts of steps that stay between bounds, 1 or more where all does."""
-    with np.errstate(all="ignore"):
-        return np.where(step == 0.0, 1.0, np.where(step > 0.0, high, low) / step)
+    return np.where(step == 0.0, 1.0, np.where(step > 0.0, high, low) / step)
 
 
 def _predicted(steps: FloatArray, gradients: FloatArray, hessians: FloatArray) -> FloatArray:
@@ -537,12 +528,7 @@ def _damped(
     scale = np.where(free & (scale > 0.0) & np.isfinite(scale), scale, 1.0)
     identity = np.eye(scale.shape[1])
     unit = np.where(free[:, :, None] & free[:, None, :], hessians / squared_rows(scale), identity)
-    with np.errstate(all="ignore"):
-        step = (
-            -np.linalg.solve(
-                unit + damping[:, None, None] * identity,
-                np.where(free, gradients / scale, 0.0)[..., None],
-            )[..., 0]
-            / scale
-        )
+    system = unit + damping[:, None, None] * identity
+    target = np.where(free, gradients / scale, 0.0)
+    step = -np.linalg.solve(system, target[..., None])[..., 0] / scale
     return np.where(free & np.isfinite(step), step, 0.0)

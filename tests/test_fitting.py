@@ -12,11 +12,14 @@ from formulas import formula_problem
 from scipy.optimize import minimize
 from scipy.special import expit
 
+from estim import fit_curve
+from estim.arrays import FloatArray
 from estim.campaign import load_campaign
 from estim.fitting import least_squares
 from estim.fitting.gauss_newton import step_between
 from estim.fitting.least_squares import fit_least_squares
 from estim.fitting.profile_search import search_of
+from estim.fitting.separable import SeparableSearch
 from estim.pipeline import analyse
 from estim.problem import Posterior
 from estim.problem.priors import Normal
@@ -325,3 +328,23 @@ def test_a_search_asks_for_the_information_at_its_fit_once(
     monkeypatch.setattr(Posterior, "information", counted)
     search_of(fit.posterior, fit.values, fit.cov, 30.0)
     assert len(asked) == 1
+
+
+def test_the_steps_that_finish_a_fit_end_where_they_are_rounding(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Shorter ones may lead to and fro between two neighbouring numbers for ever."""
+    taken = [0]
+    scoring = SeparableSearch.scoring
+
+    def counted(search: SeparableSearch, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        taken[0] += 1
+        return scoring(search, values)
+
+    monkeypatch.setattr(SeparableSearch, "scoring", counted)
+    x = np.linspace(0.5, 10.0, 30)
+    for seed in (2, 12, 15):
+        y = 2.0 * x**1.5 + 0.1 * np.random.default_rng(seed).standard_normal(x.size)
+        taken[0] = 0
+        fit_curve("a*x**n", x, y, u_y=0.1, start={"a": 1.8, "n": 1.4}, n_start=1)
+        assert taken[0] < 10

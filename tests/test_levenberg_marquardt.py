@@ -107,3 +107,18 @@ def test_a_parameter_that_the_squares_do_not_see_shortens_no_step_of_the_others(
     )
     assert decrease[0] == pytest.approx(best[0], rel=1e-3)
     assert step[0, [0, 2]] == pytest.approx(alone[0], rel=1e-3)
+
+
+@pytest.mark.parametrize("linear", [(), (0, 2)])
+def test_the_objective_is_that_of_the_residuals_where_linear_parameters_are_solved_for(
+    linear: tuple[int, ...],
+) -> None:
+    rng = np.random.default_rng(3)
+    points = rng.uniform(0.2, 3.0, (12, 3))
+    y = decays(points) + 0.1 * rng.standard_normal((12, X.size))
+    sought = function(y, 0.0, linear)
+    begun = points * rng.uniform(0.5, 2.0, points.shape)
+    reached, halves = sought.evaluate(begun, np.arange(12))
+    np.testing.assert_allclose(halves, sought.objectives(reached), rtol=1e-10)
+    assert np.all(halves <= sought.objectives(begun))
+    assert np.array_equal(reached[:, 1], begun[:, 1])

@@ -309,12 +309,14 @@ def _step(y: FloatArray) -> float:
     digits.
     """
     size = max_abs(y)
-    for digits in range(7) if 1e-290 < size < np.inf else ():
-        unit = 10.0 ** (np.floor(np.log10(size)) - digits)
-        whole = np.rint(y / unit)
-        if np.allclose(y / unit, whole, rtol=0.0, atol=1e-6):
-            return float(unit * np.gcd.reduce(whole.astype(np.int64)))
-    return 0.0
+    if not 1e-290 < size < np.inf:
+        return 0.0
+    units = 10.0 ** (np.floor(np.log10(size)) - np.arange(7.0))
+    steps = y / units[:, None]
+    whole = np.rint(steps)
+    written = np.max(np.abs(steps - whole), axis=1) <= 1e-6
+    first = int(np.argmax(written))
+    return float(units[first] * np.gcd.reduce(whole[first].astype(int))) if written[first] else 0.0
 
 
 def _simulated(

@@ -490,9 +490,10 @@ def _concluded(
     """
     squares, dof = _squares(problem, best.values), held.dof
     chi2 = fit.chi2 if sigma is None else squares
-    whitened = problem.linearised(best.values).residuals(best.values)[: problem.n_obs]
-    cancelled = float(np.sum(whitened**2)) <= best.rounding and squares <= _NO_SCATTER**2 * float(
-        np.sum(posed.y**2)
+    cancelled = (
+        squares <= _NO_SCATTER**2 * float(np.sum(posed.y**2))
+        and float(np.sum(problem.linearised(best.values).residuals_at(best.values[None, :]) ** 2))
+        <= best.rounding
     )
     perfect = not problem.own_density and (
         cancelled or squares <= problem.n_obs * _floor(posed) ** 2

@@ -211,7 +211,8 @@ def _check_looks(names: Iterable[str], field: str) -> None:
     """No name passes for another one, nor for the variable, a constant or a function, by letters of
     another alphabet.
     """
-    if alike := same_looks((*sorted(RESERVED), *names)):
+    latin = all(map(str.isascii, names))
+    if not latin and (alike := same_looks((*sorted(RESERVED), *names))):
         raise InputError(
             "has two names that look alike: write both in the letters of one alphabet",
             field=field,
@@ -225,7 +226,7 @@ def evaluate(tree: ast.expr, symbols: Mapping[str, Any]) -> Any:
     """
     code, known = _compiled(tree)
     with np.errstate(all="ignore"):
-        return eval(code, known, dict(symbols))
+        return eval(code, known, symbols)
 
 
 @lru_cache(maxsize=256)
@@ -279,15 +280,15 @@ def time_derivative_of(curve: Any, x: FloatArray, arguments: Named, order: int) 
 
 def _full(result: Any, x: FloatArray, arguments: Named) -> FloatArray:
     """A result as (n_draw, n_obs)."""
-    rows = (np.shape(value)[0] for value in (x, *arguments.values()) if np.ndim(value) == 2)
-    n_draw = next((n for n in rows if n != 1), 1)
+    shapes = [np.shape(value) for value in (x, *arguments.values())]
+    n_draw = next((shape[0] for shape in shapes if len(shape) == 2 and shape[0] != 1), 1)
     return _spread(result, (n_draw, np.shape(x)[-1]))
 
 
 def _spread(result: Any, shape: tuple[int, ...]) -> FloatArray:
     """A result in all rows and columns of `shape`."""
     array = np.asarray(result, dtype=float)
-    return array if array.shape == shape else np.ascontiguousarray(np.broadcast_to(array, shape))
+    return array if array.shape == shape else np.full(shape, array)
 
 
 def _arrays(arguments: Named, names: Iterable[str]) -> dict[str, Any]:

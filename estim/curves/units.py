@@ -165,11 +165,9 @@ def refuse_degrees(curve: object, axes: AxisNames) -> None:
     """
     if not isinstance(curve, Formula):
         return
-    if (
-        is_angle(axes.y_unit)
-        and same_unit(axes.y_unit, "rad") is False
-        and (arc := arc_among_terms(curve.tree)) is not None
-    ):
+    units = axes.x_unit, axes.y_unit
+    in_others = [is_angle(unit) and same_unit(unit, "rad") is False for unit in units]
+    if in_others[1] and (arc := arc_among_terms(curve.tree)) is not None:
         written = _as_written(arc, curve.variable)
         cure = (
             f"write degrees({written})"
@@ -181,9 +179,10 @@ def refuse_degrees(curve: object, axes: AxisNames) -> None:
             field="curve",
             value=curve.text,
         )
-    for function, angle, power in angles_of(curve):
-        unit = axes.x_unit if power[0] else axes.y_unit
-        if is_angle(unit) and same_unit(unit, "rad") is False and _turns_nothing(angle):
+    for function, angle, power in angles_of(curve) if any(in_others) else ():
+        of_y = not power[0]
+        unit = units[of_y]
+        if in_others[of_y] and _turns_nothing(angle):
             written = _as_written(angle, curve.variable)
             cure = (
                 f"write {function}(radians({written}))"

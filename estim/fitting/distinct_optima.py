@@ -59,11 +59,8 @@ def is_at(end: FloatArray, values: FloatArray, spread: FloatArray, symmetry: Sym
     """Whether a descent ended within `PLACE` of the standard deviations `spread` (n_par,) of
     `values`, labels aside.
     """
-    images, number = symmetry.images(end[None, :], values)
-    return any(
-        is_close(image, values, spread, PLACE)
-        for image, n in zip(images[:, 0], number[:, 0], strict=True)
-        if n > 0.0
+    return is_close(end, values, spread, PLACE) or any(
+        is_close(image, values, spread, PLACE) for image in symmetry.within(end, values)
     )
 
 

@@ -171,9 +171,9 @@ def _dips(search: SeparableSearch, values: FloatArray, i: int) -> FloatArray:
         batch = slice(first, first + rows)
         base, columns = search.squares.tangents(points[batch], others, search.squares.step)
         with np.errstate(all="ignore"):
-            step = solve(columns, -base)
-            residuals = base + (columns @ step[:, :, None])[..., 0]
-            moved[batch, others] += step
+            step = solve(columns, -base[:, :, None])
+            residuals = base + (columns @ step)[..., 0]
+            moved[batch, others] += step[..., 0]
             heights[batch] = np.sum(residuals**2, axis=1)
     heights = finite_or(heights, np.inf)
     padded = np.concatenate([[np.inf], heights, [np.inf]])
@@ -196,17 +196,11 @@ def _bending(
     beside[:, i] += np.where(coarse + step > high, -step, step)
     _, here = search.squares.tangents(points, search.free, _WIDE)
     _, there = search.squares.tangents(beside, search.free, _WIDE)
-    rate = np.zeros(coarse.size)
     with np.errstate(all="ignore"):
         change = (there - here) / (beside[:, i] - points[:, i])[:, None, None]
-        size = np.sqrt(np.sum(here**2, axis=1))
-        for k in range(search.free.size):
-            orthogonal = (
-                change[:, :, k] - (here @ solve(here, change[:, :, k], 1e-9)[:, :, None])[..., 0]
-            )
-            relative = np.sqrt(np.sum(orthogonal**2, axis=1)) / size[:, k]
-            rate = np.fmax(rate, finite_or(relative, 0.0))
-    return rate
+        orthogonal = change - here @ solve(here, change, 1e-9)
+        relative = np.linalg.norm(orthogonal, axis=1) / np.linalg.norm(here, axis=1)
+    return np.max(finite_or(relative, 0.0), axis=1)
 
 
 def _places(

@@ -36,8 +36,7 @@ def descended(search: SeparableSearch, starts: FloatArray) -> list[End]:
         return []
 
     def finished(k: int) -> End:
-        values = stepped(search, points[k], most=most)[0]
-        return values, search.chi2(values)
+        return stepped(search, points[k], most=most)[:2]
 
     # of the lowest the first, which may have started where the user said
     first = int(lowest[chi2[lowest] <= np.min(chi2[lowest]) * (1.0 + _EQUAL)][0])
@@ -51,7 +50,7 @@ def descended(search: SeparableSearch, starts: FloatArray) -> list[End]:
 
 
 def stepped(
-    search: SeparableSearch, values: FloatArray, *, most: int = 100, tolerance: float = 1e-13
+    search: SeparableSearch, values: FloatArray, *, most: int = 100, tolerance: float = 1e-10
 ) -> tuple[FloatArray, float, float, int]:
     """Gauss-Newton steps from `values` while they help; parameters on a bound that they would cross
     stay there.
@@ -142,6 +141,8 @@ def near_bound(
     Where two parameters do the same at a bound, the gradient in one is that in the other, 0, and
     its sign is rounding.
     """
+    if not search.limited:
+        return np.zeros(values.size, dtype=bool)
     gradient, moves = jacobian.T @ residual, np.linalg.norm(jacobian, axis=0)
     nothing = _NO_STEP * math.sqrt(chi2 / max(1, residual.size - search.free.size))
     slack = nothing * moves
@@ -184,13 +185,15 @@ def unit_at(search: SeparableSearch, best: End) -> float:
 
 def spread_at(search: SeparableSearch, best: End) -> FloatArray:
     """(n_par,) standard deviations at an optimum, 0 for what the search does not move."""
-    jacobian = search.scoring(best[0])[0][:, search.free]
-    spread = np.zeros(best[0].size)
-    if all_finite(jacobian):
-        spread[search.free] = unit_at(search, best) * np.sqrt(
-            np.maximum(np.diag(inverse_information(jacobian)[0]), 0.0)
-        )
-    return spread
+    key = best[0].tobytes()
+    if key not in search.spreads:
+        jacobian = search.scoring(best[0])[0][:, search.free]
+        spread = np.zeros(best[0].size)
+        if all_finite(jacobian):
+            cov = inverse_information(jacobian)[0]
+            spread[search.free] = unit_at(search, best) * np.sqrt(np.maximum(np.diag(cov), 0.0))
+        search.spreads[key] = spread
+    return search.spreads[key]
 
 
 def is_close(a: FloatArray, b: FloatArray, spread: FloatArray, limit: float) -> bool:

@@ -45,6 +45,11 @@ class SeparableSearch:
         return np.sort(np.concatenate([self.linear, self.nonlinear]))
 
     @cached_property
+    def limited(self) -> bool:
+        """Whether any parameter has a limit."""
+        return bool(np.isfinite([self.low, self.high]).any())
+
+    @cached_property
     def _of_noise(self) -> float:
         """Squares of the residuals of the noise parameters' priors, which no move changes."""
         held = np.setdiff1d(np.arange(self.held.size), self.free)
@@ -69,12 +74,11 @@ class SeparableSearch:
         size = np.maximum(np.abs(self.held), 1e-3 * of_prior)
 
         def residuals(points: FloatArray, _which: Indices) -> FloatArray:
-            with np.errstate(all="ignore"):
-                of_data = self.posterior.residuals_at(points)
-                if not pulling:
-                    return of_data
-                pulls = self.posterior.problem.prior_residuals(points)[:, pulling]
-                return np.hstack([of_data, pulls])
+            of_data = self.posterior.residuals_at(points)
+            if not pulling:
+                return of_data
+            pulls = self.posterior.problem.prior_residuals(points)[:, pulling]
+            return np.hstack([of_data, pulls])
 
         return LeastSquares(
             residuals,
@@ -131,6 +135,11 @@ class SeparableSearch:
             for part in self._latest[key]:
                 part.flags.writeable = False
         return self._latest[key]
+
+    @cached_property
+    def spreads(self) -> dict[bytes, FloatArray]:
+        """Optima that were asked for -> their standard deviations."""
+        return {}
 
     @cached_property
     def _latest(self) -> dict[bytes, tuple[FloatArray, FloatArray]]:

@@ -36,12 +36,10 @@ def find_symmetry(
     trials.append((values, [run.x for run in problem.runs]))
     period = np.full(n_par, np.inf)
     sources = _free_arguments(problem)
-    for argument in sources:
-        for turn in TURNS:
-            map_ = {argument: ({argument: 1.0}, turn)}
-            if checker.holds(map_, trials) and (lifted := checker.lifted(map_)) is not None:
-                period[lifted[1] != 0.0] = turn
-                break
+    turned: list[Map] = [{a: ({a: 1.0}, turn)} for a in sources for turn in TURNS]
+    for map_ in checker.survivors(turned, trials):
+        if (lifted := checker.lifted(map_)) is not None:
+            period = np.fmin(period, np.where(lifted[1] != 0.0, lifted[1], np.inf))
     arguments = list(sources)
     most = (
         _MOST_MAPS

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -195,7 +196,7 @@ class GaussianErrors(Likelihood):
         whole[0] += np.square(np.asarray(size.scatter.at({})))
         return cls.rooted(points, Band.of(whole), shift)
 
-    @property
+    @cached_property
     def y(self) -> FloatArray:
         return self.points.y - self.shift
 
@@ -260,6 +261,14 @@ class GaussianErrors(Likelihood):
 
     def _diagonal(self, named: Named) -> FloatArray:
         """(n, n_obs) V, n the number of draws or 1."""
+        return self._of(named) if self.size.parameters else self._known
+
+    @cached_property
+    def _known(self) -> FloatArray:
+        """(1, n_obs) V, where nothing is unknown of it."""
+        return self._of({})
+
+    def _of(self, named: Named) -> FloatArray:
         return np.atleast_2d(self.size.variance(self.form.spectrum, named))
 
     def _turned(self, named: Named) -> FloatArray:

@@ -96,15 +96,15 @@ class Points:
     ) -> FloatArray:
         """The same from the curve with its derivatives."""
         gradients = np.zeros((n_draw, self.x.size, len(names)))
-        for argument in self.bind(named):
-            mean, spread, shift = (
-                self.arguments.get(part)
-                for part in (argument, spread_of(argument), shift_of(argument))
-            )
-            for source, other in ((mean, 1.0), (spread, shift), (shift, spread)):
-                if source in names:
-                    by = np.asarray(named[other] if isinstance(other, str) else other)
-                    gradients[:, :, names.index(str(source))] += local.gradient[argument] * by
+        for part, source in self.arguments.items():
+            if source in names:
+                argument, by = part, np.asarray(1.0)
+                for suffix, factor in ((_SPREAD, _SHIFT), (_SHIFT, _SPREAD)):
+                    if part.endswith(suffix):
+                        argument = part.removesuffix(suffix)
+                        other = self.arguments[argument + factor]
+                        by = np.asarray(named[other] if isinstance(other, str) else other)
+                gradients[:, :, names.index(str(source))] += local.gradient[argument] * by
         return gradients
 
     def gradient(self, named: Named, names: Sequence[str]) -> FloatArray:
@@ -112,19 +112,22 @@ class Points:
         return self.gradients(named, names, 1)[0]
 
 
+_SPREAD, _SHIFT = " spread", " shift"
+
+
 def spread_of(argument: str) -> str:
-    return f"{argument} spread"
+    return argument + _SPREAD
 
 
 def shift_of(argument: str) -> str:
-    return f"{argument} shift"
+    return argument + _SHIFT
 
 
 def own_values(values: dict[str, Any]) -> dict[str, Any]:
     """Arguments of a curve with this run's own value, mean + spread * shift, of those that vary
     between runs.
     """
-    for name in [name for name in values if shift_of(name) in values]:
+    for name in [name.removesuffix(_SHIFT) for name in values if name.endswith(_SHIFT)]:
         spread, shift = (np.asarray(values.pop(part(name))) for part in (spread_of, shift_of))
         values[name] = values[name] + spread * shift
     return values
@@ -311,9 +314,7 @@ class Likelihood(ABC):
         curve: J^T r is minus the gradient of the log likelihood, J^T J the information that the
         step takes.
         """
-        return self.jacobian(named, names), np.broadcast_to(
-            self.residuals(named), (1, self.points.y.size)
-        )[0]
+        return self.jacobian(named, names), self.residuals(named)[0]
 
     def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
         """J (n, n_par) with J^T J the Fisher information about the curve, the noise held."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,7 +41,7 @@ class NoiseVariance:
     scatter: Scale = Scale()
     step: float = 0.0
 
-    @property
+    @cached_property
     def parameters(self) -> tuple[str, ...]:
         """Names of the unknowns."""
         return tuple(
