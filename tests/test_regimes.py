@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 from command_runner import runner
 from report_words import first_screen, words
+from scipy.integrate import solve_ivp
 
+from estim.arrays import FloatArray
 from estim.campaign import load_campaign
 from estim.cli.commands import cli
 from estim.model import (
@@ -145,13 +147,16 @@ def campaign_of(
         t, Body(0.15, 0.187, 0.45), phi=math.radians(4), theta0=math.radians(60), g=9.81
     )[0][0]
     x = x + np.random.default_rng(3).normal(0.0, 0.001, t.size)
-    (folder / "a.csv").write_text(
-        "t_s,x_m\n" + "\n".join(f"{a:.6f},{b:.6f}" for a, b in zip(t, x, strict=True))
-    )
+    write_readings(folder, t, x)
     (folder / "campaign.toml").write_text(
         TEXT.format(shared=shared, noise=noise, gamma=gamma, phi=phi, theta0=theta0)
     )
     return folder / "campaign.toml"
+
+
+def write_readings(folder: Path, t: FloatArray, x: FloatArray) -> None:
+    rows = (f"{a:.6f},{b:.6f}" for a, b in zip(t, x, strict=True))
+    (folder / "a.csv").write_text("t_s,x_m\n" + "\n".join(rows))
 
 
 def mapped(path: Path, **choices: object) -> BodyMap:
@@ -277,6 +282,70 @@ def test_a_recording_that_the_stated_values_do_not_allow_is_a_contradiction(
     assert code == 3
     assert reason in said
     assert json.loads((tmp_path / "out" / "result.json").read_text())["status"] == "contradiction"
+
+
+def there_and_back(
+    t: FloatArray, *, v0: float = 0.0, drag: float = 0.0, theta0: float = math.radians(60)
+) -> FloatArray:
+    """Positions from the equation of motion, up the ramp and down again."""
+    body, phi, radius = Body(0.15, 0.187, 0.45), math.radians(4.0), 0.15
+
+    def change(_: float, state: FloatArray) -> list[float]:
+        angle, rate = state
+        push = body.gamma * math.sin(angle) - math.sin(phi)
+        centrifugal = body.gamma * math.sin(angle + phi) * rate**2
+        inertia = 1.0 + body.inertia_ratio + 2.0 * body.gamma * math.cos(angle + phi)
+        resisted = 9.81 / radius * push + centrifugal - drag * radius * rate * abs(rate)
+        return [rate, resisted / inertia]
+
+    start = [theta0, v0 / radius]
+    turned = solve_ivp(change, (0.0, t[-1]), start, t_eval=t, rtol=1e-10, atol=1e-12).y[0]
+    return np.asarray(radius * (turned - theta0))
+
+
+@pytest.mark.parametrize(
+    ("stated", "motion", "wrong"),
+    [
+        ('release_speed_m_s = "0.60(1)"', {"v0": 0.6}, 'release_speed_m_s = "0.50(1)"'),
+        ('quadratic_drag_per_m = "0.5(1)"', {"drag": 0.5}, "quadratic_drag_per_m = 3.0"),
+        ('offset_m = "0.050(1)"', {}, ""),
+    ],
+)
+def test_a_run_turns_where_all_that_is_stated_of_it_says(
+    tmp_path: Path, stated: str, motion: dict[str, float], wrong: str
+) -> None:
+    """Drag, a push and a shifted zero are no contradiction, unless another one was stated."""
+    path = campaign_of(tmp_path, gamma="0.187(3)", phi="4.0(1)", theta0="60.0(5)")
+    t = np.arange(60) / 30
+    true = there_and_back(t, **motion)
+    x = true + (0.05 if "offset" in stated else 0.0)
+    x = x + np.random.default_rng(1).normal(0.0, 0.001, t.size)
+    write_readings(tmp_path, t, x)
+    text = path.read_text()
+    for said, findings in ((stated, 0), (wrong, 1)):
+        path.write_text(text + said + "\n")
+        found = mapped(path)
+        (run,) = found.runs
+        assert run.turned
+        assert len(found.findings) == findings
+        if not findings:
+            assert run.stop[2] == pytest.approx(float(np.max(true)), abs=0.004)
+            assert run.farthest == pytest.approx(float(np.max(true)), abs=0.004)
+
+
+@pytest.mark.parametrize("frames", [15, 30, 240])
+def test_scatter_and_frames_between_which_a_body_turns_contradict_no_exact_values(
+    tmp_path: Path, frames: int
+) -> None:
+    path = campaign_of(tmp_path, gamma="0.187", phi="4.0", theta0="60.0")
+    t = np.arange(2 * frames) / frames
+    for seed in range(5):
+        scatter = np.random.default_rng(seed).normal(0.0, 0.001, t.size)
+        write_readings(tmp_path, t, there_and_back(t) + scatter)
+        assert mapped(path).findings == ()
+    # some centimetres farther
+    write_readings(tmp_path, t, there_and_back(t, theta0=math.radians(55.0)) + scatter)
+    assert len(mapped(path).findings) == 1
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,6 @@ from estim.curves.regimes import (
     farthest_stop,
     placed,
     steepest_tilt,
-    stop_of,
     turning_contours,
 )
 from estim.curves.rolling import (

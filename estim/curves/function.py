@@ -29,6 +29,7 @@ from estim.given_numbers import real_numbers
 from estim.problem import EXACT, LocalCurve, n_draws
 
 Function = Callable[..., Any]
+Move = Callable[[float], FloatArray]  # a step -> the curve (n_obs,)
 
 # raised where a curve has no value: by math.log(0.0), by an index beyond a table, by a search for a
 # root that does not converge
@@ -223,11 +224,14 @@ def _derivatives(function: Function, x: FloatArray, start: Mapping[str, float]) 
     """The best way to differentiate that works and agrees with differences, both at the start and
     at a place where no parameter is 0, which may switch a term off.
     """
-    places, on = [start], _switched_on(function, x, start)
+    moves = [_moves(function, x, start)]
+    places, on = [start], _switched_on(moves[0], start)
     if on != start:
         places.append(on)
+        moves.append(_moves(function, x, on))
     references = [
-        [_difference(function, x, place, name) for name in (None, *start)] for place in places
+        [_difference(function, x, place, name, shifted) for name, shifted in moved.items()]
+        for place, moved in zip(places, moves, strict=True)
     ]
     for way in ("dual", "complex"):
         try:
@@ -251,15 +255,19 @@ def _derivatives(function: Function, x: FloatArray, start: Mapping[str, float]) 
     return "differences"
 
 
+def _moves(
+    function: Function, x: FloatArray, values: Mapping[str, float]
+) -> dict[str | None, Move]:
+    """x (None) or parameter -> the curve where it is moved."""
+    return {name: _shifted(function, x, values, name) for name in (None, *values)}
+
+
 def _switched_on(
-    function: Function, x: FloatArray, start: Mapping[str, float]
+    moved: Mapping[str | None, Move], start: Mapping[str, float]
 ) -> Mapping[str, float]:
     """`start`, with parameters that are 0 or nearly so moved by a part of their reach."""
     with np.errstate(all="ignore"):
-        reaches = {
-            name: _reach(_shifted(function, x, start, name), abs(value) or 1.0)
-            for name, value in start.items()
-        }
+        reaches = {name: _reach(moved[name], abs(value) or 1.0) for name, value in start.items()}
     return {
         name: value + 0.1 * reaches[name] if reaches[name] > abs(value) else value
         for name, value in start.items()
@@ -304,7 +312,8 @@ def _by_complex_step(function: Function, x: FloatArray, values: Mapping[str, flo
 
 def _by_differences(function: Function, x: FloatArray, values: Mapping[str, float]) -> LocalCurve:
     def along(name: str | None) -> FloatArray:
-        return _difference(function, x, values, name)[0][None, :]
+        shifted = _shifted(function, x, values, name)
+        return _difference(function, x, values, name, shifted)[0][None, :]
 
     gradient = {name: along(name) for name in values}
     return LocalCurve(
@@ -313,15 +322,14 @@ def _by_differences(function: Function, x: FloatArray, values: Mapping[str, floa
 
 
 def _difference(
-    function: Function, x: FloatArray, values: Mapping[str, float], name: str | None
+    function: Function, x: FloatArray, values: Mapping[str, float], name: str | None, shifted: Move
 ) -> tuple[FloatArray, FloatArray]:
     """The derivative in a parameter, or in x where `name` is None, and its estimated error,
-    (n_obs,) both.
+    (n_obs,) both.  shifted : the curve where it is moved.
     """
     if name is None and isinstance(function, OfPoints):
         return np.zeros(x.size), np.zeros(x.size)
     centre, size = (x, float(np.ptp(x))) if name is None else (values[name], abs(values[name]))
-    shifted = _shifted(function, x, values, name)
     with np.errstate(all="ignore"):
         steps = _reach(shifted, size or 1.0) * HALVED
         right, left = (np.array([shifted(sign * step) for step in steps]) for sign in (1.0, -1.0))
@@ -332,7 +340,7 @@ def _difference(
 
 def _shifted(
     function: Function, x: FloatArray, values: Mapping[str, float], name: str | None
-) -> Callable[[float], FloatArray]:
+) -> Move:
     """The curve (n_obs,) where a parameter, or x where `name` is None, is moved by a step."""
 
     @cache
@@ -347,7 +355,7 @@ def _shifted(
     return shifted
 
 
-def _reach(shifted: Callable[[float], FloatArray], size: float) -> float:
+def _reach(shifted: Move, size: float) -> float:
     """How far a parameter goes before the curve bends much: its own size, or less where steps of
     that size do not tell one slope.
 

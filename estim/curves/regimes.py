@@ -85,21 +85,6 @@ def farthest_stop(arguments: Named, phi: FloatArray) -> FloatArray:
     )
 
 
-def stop_of(arguments: Named) -> FloatArray:
-    """(n_draw, 1) m from the release of a run to its turning point; 0 where it does not set off,
-    inf where it rolls on for ever.
-    """
-    body, motion = body_of(arguments)
-    return np.atleast_2d(
-        turning_point(
-            body,
-            phi=motion["phi"],
-            theta0=motion["theta0"],
-            rolling_resistance=motion["rolling_resistance"],
-        )
-    )
-
-
 def placed(arguments: Named) -> tuple[FloatArray, FloatArray]:
     """(true tilt, true angle of release) of a run, rad, (n_draw, 1) each: its readings with the
     common zero errors.

@@ -443,7 +443,7 @@ class RollingMotion:
         if self.in_time:
             unit = "rad" if self.angular else "m"
             quantities["turning_point"] = _derived(
-                unit, self._stop(arguments), phrase(FIRST_TURNING), self.end_notation
+                unit, self.stop(arguments), phrase(FIRST_TURNING), self.end_notation
             )
         return quantities
 
@@ -473,10 +473,9 @@ class RollingMotion:
     def end(self, arguments: Named) -> FloatArray:
         if self.in_time:
             return np.full((1, 1), np.inf)
-        return np.atleast_2d(self._stop(arguments) + np.asarray(arguments.get("offset", 0.0)))
+        return np.atleast_2d(self.stop(arguments) + np.asarray(arguments.get("offset", 0.0)))
 
-    def _stop(self, arguments: Named) -> FloatArray:
-        """As it is read."""
+    def stop(self, arguments: Named) -> FloatArray:
         known = _known(arguments, self.setting)
         acting, radius = known.acting, np.asarray(known.body.radius)
         if self.in_time and known.energy is not None:

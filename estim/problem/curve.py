@@ -212,6 +212,11 @@ class Motion(Protocol):
     def derived(self, arguments: Named) -> Mapping[str, Derived]:
         """Quantities that follow from the arguments and mean something to a reader, by name."""
 
+    def stop(self, arguments: Named) -> FloatArray:
+        """How far it gets before it first turns, from the release, as it is read; 0 where it does
+        not set off, inf where it rolls on.
+        """
+
     def end(self, arguments: Named) -> FloatArray:
         """Abscissa behind which the motion does not go, (n_draw, 1) or (1, 1); inf where it never
         ends.

@@ -428,7 +428,8 @@ def place_words(found: BodyMap, place: RunPlace) -> str:
     clauses = [f"{place.run}: {_start_words(place)}"]
     if place.sets_off >= 0.5:
         clauses.append(_end_words(place))
-    return "; ".join([*clauses, _recording_words(place, as_it_may=not found.known.fitted)])
+    judged = found.known.fitted is None and not place.findings
+    return "; ".join([*clauses, _recording_words(place, as_it_may=judged)])
 
 
 def _start_words(place: RunPlace) -> str:

@@ -21,7 +21,7 @@ from estim.common import QUANTILES, Finding, InputError
 from estim.curves import Borders, borders_of, farthest_stop, steepest_tilt, turning_contours
 from estim.studies.known_values import FittedValues, KnownValues, known_values
 from estim.studies.ramp_end import RampEnd, ramp_end_of
-from estim.studies.run_places import RunPlace, farthest_recorded, place_of
+from estim.studies.run_places import RunPlace, place_of
 
 _N_PHI = 361
 # m between contours, and how many at most
@@ -140,14 +140,9 @@ def _map_body(
     runs = [campaign.problem([name]).runs[0] for name in names]
     arguments = {run.name: known.arguments(run) for run in runs}
     first = arguments[names[0]]
-    recorded = {
-        # in metres
-        run.name: farthest_recorded(campaign, run)
-        * float(np.median(np.asarray(run.body.metres(arguments[run.name]))))
-        for run in runs
-    }
-    end = ramp_end_of(campaign.source, body, max(recorded.values()), asked=ramp_length)
-    places = tuple(place_of(run, arguments[run.name], farthest=recorded[run.name]) for run in runs)
+    places = tuple(place_of(campaign, run, arguments[run.name]) for run in runs)
+    recorded = max(place.farthest for place in places)
+    end = ramp_end_of(campaign.source, body, recorded, asked=ramp_length)
     steepest = steepest_tilt(first)
     phi, theta0_range = _extent(places, float(np.median(steepest)))
     borders = borders_of(first, phi, ramp_end=end.length)

@@ -12,7 +12,7 @@ from estim.arrays import FloatArray, Named
 from estim.campaign import Campaign
 from estim.checks import way_of
 from estim.common import QUANTILES, Finding, Kind
-from estim.curves import placed, stop_of
+from estim.curves import placed
 from estim.problem import Observations
 
 
@@ -23,8 +23,8 @@ class RunPlace:
     phi, theta0 : true tilt and angle of release, (value, standard uncertainty), rad.
     sets_off : probability that it sets off.
     stop : (5,) `QUANTILES` of the distance to the turning point among the draws that set off and
-        turn, m; nan where half of them do not.
-    farthest : m, how far the recording shows it.
+        turn, m, as it would be read; nan where half of them do not.
+    farthest : m from the release, how far the recording shows it.
     turned : whether it turns there.
     agrees : probability of the draws to get as far as that, two-sided where it turned.
     """
@@ -51,24 +51,28 @@ class RunPlace:
         return (Finding(Kind.RUN_OFF_MAP, run=self.run, p=self.agrees, numbers=numbers),)
 
 
-def place_of(run: Observations, arguments: Named, *, farthest: float) -> RunPlace:
-    """Where a run lies and what follows.
+def place_of(campaign: Campaign, run: Observations, arguments: Named) -> RunPlace:
+    """Where a run of a campaign lies and what follows, with all that was stated of it.
 
-    arguments : of its curve, scalars or (n_draw, 1).  farthest : m from the release.
+    arguments : of its curve, scalars or (n_draw, 1).
     """
     phi, theta0 = placed(arguments)
-    stop = np.ravel(stop_of(arguments))
+    recorded, unsure = _farthest_recorded(campaign, run)
+    farthest = recorded - np.ravel(np.asarray(arguments.get("offset", 0.0)))
+    metre = float(np.median(np.asarray(run.body.metres(arguments))))
+    stop = np.ravel(run.body.stop(arguments))
     turns, turned = (stop > 0.0) & np.isfinite(stop), _turned(run)
-    beyond, before = float(np.mean(stop >= farthest)), float(np.mean(stop <= farthest))
+    beyond = float(np.mean(stop >= farthest - unsure))
+    before = float(np.mean(stop <= farthest + unsure))
     return RunPlace(
         run.name,
         (float(np.mean(phi)), float(np.std(phi))),
         _angle(theta0),
         float(np.mean(stop > 0.0)),
-        np.quantile(stop[turns], QUANTILES)
+        metre * np.quantile(stop[turns], QUANTILES)
         if np.mean(turns) > 0.5
         else np.full(len(QUANTILES), np.nan),
-        farthest,
+        metre * float(np.median(farthest)),
         turned,
         min(1.0, 2.0 * min(beyond, before)) if turned else beyond,
     )
@@ -82,17 +86,23 @@ def _angle(theta0: FloatArray) -> tuple[float, float]:
     )
 
 
-def farthest_recorded(campaign: Campaign, run: Observations) -> float:
-    """How far the recording of a run goes, in its unit: as far as it is fit where a window was
-    stated.
+def _farthest_recorded(campaign: Campaign, run: Observations) -> tuple[float, float]:
+    """How far the recording of a run goes, in its unit, as far as it is fit where a window was
+    stated; and how well it shows that: readings scatter, and between two frames it may go farther.
+
+    Three times the median second difference is five standard deviations of the errors of readings,
+    and far more than a body at rest moves in half a frame.
     """
-    if any(
+    table = campaign.tables[run.name]
+    windowed = any(
         finding.kind in (Kind.OUTSIDE_POSITIONS, Kind.OUTSIDE_TIMES, Kind.OUTSIDE_WINDOW)
         for finding in run.excluded
-    ):
-        return way_of(run)
-    table = campaign.tables[run.name]
-    return float(np.max(table.position))
+    )
+    bends = np.abs(np.diff(table.position, 2)) if "t_s" in table.columns else np.zeros(0)
+    return (
+        way_of(run) if windowed else float(np.max(table.position)),
+        3.0 * float(np.median(bends)) if bends.size else 0.0,
+    )
 
 
 def _turned(run: Observations) -> bool:
