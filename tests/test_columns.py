@@ -56,6 +56,8 @@ def read(
         ("9 9 9\nt y\n1 2\n3 4\n", {"skip_rows": 1}, [1, 3], [2, 4]),
         ("t,y,n\n1,2,3\n4,5,6\n", {"delimiter": "comma"}, [1, 4], [2, 5]),
         ("time,t,y\n1.0,2,3\n4,5,6\n", {}, [2, 5], [3, 6]),
+        ("t;y\n−0,5;−1e−1\n0,5;1e−1\n", {}, [-0.5, 0.5], [-0.1, 0.1]),
+        ("t;y;z\n−0,5;1;−2 ± 1\n0,5;2;−3 ± 1\n", {}, [-0.5, 0.5], [1, 2]),
         ("1/t,ln k,t,y\n0.5,1,2,1\n0.25,2,4,3\n", {}, [2, 4], [1, 3]),
         ("1/t (1/s),1000/K (1/mm),t,y\n0.5,1,2,1\n0.25,2,4,3\n", {}, [2, 4], [1, 3]),
         ("2θ (°);t;y\n1,5;2;1\n2;4;3\n", {}, [2, 4], [1, 3]),
@@ -482,3 +484,17 @@ def test_a_row_that_copies_an_earlier_one_is_told_where_no_reading_is_repeated(
     table = read_columns(tmp_path / "a.csv", needed=("t", "y"), min_rows=2)
     assert list(table.warnings) == ([told] if told else [])
     assert table.lines.size == text.count("\n") - 1
+
+
+@pytest.mark.parametrize("mark", ["±", " ± ", " +/- ", " +- "])
+def test_an_uncertainty_in_a_cell_does_not_part_cells(tmp_path: Path, mark: str) -> None:
+    rows = "".join(f"{i},{v}{mark}0.1\n" for i, v in [(1, "2"), (2, "3.5"), (3, "4")])
+    found = read(tmp_path / "a.csv", f"t,y\n{rows}", ("t", "y", "u_y"))
+    assert found == {"t": [1, 2, 3], "y": [2, 3.5, 4], "u_y": [0.1] * 3}
+    found = read(tmp_path / "a.csv", f"y (s)\n1,20{mark}0,1\n1,30{mark}0,1\n", ("y (s)", "u_y"))
+    assert found == {"y (s)": [1.2, 1.3], "u_y": [0.1, 0.1]}
+
+
+def test_the_cells_of_a_range_without_any_are_told(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="a.csv:3: 'row' must hold numbers"):
+        read(tmp_path / "a.csv", "t,y\n1,2\n3,4\n", range="Z1:ZZ9")

@@ -327,7 +327,7 @@ def test_frames_of_the_way_back_that_a_fit_of_positions_would_use_are_said(
     ("written", "says"),
     [
         ("0,03", "must be a number as 0.03, or"),
-        ("30 mV", "must be a number without a unit of its own, in that of the key"),
+        ("30 mV", "must be a number without a unit (it is in that of the key"),
         ("0.1.2", "as 4.0, or"),
     ],
 )

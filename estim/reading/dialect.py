@@ -229,7 +229,11 @@ def shown_delimiter(*lines: str) -> str:
     return (
         " "
         if "," not in line
-        or (len(words) > 1 and all(looks_like_a_number(word) for word in words if "," in word))
+        or (
+            len(words) > 1
+            and not {"±", "+/-", "+-"} & {*words}  # these stand inside a cell
+            and all(looks_like_a_number(word) for word in words if "," in word)
+        )
         else ","
     )
 

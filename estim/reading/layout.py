@@ -36,7 +36,9 @@ from estim.reading.table import NOTE, Layout, facts_of, line_numbers, numbered_l
 Lines = list[tuple[int, str]]
 
 _ONE_COLUMN = ";"  # stands in no row then
-_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+", re.ASCII)
+_DECIMAL_COMMA = re.compile(
+    r"[+-]?\d+,\d+(\s*(±|\+/?-)\s*\d+(,\d+)?|\(\d+(,\d+)?\))?", re.ASCII
+)
 _RULE = re.compile(r"[-=_+|\s]+")  # a line drawn below the header
 _UNITS = (
     "s ms us ns ps min h d m cm mm um nm km kg g mg N mN kN Pa hPa kPa MPa bar mbar J mJ "
@@ -300,8 +302,8 @@ def _without_thousands(rows: list[Row], dialect: Dialect) -> tuple[list[Row], li
 
 
 def _is_one_column(lines: Lines, dialect: Dialect) -> bool:
-    """Whether each row is one number, perhaps with a decimal comma: as stated, or as a name with
-    its unit above them shows, `t (s)` or `t in s`.
+    """Whether each row is one number, perhaps with a decimal comma and its uncertainty: as stated,
+    or as a name with its unit above them shows, `t (s)` or `t in s`.
     """
 
     def has_comma(line: str) -> bool:
