@@ -121,6 +121,7 @@ def test_a_table_is_read_as_it_is_written(
             {},
             "a.csv:2: 'row' is a row with another number of cells .*--skip-rows",
         ),
+        ("t,y\n0.1,1\n0.2,2\n0.3,3\n0.4,4,1\n", {}, "a.csv:5: 'row' must have 2 cells.*: 3"),
         ("t,y\n0.1,1x\n0.2,2\n0.3,2\n", {}, "a.csv:2: 'row' must be a row of numbers"),
         (
             "t,y\n10 s (or so),1\n0.2,2\n0.3,2\n",

@@ -130,7 +130,7 @@ def read_layout(path: Path, dialect: Dialect = PLAIN, *, needed: Sequence[str] =
         )
     split, thousands = _without_thousands(split, dialect)
     facts += thousands
-    start = _start(split) if dialect.header is None else int(dialect.header)
+    start = _start(split, delimiter) if dialect.header is None else int(dialect.header)
     above = split[:start]
     percent = any(row.line.lstrip().startswith("%") for row in above)
     rows = [row for row in split[start:] if not (percent and row.line.lstrip().startswith("%"))]
@@ -385,7 +385,7 @@ def is_called(column: str, letter: str) -> bool:
     return bare_name(column).partition("_")[0].lower() == letter
 
 
-def _start(rows: Sequence[Row]) -> int:
+def _start(rows: Sequence[Row], delimiter: str) -> int:
     """Index of the first row of numbers: like the last row it has as many cells, with numbers (or
     nothing) in the same columns.
 
@@ -411,14 +411,19 @@ def _start(rows: Sequence[Row]) -> int:
         raise InputError(rule, field="row", value=last.line, line=last.number)
     while first and _is_blank(rows[first - 1], shape):
         first -= 1
-    for row in rows[:first]:
-        cells = [cell for cell in row.cells if cell]
-        if len(cells) > 1 and all(map(looks_like_a_number, cells)):
-            rule = (
-                "is a row with another number of cells than the last one: say how many lines "
-                "stand above the table (--skip-rows; skip_rows = ... in a campaign)"
-            )
-            raise InputError(rule, field="row", value=row.line, line=row.number)
+    odd = [
+        row
+        for row in rows[:first]
+        if sum(map(bool, row.cells)) > 1 and all(map(looks_like_a_number, filter(None, row.cells)))
+    ]
+    if len(odd) > len(rows) - first:
+        raise cells_differ(len(last.cells), len(odd[0].cells), delimiter, rows[first].number)
+    if odd:
+        rule = (
+            "is a row with another number of cells than the last one: say how many lines "
+            "stand above the table (--skip-rows; skip_rows = ... in a campaign)"
+        )
+        raise InputError(rule, field="row", value=odd[0].line, line=odd[0].number)
     return first
 
 
