@@ -497,5 +497,5 @@ def test_an_uncertainty_in_a_cell_does_not_part_cells(tmp_path: Path, mark: str)
 
 
 def test_the_cells_of_a_range_without_any_are_told(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="a.csv:3: 'row' must hold numbers"):
+    with pytest.raises(InputError, match=r"a\.csv:3: 'row' must hold numbers"):
         read(tmp_path / "a.csv", "t,y\n1,2\n3,4\n", range="Z1:ZZ9")

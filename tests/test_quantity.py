@@ -10,6 +10,7 @@ import pytest
 from uncertainties import ufloat_fromstr
 
 from estim import InputError
+from estim.common import behind
 from estim.common.quantity_text import (
     Quantity,
     format_quantity,
@@ -67,7 +68,7 @@ def test_no_unit_begins_with_digits_in_brackets(source: str) -> None:
 
 
 def test_a_word_behind_a_number_that_is_no_unit_is_told() -> None:
-    with pytest.raises(InputError, match="'a' must have a unit that is known .*: 5.0.1. foo"):
+    with pytest.raises(InputError, match=r"'a' must have a unit that is known .*: 5\.0\(1\) foo"):
         read_with_unit("5.0(1) foo", field="a")
 
 
@@ -231,3 +232,7 @@ def test_messages_hold_nothing_that_moves_a_cursor():
     with pytest.raises(InputError) as caught:
         read_quantity("4\r\x1b[2K\u202e\u2028x", field="phi_deg")
     assert str(caught.value).isprintable()
+
+
+def test_no_unit_leaves_no_blank_behind_a_number() -> None:
+    assert (behind(""), behind("1"), behind("m")) == ("", "", " m")

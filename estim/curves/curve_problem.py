@@ -613,6 +613,11 @@ def _check_signature(function: Callable[..., Any], names: tuple[str, ...]) -> No
         signature = inspect.signature(function)
     except (TypeError, ValueError):
         return  # a builtin that does not tell; calling it will
+    takes = [name for name, one in signature.parameters.items() if one.default is one.empty][1:]
+    if not names and takes:
+        rule = "must give each parameter of a function a starting value, as {words}"
+        words = "{" + ", ".join(f"'{name}': 1.0" for name in takes[:5]) + "}"
+        raise InputError(rule.format(words=words), field="start")
     try:
         signature.bind(0.0, **dict.fromkeys(names, 0.0))
     except TypeError as error:

@@ -36,9 +36,7 @@ from estim.reading.table import NOTE, Layout, facts_of, line_numbers, numbered_l
 Lines = list[tuple[int, str]]
 
 _ONE_COLUMN = ";"  # stands in no row then
-_DECIMAL_COMMA = re.compile(
-    r"[+-]?\d+,\d+(\s*(±|\+/?-)\s*\d+(,\d+)?|\(\d+(,\d+)?\))?", re.ASCII
-)
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(\s*(±|\+/?-)\s*\d+(,\d+)?|\(\d+(,\d+)?\))?", re.ASCII)
 _RULE = re.compile(r"[-=_+|\s]+")  # a line drawn below the header
 _UNITS = (
     "s ms us ns ps min h d m cm mm um nm km kg g mg N mN kN Pa hPa kPa MPa bar mbar J mJ "
@@ -323,6 +321,9 @@ def _no_names(first: Row, delimiter: str) -> InputError:
     rule = (
         f"has no line of column names: name its {width} columns from left to right "
         "(--columns a,b,...; columns = [...] in a campaign)"
+        if width > 1
+        else "has no line with the name of its column: give it one (--columns a; columns = "
+        '["a"] in a campaign)'
     )
     if delimiter == "," and width == 2:
         rule += (
