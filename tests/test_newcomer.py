@@ -14,8 +14,9 @@ import pytest
 from click.testing import CliRunner
 from command_runner import runner
 from test_noise import CAMPAIGN, POSITIONS, TIMES
+from uncertainties import ufloat
 
-from estim import fit_curve, read_table
+from estim import fit_curve, fit_line, mean, read_table
 from estim.campaign import Campaign, load_campaign
 from estim.campaign.row_selection import way_back
 from estim.checks.goodness_of_fit import P_FLOOR
@@ -487,8 +488,26 @@ def test_a_column_that_may_hold_uncertainties_is_told(
 
 def test_a_function_without_starting_values_is_told_them() -> None:
     x = np.arange(5.0)
-    with pytest.raises(InputError, match=r"'start' must give .*, as \{'a': 1.0, 'b': 1.0\}"):
-        fit_curve(lambda x, a, b: a + b * x, x, x)
+    for start in (None, {"a": 1.0}):
+        with pytest.raises(InputError, match=r"'start' must give .*, as \{'a': 1.0, 'b': 1.0\}"):
+            fit_curve(lambda x, a, b: a + b * x, x, x, start=start)
+    with pytest.raises(InputError, match=r"'start' cannot be called as curve\(x, c\)"):
+        fit_curve(lambda x, a: a * x, x, x, start={"c": 1.0})
+
+
+def test_what_python_shows_of_a_result_is_what_print_shows() -> None:
+    x, y = np.arange(5.0), np.array([1.1, 1.9, 3.2, 3.9, 5.1])
+    for result in (fit_curve("a + b*x", x, y), fit_line(x, y), mean(y)):
+        assert repr(result) == str(result)
+        assert len(repr(result)) < 600
+
+
+def test_numbers_with_uncertainties_are_told_where_each_part_goes() -> None:
+    y = [ufloat(value, 0.1) for value in (1.0, 2.0, 3.0)]
+    for given in (y, np.array(y)):
+        for use in (lambda v: fit_curve("a*x", np.arange(3.0), v), lambda v: mean(v)):
+            with pytest.raises(InputError, match=r"nominal values here, .* as u_y, u_x or u"):
+                use(given)
 
 
 def test_a_table_is_a_dictionary_of_its_columns(tmp_path: Path) -> None:
