@@ -121,6 +121,7 @@ def test_a_table_is_read_as_it_is_written(
             {},
             "a.csv:2: 'row' is a row with another number of cells .*--skip-rows",
         ),
+        ("t,y\n13:00,1\n13:01,2\n", {}, r"a.csv:2: 't' must be a number .*, as 13:05:00\): 13:00"),
         ("t,y\n0.1,1\n0.2,2\n0.3,3\n0.4,4,1\n", {}, "a.csv:5: 'row' must have 2 cells.*: 3"),
         ("t,y\n0.1,1x\n0.2,2\n0.3,2\n", {}, "a.csv:2: 'row' must be a row of numbers"),
         (
@@ -499,3 +500,9 @@ def test_an_uncertainty_in_a_cell_does_not_part_cells(tmp_path: Path, mark: str)
 def test_the_cells_of_a_range_without_any_are_told(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"a\.csv:3: 'row' must hold numbers"):
         read(tmp_path / "a.csv", "t,y\n1,2\n3,4\n", range="Z1:ZZ9")
+
+
+def test_a_unit_of_several_symbols_stands_behind_a_slash() -> None:
+    assert name_and_unit("c / mol L-1") == ("c", "mol L-1")
+    assert name_and_unit("v / m s^-1") == ("v", "m s^-1")
+    assert name_and_unit("ratio / reading of day 2") == ("ratio / reading of day 2", "")
