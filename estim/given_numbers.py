@@ -25,6 +25,8 @@ _REFUSED = {
     "U": ", not text",
     "S": ", not text",
     "V": ", not records of several fields: take one field",
+    "±": ", not ones with uncertainties: give nominal values here, and their uncertainties as u_y, "
+    "u_x or u (nominal_values and std_devs of uncertainties.unumpy)",
 }
 _KINDS = ((bool, "b"), (str, "U"), (bytes, "S"), (complex, "c"), (date, "M"), (timedelta, "m"))
 
@@ -82,7 +84,7 @@ def are_complex(values: Any) -> bool:
     """Whether `values`, an array, a column, a list of numbers or one of them, are complex."""
     if isinstance(values, list | tuple):
         return any(map(are_complex, values)) and all(isinstance(one, Number) for one in values)
-    return np.iscomplexobj(values)
+    return not hasattr(values, "nominal_value") and bool(np.iscomplexobj(values))
 
 
 def check_probability(probability: Any, field: str = "probability") -> None:
@@ -117,4 +119,6 @@ def _kinds(values: Any) -> set[str]:
 def _kind(made_of: type) -> str:
     if issubclass(made_of, np.generic):
         return np.dtype(made_of).kind
+    if hasattr(made_of, "nominal_value"):  # of the package uncertainties
+        return "±"
     return next((kind for known, kind in _KINDS if issubclass(made_of, known)), "f")

@@ -56,6 +56,12 @@ def read(
         ("9 9 9\nt y\n1 2\n3 4\n", {"skip_rows": 1}, [1, 3], [2, 4]),
         ("t,y,n\n1,2,3\n4,5,6\n", {"delimiter": "comma"}, [1, 4], [2, 5]),
         ("time,t,y\n1.0,2,3\n4,5,6\n", {}, [2, 5], [3, 6]),
+        ("t;y\n−0,5;−1e−1\n0,5;1e−1\n", {}, [-0.5, 0.5], [-0.1, 0.1]),
+        ("t;y;z\n−0,5;1;−2 ± 1\n0,5;2;−3 ± 1\n", {}, [-0.5, 0.5], [1, 2]),
+        ("1/t,ln k,t,y\n0.5,1,2,1\n0.25,2,4,3\n", {}, [2, 4], [1, 3]),
+        ("1/t (1/s),1000/K (1/mm),t,y\n0.5,1,2,1\n0.25,2,4,3\n", {}, [2, 4], [1, 3]),
+        ("2θ (°);t;y\n1,5;2;1\n2;4;3\n", {}, [2, 4], [1, 3]),
+        ("10 T [s];t;y\n1,5;2;1\n2;4;3\n", {}, [2, 4], [1, 3]),
         ("Group 3;;\nt;10 periods (s);y\n0,5;8,9;1\n1;9,1;2\n", {}, [0.5, 1], [1, 2]),
     ],
 )
@@ -115,6 +121,8 @@ def test_a_table_is_read_as_it_is_written(
             {},
             "a.csv:2: 'row' is a row with another number of cells .*--skip-rows",
         ),
+        ("t,y\n13:00,1\n13:01,2\n", {}, r"a.csv:2: 't' must be a number .*, as 13:05:00\): 13:00"),
+        ("t,y\n0.1,1\n0.2,2\n0.3,3\n0.4,4,1\n", {}, "a.csv:5: 'row' must have 2 cells.*: 3"),
         ("t,y\n0.1,1x\n0.2,2\n0.3,2\n", {}, "a.csv:2: 'row' must be a row of numbers"),
         (
             "t,y\n10 s (or so),1\n0.2,2\n0.3,2\n",
@@ -424,6 +432,8 @@ SUMMED = ["n;t;y", "1;1,5;2,5", "2;2,5;3,5", "3;3,5;4"]
         ([*SUMMED, "Mittelwert:;2,5;3,33"], "5"),
         ([*SUMMED, "Sum;7,5;10", "Media;2,5;3,33"], "5, 6"),
         ([*SUMMED, ";;", "Total;7,5;10"], "6"),
+        ([*SUMMED, "Mittelwert;2,5;3,33", "Stabw;1;0,76"], "5, 6"),
+        ([*SUMMED, "", "min;1,5;2,5", "Max:;3,5;4"], "6, 7"),
         (["n;t;y", "a;1,5;2,5", "b;2,5;3,5", "c;3,5;4", "Average;2,5;3,33"], "5"),
         (["t;y;n", "1,5;2,5;", "2,5;3,5;", "3,5;4;", "2,5;3,33;mean value"], "5"),
     ],
@@ -432,7 +442,8 @@ def test_a_row_of_means_or_sums_is_no_reading(tmp_path: Path, rows: list[str], l
     (tmp_path / "a.csv").write_text("\n".join(rows) + "\n")
     table = read_columns(tmp_path / "a.csv", needed=("t", "y"), min_rows=2)
     assert table.columns["y"].tolist() == [2.5, 3.5, 4.0]
-    assert f"what stands below the table was not read (lines {lines})" in table.facts
+    line = "lines" if "," in lines else "line"
+    assert f"what stands below the table was not read ({line} {lines})" in table.facts
 
 
 @pytest.mark.parametrize(
@@ -443,6 +454,7 @@ def test_a_row_of_means_or_sums_is_no_reading(tmp_path: Path, rows: list[str], l
         ["n;t;y", "sum;1,5;2,5", "mean;2,5;3,5", "total;3,5;4"],
         ["level;t;y", "baja;1,5;2,5", "alta;2,5;3,5", "media;9,5;4"],
         ["t;y;n", "1,5;2,5;", "2,5;3,5;", "3,5;4;sum"],
+        ["n;t;y", "Anna;1,5;2,5", "Eva;2,5;3,5", "Max;2,0;3,0"],
     ],
 )
 def test_rows_that_are_called_so_among_others_are_read(tmp_path: Path, rows: list[str]) -> None:
@@ -474,3 +486,23 @@ def test_a_row_that_copies_an_earlier_one_is_told_where_no_reading_is_repeated(
     table = read_columns(tmp_path / "a.csv", needed=("t", "y"), min_rows=2)
     assert list(table.warnings) == ([told] if told else [])
     assert table.lines.size == text.count("\n") - 1
+
+
+@pytest.mark.parametrize("mark", ["±", " ± ", " +/- ", " +- "])
+def test_an_uncertainty_in_a_cell_does_not_part_cells(tmp_path: Path, mark: str) -> None:
+    rows = "".join(f"{i},{v}{mark}0.1\n" for i, v in [(1, "2"), (2, "3.5"), (3, "4")])
+    found = read(tmp_path / "a.csv", f"t,y\n{rows}", ("t", "y", "u_y"))
+    assert found == {"t": [1, 2, 3], "y": [2, 3.5, 4], "u_y": [0.1] * 3}
+    found = read(tmp_path / "a.csv", f"y (s)\n1,20{mark}0,1\n1,30{mark}0,1\n", ("y (s)", "u_y"))
+    assert found == {"y (s)": [1.2, 1.3], "u_y": [0.1, 0.1]}
+
+
+def test_the_cells_of_a_range_without_any_are_told(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"a\.csv:3: 'row' must hold numbers"):
+        read(tmp_path / "a.csv", "t,y\n1,2\n3,4\n", range="Z1:ZZ9")
+
+
+def test_a_unit_of_several_symbols_stands_behind_a_slash() -> None:
+    assert name_and_unit("c / mol L-1") == ("c", "mol L-1")
+    assert name_and_unit("v / m s^-1") == ("v", "m s^-1")
+    assert name_and_unit("ratio / reading of day 2") == ("ratio / reading of day 2", "")

@@ -22,7 +22,7 @@ from estim.common.errors import InputError
 from estim.common.quantity_text import Quantity, difference
 from estim.means.dark_uncertainty import der_simonian_laird, hierarchical
 from estim.means.table_mean import mean_of_table
-from estim.reports.mean import mean_figure
+from estim.reports.mean import mean_figure, mean_statement
 
 KAON = [493.696, 493.636, 493.640, 493.670, 493.657, 493.691]
 U_KAON = [0.007, 0.011, 0.054, 0.029, 0.020, 0.040]
@@ -355,3 +355,19 @@ def test_a_column_of_values_with_their_uncertainties_has_its_name(tmp_path) -> N
     for cells in ("1.85(2)\n1.83(2)", "1.85 ± 0.02\n1.83 ± 0.02", "1,85(2)\n1,83(2)"):
         table.write_text(f"T (s)\n{cells}\n")
         assert mean_of_table(table).mean.best.value == pytest.approx(1.84)
+
+
+def test_values_are_numbered_whole_in_the_figure(tmp_path) -> None:
+    (tmp_path / "a.csv").write_text("g,u_g\n1,.1\n2,.1\n3,.1\n4,.1\n")
+    figure = mean_figure(mean_of_table(tmp_path / "a.csv"))
+    figure.draw_without_rendering()
+    ticks = figure.axes[0].get_xticks()
+    assert ticks.size > 2
+    assert np.all(ticks % 1.0 == 0.0), ticks
+
+
+def test_a_mean_of_two_readings_has_one_degree_of_freedom(tmp_path) -> None:
+    (tmp_path / "a.csv").write_text("g\n9.81\n9.79\n")
+    told = mean_statement(mean_of_table(tmp_path / "a.csv"))
+    assert told.startswith("mean: g = 9.80 ± 0.13, where"), told
+    assert "with 1 effective degree of freedom for" in told

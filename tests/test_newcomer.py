@@ -14,8 +14,9 @@ import pytest
 from click.testing import CliRunner
 from command_runner import runner
 from test_noise import CAMPAIGN, POSITIONS, TIMES
+from uncertainties import ufloat
 
-from estim import fit_curve
+from estim import fit_curve, fit_line, mean, read_table
 from estim.campaign import Campaign, load_campaign
 from estim.campaign.row_selection import way_back
 from estim.checks.goodness_of_fit import P_FLOOR
@@ -327,7 +328,7 @@ def test_frames_of_the_way_back_that_a_fit_of_positions_would_use_are_said(
     ("written", "says"),
     [
         ("0,03", "must be a number as 0.03, or"),
-        ("30 mV", "must be a number without a unit of its own, in that of the key"),
+        ("30 mV", "must be a number without a unit (it is in that of the key"),
         ("0.1.2", "as 4.0, or"),
     ],
 )
@@ -434,3 +435,94 @@ def test_one_column_of_decimal_commas_is_read_where_its_name_shows_it_and_else_a
         3.0,
         4.0,
     ]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["propagate", "F*l/(A*d)"], "is a formula: write the values of its inputs after it"),
+        (["propagate", "y = a*b", "a=1(1)"], "'formula' names no input .*state its value.: b"),
+        (["propagate", "y = a", "a=1(1) foo"], "'a' must have a unit that is known"),
+        (["plan", "t.csv"], "t.csv:1: 'file' is a table, not a TOML file"),
+        (
+            ["fit", "n.txt", "--formula", "exp(-t/tau)", "--noise", "event-times"],
+            "n.txt:1: 'header' has no line with the name of its column",
+        ),
+        (
+            ["fit", "n.txt", "--columns", "t", "--formula", "exp(-t/t0)", "--noise", "event-times"],
+            "--window MIN:MAX",
+        ),
+        (["line", "t.csv", "--cov-y", "c.csv"], "c.csv: 'matrix' must be symmetric"),
+        (["line", "p.csv"], "p.csv: 'file' must be text"),
+    ],
+)
+def test_a_slip_of_the_first_hour_is_told_with_its_cure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], says: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("t.csv").write_text("x,y\n1,2\n2,3.1\n3,4\n")
+    Path("n.txt").write_text("1.5\n2.5\n3.5\n")
+    Path("c.csv").write_text("1,2,0\n0,1,0\n0,0,1\n")
+    Path("p.csv").write_bytes(b"\x89PNG\r\n\x1a\n\x00\x00")
+    assert re.search(says, refused(*arguments))
+
+
+@pytest.mark.parametrize(
+    ("head", "option"),
+    [
+        ("x,y,err", "u-y"), ("x,y,dy", "u-y"), ("x,y,sigma_y", "u-y"), ("x,y,y error", "u-y"),
+        ("x,y,Δx", "u-x"), ("x,y,z", ""), ("x,y,dz", ""), ("x,y,u_y", ""),
+    ],
+)  # fmt: skip
+def test_a_column_that_may_hold_uncertainties_is_told(
+    tmp_path: Path, head: str, option: str
+) -> None:
+    (tmp_path / "a.csv").write_text(f"{head}\n1,2,.1\n2,3.1,.1\n3,4,.1\n")
+    said = ["--x", "x", "--y", "y", "--figures", "none", "--out", str(tmp_path / "out")]
+    done = CliRunner().invoke(cli.cli, ["line", str(tmp_path / "a.csv"), *said])
+    column = head.rpartition(",")[2]
+    told = f"; if '{column}' holds standard uncertainties, say so (--{option}; "
+    assert (told in done.output) == bool(option), done.output
+    assert option or "holds standard" not in done.output
+
+
+def test_a_function_without_starting_values_is_told_them() -> None:
+    x = np.arange(5.0)
+    for start in (None, {"a": 1.0}):
+        with pytest.raises(InputError, match=r"'start' must give .*, as \{'a': 1.0, 'b': 1.0\}"):
+            fit_curve(lambda x, a, b: a + b * x, x, x, start=start)
+    with pytest.raises(InputError, match=r"'start' cannot be called as curve\(x, c\)"):
+        fit_curve(lambda x, a: a * x, x, x, start={"c": 1.0})
+
+
+def test_what_python_shows_of_a_result_is_what_print_shows() -> None:
+    x, y = np.arange(5.0), np.array([1.1, 1.9, 3.2, 3.9, 5.1])
+    for result in (fit_curve("a + b*x", x, y), fit_line(x, y), mean(y)):
+        assert repr(result) == str(result)
+        assert len(repr(result)) < 600
+
+
+def test_numbers_with_uncertainties_are_told_where_each_part_goes() -> None:
+    y = [ufloat(value, 0.1) for value in (1.0, 2.0, 3.0)]
+    for given in (y, np.array(y)):
+        for use in (lambda v: fit_curve("a*x", np.arange(3.0), v), lambda v: mean(v)):
+            with pytest.raises(InputError, match=r"nominal values here, .* as u_y, u_x or u"):
+                use(given)
+
+
+def test_a_table_is_a_dictionary_of_its_columns(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("x (s),y\n1,2\n2,3.1\n3,4\n")
+    table = read_table(tmp_path / "a.csv")
+    assert {name: [*column] for name, column in dict(table).items()} == {
+        "x": [1, 2, 3],
+        "y": [2, 3.1, 4],
+    }
+    with pytest.raises(InputError, match="'name' must be the name of a column: 0"):
+        table[0]  # type: ignore[index]
+
+
+def test_the_command_alone_shows_its_help() -> None:
+    done = CliRunner().invoke(cli.cli, [])
+    assert done.exit_code == 0
+    assert "\n  fit " in done.output
+    assert "error" not in done.output

@@ -10,6 +10,7 @@ import pytest
 from uncertainties import ufloat_fromstr
 
 from estim import InputError
+from estim.common import behind
 from estim.common.quantity_text import (
     Quantity,
     format_quantity,
@@ -25,6 +26,9 @@ from estim.common.quantity_text import (
         ("4.0 +/- 0.4", 4.0, 0.4),
         ("4.0+/-0.4", 4.0, 0.4),
         ("4.0±0.4", 4.0, 0.4),
+        ("4.0+-0.4", 4.0, 0.4),
+        ("−4.0 +- 0.4", -4.0, 0.4),
+        ("−4.0e−1", -0.4, 0.0),
         ("0.1500(5)", 0.15, 0.0005),
         ("0.072(5)", 0.072, 0.005),
         ("38.8(1.5)", 38.8, 1.5),
@@ -63,6 +67,11 @@ def test_no_unit_begins_with_digits_in_brackets(source: str) -> None:
     assert read_with_unit("5 (1/s)", field="a") == (Quantity(5.0), "(1/s)")
 
 
+def test_a_word_behind_a_number_that_is_no_unit_is_told() -> None:
+    with pytest.raises(InputError, match=r"'a' must have a unit that is known .*: 5\.0\(1\) foo"):
+        read_with_unit("5.0(1) foo", field="a")
+
+
 def test_digits_in_parentheses_belong_to_the_last_digits():
     assert read_quantity("0.187(10)", field="f").u == pytest.approx(0.010)
     assert read_quantity("0.187(1)", field="f").u == pytest.approx(0.001)
@@ -99,7 +108,7 @@ def test_what_is_no_quantity_is_refused(source):
 @pytest.mark.parametrize(
     ("source", "cure"),
     [
-        *((text, "without a unit of its own, in that of the key or axis") for text in (
+        *((text, "without a unit (it is in that of the key or axis)") for text in (
             "9.81 m/s2", "9.81 m/s^2", "3.69°", "3.69(40)°", "2.0(1) m/s", "2 %", "4.0 +/- 0.4 mm",
             "(4.0 ± 0.4) °C", "9,81 m/s²", "5e3 V",
             "1.5 1/s", "30mV",
@@ -223,3 +232,7 @@ def test_messages_hold_nothing_that_moves_a_cursor():
     with pytest.raises(InputError) as caught:
         read_quantity("4\r\x1b[2K\u202e\u2028x", field="phi_deg")
     assert str(caught.value).isprintable()
+
+
+def test_no_unit_leaves_no_blank_behind_a_number() -> None:
+    assert (behind(""), behind("1"), behind("m")) == ("", "", " m")

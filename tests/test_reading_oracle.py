@@ -182,6 +182,7 @@ def _header(line: str) -> tuple[list[str], str] | None:
 
 
 def _number(cell: str) -> float:
+    cell = cell.replace("\u2212", "-")  # the minus of Unicode is one
     if not cell.isascii() or "_" in cell or not Decimal(cell).is_finite():
         raise InvalidOperation
     return float(Decimal(cell))

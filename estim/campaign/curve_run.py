@@ -239,7 +239,8 @@ class RunOfCurve:
             for key, of in (("u_y", "y"), ("u_y[plus]", "y"), ("u_x", "x"))
             if key in self.columns
         ]
-        return columns_sentence(columns, table.unread)
+        bare = [axis for axis in ("x", "y") if self.stated(f"u_{axis}")[0] is None]
+        return columns_sentence(columns, table.unread, () if self.curve.noise else bare)
 
 
 def _require_unit_of_axis(table: Table, u: str, of: str, unit: str) -> None:
@@ -491,7 +492,8 @@ def rows_of(run: RunOfCurve, data: Run) -> RowsOfRun:
     if run.events and not (math.isfinite(low) and math.isfinite(high)):
         raise run.source.error(
             "must state the 'min' and 'max' between which events were recorded: their density "
-            "is normalised over it",
+            "is normalised over it (--window MIN:MAX; window = {min = ..., max = ...} in a "
+            "campaign)",
             path,
             field="window",
         )

@@ -85,6 +85,7 @@ if TYPE_CHECKING:
 
 @click.group(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    invoke_without_command=True,
     commands=[
         batch,
         body,
@@ -112,6 +113,8 @@ def cli() -> None:
     (docs/README.md).
     """
     context = click.get_current_context()
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
     context.obj = context.with_resource(inputs_read())
     context.with_resource(spoken(language(), commands=True))
 

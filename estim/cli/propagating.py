@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import click
 
 from estim.cli.options import OUT, report_options
 from estim.cli.terminal import conclude, finish, pieces, reserve_output, say, write_report
-from estim.common import FigureChoice, Stream, phrase, stream
+from estim.common import FigureChoice, InputError, Stream, phrase, stream
+
+_FORMULA = re.compile(r"[=*+^(]")
 
 
 @click.command()
@@ -31,6 +34,9 @@ def propagate(
     from estim.reports.measurement import measurement_report, statement
 
     given = pairs(values, "NAME")
+    if not given and _FORMULA.search(file) and not Path(file).exists():
+        rule = 'is a formula: write the values of its inputs after it, as L="0.85(1) m"'
+        raise InputError(rule, field="FILE|FORMULA", value=file)
     model = model_of_formula(file, given) if given else read_model(Path(file))
     folder = out or Path("out") / (model.outputs[0].name if given else Path(file).stem)
     reserve_output(folder, "result.json")

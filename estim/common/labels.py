@@ -79,7 +79,7 @@ def bracketed(unit: str) -> str:
 
 def behind(unit: str) -> str:
     """A unit as it stands behind a number."""
-    return "" if unit == "1" else f" {unit}"
+    return "" if unit in ("", "1") else f" {unit}"
 
 
 def subscripted(symbol: str) -> str:

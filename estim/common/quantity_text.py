@@ -68,15 +68,16 @@ class Quantity:
 
 
 def read_number(text: str) -> float:
-    """The number that `text` says, with the digits 0 to 9 and a decimal point; `nan` and `inf` as
-    words, for their reader to refuse.
+    """The number that `text` says, with the digits 0 to 9, a decimal point and either minus, - or
+    −; `nan` and `inf` as words, for their reader to refuse.
 
     Raises ValueError for everything else, also where Python reads a number: "1_000" is a slip, not
     1000.
     """
-    if not _NUMBER.fullmatch(text):
+    plain = text.replace("−", "-")
+    if not _NUMBER.fullmatch(plain):
         raise ValueError(text)
-    return float(text)
+    return float(plain)
 
 
 def extreme(value: float) -> bool:
@@ -117,8 +118,11 @@ def read_with_unit(source: str | float, *, field: str) -> tuple[Quantity, str]:
     match = None
     if isinstance(source, str):
         require_clear_share(source, field=field)
-        match = _WITH_UNIT.fullmatch(source.strip())
+        match = _WITH_UNIT.fullmatch(source.strip().replace("−", "-"))
     unit = (match[2] or "").strip() if match else ""
+    if match is not None and _WORD.fullmatch(unit) and not is_unit(unit):
+        rule = "must have a unit that is known behind its number, as m/s or kg"
+        raise InputError(rule, field=field, value=source)
     if match is None or _NO_UNIT.match(unit) or not is_unit(unit):
         return read_quantity(source, field=field), "1"
     return read_quantity(match[1], field=field), unit
@@ -143,7 +147,7 @@ def _number_words(text: str) -> str:
         return "as 4.0"
     unit = (match[2] or "").strip()
     if unit and (is_unit(unit) or _WORD.fullmatch(unit)):
-        return "without a unit of its own, in that of the key or axis"
+        return "without a unit (it is in that of the key or axis)"
     return f"as {text.replace(',', '.')}" if "," in text and not unit else "as 4.0"
 
 
@@ -181,7 +185,8 @@ def _read_text(text: str, field: str) -> Quantity:
 
 
 def _rearranged(text: str) -> str:
-    """ "5000 (30)", "5.0e3(1)" and "(5.0(1))e3" in the order that the library reads."""
+    """ "5000 (30)", "5.0e3(1)", "(5.0(1))e3" and "5+-1" as the library reads them."""
+    text = text.replace("−", "-").replace("+-", "+/-")
     text = re.sub(r"(?<=[\d.])\s+(?=\([\d.]+\))", "", text)
     text = re.sub(r"^\(([^()]+\([^()]+\))\)", r"\1", text)
     return re.sub(r"([eE][+-]?\d+)(\(\d+\))", r"\2\1", text)

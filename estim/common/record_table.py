@@ -44,6 +44,9 @@ class Tabled(ABC):
             line.rstrip() for line in (*map(one_line, (shown.title, *rows)), *rest, *shown.notes)
         )
 
+    def __repr__(self) -> str:
+        return str(self)
+
     def _repr_markdown_(self) -> str:
         shown = self.shown()
         rows = [

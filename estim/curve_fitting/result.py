@@ -544,6 +544,9 @@ class CurveFit:
         ]
         return "\n".join(map(one_line, [*lines, self._summary()]))
 
+    def __repr__(self) -> str:
+        return str(self)
+
     def _repr_markdown_(self) -> str:
         head = [
             f"{code(self.called)}: **{self.status}**",

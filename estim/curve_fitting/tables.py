@@ -4,7 +4,7 @@ with what `fit_curve` takes of it: `fit_curve("a + b*x", **read_table("a.xlsx").
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import KeysView, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -47,10 +47,16 @@ class Columns:
     def __getitem__(self, name: str) -> FloatArray:
         return self.columns[self._called(name)]
 
+    def keys(self) -> KeysView[str]:
+        """Names of the columns; with them `dict(table)` is a dictionary, for `pandas.DataFrame`."""
+        return self.columns.keys()
+
     def _called(self, name: str) -> str:
         """The key of the column `name`, which may have its unit.  Raises InputError."""
         if name in self.columns:
             return name
+        if not isinstance(name, str):
+            raise InputError("must be the name of a column", field="name", value=name)
         bare, unit = name_and_unit(name)
         found = [
             key

@@ -613,6 +613,15 @@ def _check_signature(function: Callable[..., Any], names: tuple[str, ...]) -> No
         signature = inspect.signature(function)
     except (TypeError, ValueError):
         return  # a builtin that does not tell; calling it will
+    takes = [
+        name
+        for name, one in [*signature.parameters.items()][1:]
+        if one.default is one.empty and one.kind in (one.POSITIONAL_OR_KEYWORD, one.KEYWORD_ONLY)
+    ]
+    if set(takes) - set(names) and set(names) <= set(signature.parameters):
+        words = "{" + ", ".join(f"'{name}': 1.0" for name in takes[:5]) + "}"
+        rule = f"must give each parameter of a function a starting value, as {words}"
+        raise InputError(rule, field="start", value=", ".join(names) or None)
     try:
         signature.bind(0.0, **dict.fromkeys(names, 0.0))
     except TypeError as error:

@@ -80,7 +80,7 @@ class StandardError(NamedTuple):
         return cls(u_intercept, u_slope, -x_pivot * u_slope**2, x_pivot, u_pivot)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LineFit(Tabled):
     """The best line, its standard errors by every convention, and what can be said of the fit.
 

@@ -17,6 +17,7 @@ from estim.common import InputError, phrase, read_number
 from estim.line.joint_covariance import MOST_POINTS, Common, joint_covariance, with_zeros
 from estim.line.regression import LineFit, StandardError
 from estim.line.slope_interval import SlopeInterval
+from estim.problem import check_covariance
 from estim.reading import Dialect, read_columns
 
 
@@ -185,7 +186,11 @@ def read_matrix(path: Path, size: int, what: str, dialect: Dialect) -> FloatArra
         raise InputError(rule, field="matrix", file=path, line=error.line) from None
     if table.lines.size != size:
         raise InputError(rule, field="matrix", value=f"{table.lines.size} rows", file=path)
-    return np.column_stack([table.columns[name] for name in names])
+    matrix = np.column_stack([table.columns[name] for name in names])
+    try:
+        return check_covariance(matrix, size, field="matrix", singular=True)
+    except InputError as error:
+        raise error.at(path) from None
 
 
 def commons(x: Sequence[str], y: Sequence[str]) -> tuple[Common, ...]:

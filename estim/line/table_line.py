@@ -248,7 +248,11 @@ def straight_line(
                 for word in (bare_name(name), table.units[name] or "1")
             )
         ),
-        told=columns_sentence(used, table.unread),
+        told=columns_sentence(
+            used,
+            table.unread,
+            () if stated else [axis for axis, u in (("x", u_x), ("y", u_y)) if u is None],
+        ),
         facts=(*table.facts, *table.warnings),
         correlated=tuple(stated.words),
         findings=tuple(points_findings(fit)),

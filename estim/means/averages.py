@@ -87,7 +87,7 @@ class Groups:
     p_value: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Mean(Tabled):
     """The mean of several values, by every method.
 

@@ -97,6 +97,10 @@ def mean_of_table(
         table.units[name] or "1",
         found,
         tuple(labels),
-        columns_sentence([*used, *([("group", group, "")] if group else [])], table.unread),
+        columns_sentence(
+            [*used, *([("group", group, "")] if group else [])],
+            table.unread,
+            "y" if errors is None and group is None else "",
+        ),
         (*table.facts, *table.warnings),
     )

@@ -45,10 +45,10 @@ class TwoValues:
         )
         shown = rounded(apart.value, apart.u, 2) + behind(self.unit)
         k = "2" if self.k == 2.0 else f"{self.k:.2f} for {self.dof:.3g} degrees of freedom"
-        told = "agree" if self.agree else "do not agree"
+        told = "agree (|E_n| <= 1)" if self.agree else "do not agree (|E_n| > 1)"
         return (
             f"difference: {shown}, u = {u}, U = k u = {expanded} with k = {k}\n"
-            f"E_n = {self.e_n:.2f}: the two values {told} (|E_n| <= 1)"
+            f"E_n = {self.e_n:.2f}: the two values {told}"
         )
 
 
@@ -68,7 +68,7 @@ def compare_values(
     >>> from estim import compare_values
     >>> print(compare_values("9.81(2) m/s²", "9.75(1) m/s²"))
     difference: 0.060 m/s², u = 0.022 m/s², U = k u = 0.045 m/s² with k = 2
-    E_n = 1.34: the two values do not agree (|E_n| <= 1)
+    E_n = 1.34: the two values do not agree (|E_n| > 1)
     """
     (a, unit, dof), (b, other, dof_b) = (
         (*read_with_unit(given, field=field), math.inf)

@@ -264,9 +264,9 @@ def _check_names(outputs: Sequence[Output], quantities: Sequence[Quantity], plac
         for name in names:
             if name not in known:
                 close = difflib.get_close_matches(name, known, n=1)
-                hint = f" (did you mean '{close[0]}'?)" if close else ""
+                hint = f"did you mean '{close[0]}'?" if close else "state its value"
                 raise places.error(
-                    f"names no input and no measurand above it{hint}", path, value=name
+                    f"names no input and no measurand above it ({hint})", path, value=name
                 )
         if not names:
             raise places.error("must depend on an input", path, value=output.formula.text)

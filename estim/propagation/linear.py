@@ -51,7 +51,7 @@ from estim.propagation.inputs import (
 )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LinearResult(Tabled):
     """First-order propagation.  Arrays are read-only; "()" below stands for () or (n_out,).
 

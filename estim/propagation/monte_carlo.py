@@ -70,7 +70,7 @@ class Interval:
     high_error: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class MonteCarloResult(Tabled):
     """Propagation of distributions.  Arrays are read-only; "()" below stands for () or (n_out,).
 

@@ -51,7 +51,7 @@ class CorrelationRow:
     share: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Budget(Tabled):
     """Uncertainty budget of one output.
 

@@ -71,6 +71,8 @@ def number_in(row: Row, name: str, cell: str, mark: str, place: tuple[int, int] 
         )
     elif re.fullmatch(r"[+-]?\d{1,3}([., ']\d{3})+([.,]\d*)?", cell, re.ASCII):
         hint = " without marks between thousands"
+    elif re.fullmatch(r"\d{1,2}:\d\d", cell, re.ASCII):
+        hint = " (a time? write hours, minutes and seconds, as 13:05:00)"
     elif is_spreadsheet_error(cell):
         hint = " (leave the row out where there is none)"
     elif cell.startswith("="):

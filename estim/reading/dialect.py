@@ -37,7 +37,7 @@ _NAMED_UNIT = re.compile(
     r"(.{1,60}?)(\s*/)?(\s*)(?:\(([^()]{1,20})\)|\[([^\[\]]{1,20})\])|(.{1,60}?)\s+/\s*([^\s/]{1,20})"
 )
 _SYMBOL_OVER_UNIT = re.compile(r"([^\W\d_](?:_\w{1,8})?)/([^\s/()]{1,20})")
-_UNIT_BEHIND_IN = re.compile(r"(.{1,60}?)\s+in\s+(\S.{0,19})")
+_UNIT_BEHIND_A_WORD = re.compile(r"(.{1,60}?)\s+(?:in|/)\s+(\S.{0,19})")  # v in m s-1, v / m s-1
 _UNCERTAINTY = re.compile(r"u_.+|u\(([^()]+)\)")
 _FUNCTION = re.compile(
     r"ln|lg|log(?:2|10)?|exp|sqrt|(?:a|arc)?(?:sin|cos|tan)|sinh|cosh|tanh", re.IGNORECASE
@@ -148,7 +148,7 @@ def name_and_unit(cell: str) -> tuple[str, str]:
     """("U", "mV") for `U (mV)`, `U [mV]`, `U / mV`, `U/mV`, `U/(mV)` and `U in mV`; the unit is ""
     where the name states none, as `ln(U/V)`, `s(t)` and `m/s`.
     """
-    in_match = _UNIT_BEHIND_IN.fullmatch(cell.strip())
+    in_match = _UNIT_BEHIND_A_WORD.fullmatch(cell.strip())
     if in_match is not None and is_unit(in_match[2]):
         return in_match[1].strip(), in_match[2].strip()
     bare = cell.startswith("u(") and is_uncertainty(cell)
@@ -229,7 +229,11 @@ def shown_delimiter(*lines: str) -> str:
     return (
         " "
         if "," not in line
-        or (len(words) > 1 and all(looks_like_a_number(word) for word in words if "," in word))
+        or (
+            len(words) > 1
+            and not {"±", "+/-", "+-"} & {*words}  # these stand inside a cell
+            and all(looks_like_a_number(word) for word in words if "," in word)
+        )
         else ","
     )
 

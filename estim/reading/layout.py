@@ -36,7 +36,7 @@ from estim.reading.table import NOTE, Layout, facts_of, line_numbers, numbered_l
 Lines = list[tuple[int, str]]
 
 _ONE_COLUMN = ";"  # stands in no row then
-_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+", re.ASCII)
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(\s*(±|\+/?-)\s*\d+(,\d+)?|\(\d+(,\d+)?\))?", re.ASCII)
 _RULE = re.compile(r"[-=_+|\s]+")  # a line drawn below the header
 _UNITS = (
     "s ms us ns ps min h d m cm mm um nm km kg g mg N mN kN Pa hPa kPa MPa bar mbar J mJ "
@@ -53,15 +53,27 @@ _BEGINS_WITH_A_WORD = re.compile(r'\s*"?[^\W\d_]{2}')
 _COMMENT = re.compile(r"comments?", re.IGNORECASE)  # LabVIEW names a column that has no cells
 _OF_SUMS = (
     "mean average avg median sum total stdev stddev mittelwert mittel summe gesamt durchschnitt "
-    "standardabweichung media promedio mediana suma moyenne somme"
+    "standardabweichung media promedio mediana suma moyenne somme std sd sem stabw stabwn "
+    "std.dev. variance varianz"
 )
-_SUMS = {*_OF_SUMS.split(), "mean value", "standard deviation", "desviación estándar"}
+_SUMS = {
+    *_OF_SUMS.split(),
+    "mean value",
+    "standard deviation",
+    "standard error",
+    "std dev",
+    "std. dev.",
+    "st. dev.",
+    "desviación estándar",
+}
+_EXTREMES = {"min", "max", "minimum", "maximum", "mín", "máx"}  # Max may be a person
 _SEPARATORS = re.compile(r"[/*·⋅^ ()\[\]]|[-−]?\d+|[⁻¹²³]+")
 
-
-# 10 periods (s)
-_NAMED_BY_A_NUMBER = re.compile(
-    r"\d[^()\[\]]{0,20}[^\W\d_]{3}[^()\[\]]{0,20}[(\[][^()\[\]]{0,9}[^\W\d_][^()\[\]]{0,9}[)\]]"
+_LONG_WORD = re.compile(r"[^\W\d_]{3}")
+_LETTER = re.compile(r"[^\W\d_]")
+_NAMED_BY_A_NUMBER = re.compile(  # 10 periods (s), 2θ (°), 1/T (1/K), 1/T
+    r"(\d[^()\[\]]{0,40}[^\W\d_][^()\[\]]{0,40})[(\[]([^()\[\]]{1,19})[)\]]"
+    r"|1\s*/\s*[^\W\d_]\w{0,9}"
 )
 
 
@@ -110,11 +122,13 @@ def read_layout(path: Path, dialect: Dialect = PLAIN, *, needed: Sequence[str] =
     if ends:
         below_it = line_numbers([row.number for row in ends])
         facts.append(
-            phrase("what stands below the table was not read (lines {lines})", lines=below_it)
+            phrase("what stands below the table was not read (line {lines})", lines=below_it)
+            if len(ends) == 1
+            else phrase("what stands below the table was not read (lines {lines})", lines=below_it)
         )
     split, thousands = _without_thousands(split, dialect)
     facts += thousands
-    start = _start(split) if dialect.header is None else int(dialect.header)
+    start = _start(split, delimiter) if dialect.header is None else int(dialect.header)
     above = split[:start]
     percent = any(row.line.lstrip().startswith("%") for row in above)
     rows = [row for row in split[start:] if not (percent and row.line.lstrip().startswith("%"))]
@@ -194,8 +208,11 @@ def _sums_up(row: Row, above: Sequence[Row]) -> bool:
     for i, cell in enumerate(row.cells):
         column = [other.cells[i] for other in above if i < len(other.cells)]
         numbers = [value for text in column if (value := _plain_number(text)) is not None]
-        if cell.strip(" :=").casefold() in _SUMS and 2 * len(numbers) >= len(column) > 0:
+        word = cell.strip(" :=").casefold()
+        if word in _SUMS | _EXTREMES and 2 * len(numbers) >= len(column) > 0:
             return True
+        if word in _EXTREMES:
+            return False
         value = _plain_number(cell)
         if value is not None and len(numbers) > 1:
             known = (fmean(numbers), math.fsum(numbers), median(numbers), stdev(numbers))
@@ -214,7 +231,7 @@ def _plain_number(text: str) -> float | None:
 def _sum_word(row: Row) -> str:
     """The label of a row with a value, if it says mean, sum and so on."""
     words = (cell.strip(" :=").casefold() for cell in row.cells)
-    word = next((word for word in words if word in _SUMS), "")
+    word = next((word for word in words if word in _SUMS | _EXTREMES), "")
     return word if any(map(says_a_value, row.cells)) else ""
 
 
@@ -231,7 +248,7 @@ def _lies(rows: Sequence[Row]) -> bool:
     """Whether columns lie on their side: each line is a name, perhaps its unit, and more values
     than there are lines.
     """
-    names = [row.cells[0] for row in rows]
+    names = [cell for row in rows for cell in row.cells[:1]]
     return (
         1 < len(rows) == len(set(names))
         and not any(says_a_value(name) or is_missing(name) for name in names)
@@ -283,8 +300,8 @@ def _without_thousands(rows: list[Row], dialect: Dialect) -> tuple[list[Row], li
 
 
 def _is_one_column(lines: Lines, dialect: Dialect) -> bool:
-    """Whether each row is one number, perhaps with a decimal comma: as stated, or as a name with
-    its unit above them shows, `t (s)` or `t in s`.
+    """Whether each row is one number, perhaps with a decimal comma and its uncertainty: as stated,
+    or as a name with its unit above them shows, `t (s)` or `t in s`.
     """
 
     def has_comma(line: str) -> bool:
@@ -304,6 +321,9 @@ def _no_names(first: Row, delimiter: str) -> InputError:
     rule = (
         f"has no line of column names: name its {width} columns from left to right "
         "(--columns a,b,...; columns = [...] in a campaign)"
+        if width > 1
+        else "has no line with the name of its column: give it one (--columns a; columns = "
+        '["a"] in a campaign)'
     )
     if delimiter == "," and width == 2:
         rule += (
@@ -366,7 +386,7 @@ def is_called(column: str, letter: str) -> bool:
     return bare_name(column).partition("_")[0].lower() == letter
 
 
-def _start(rows: Sequence[Row]) -> int:
+def _start(rows: Sequence[Row], delimiter: str) -> int:
     """Index of the first row of numbers: like the last row it has as many cells, with numbers (or
     nothing) in the same columns.
 
@@ -392,14 +412,19 @@ def _start(rows: Sequence[Row]) -> int:
         raise InputError(rule, field="row", value=last.line, line=last.number)
     while first and _is_blank(rows[first - 1], shape):
         first -= 1
-    for row in rows[:first]:
-        cells = [cell for cell in row.cells if cell]
-        if len(cells) > 1 and all(map(looks_like_a_number, cells)):
-            rule = (
-                "is a row with another number of cells than the last one: say how many lines "
-                "stand above the table (--skip-rows; skip_rows = ... in a campaign)"
-            )
-            raise InputError(rule, field="row", value=row.line, line=row.number)
+    odd = [
+        row
+        for row in rows[:first]
+        if sum(map(bool, row.cells)) > 1 and all(map(looks_like_a_number, filter(None, row.cells)))
+    ]
+    if len(odd) > len(rows) - first:
+        raise cells_differ(len(last.cells), len(odd[0].cells), delimiter, rows[first].number)
+    if odd:
+        rule = (
+            "is a row with another number of cells than the last one: say how many lines "
+            "stand above the table (--skip-rows; skip_rows = ... in a campaign)"
+        )
+        raise InputError(rule, field="row", value=odd[0].line, line=odd[0].number)
     return first
 
 
@@ -519,7 +544,7 @@ def _refuse_half_a_row(above: Sequence[Row], fits: Callable[[Sequence[str]], boo
         return
     if any(
         is_spreadsheet_error(cell)
-        or (re.match(r"[+-]?[.,]?\d", cell) and not _NAMED_BY_A_NUMBER.fullmatch(cell))
+        or (re.match(r"[+-]?[.,]?\d", cell) and not _is_named_by_a_number(cell))
         for cell in cells
     ):
         raise InputError(
@@ -529,6 +554,16 @@ def _refuse_half_a_row(above: Sequence[Row], fits: Callable[[Sequence[str]], boo
             value=line,
             line=number,
         )
+
+
+def _is_named_by_a_number(cell: str) -> bool:
+    """Whether a cell that begins with a number is a name: with its unit, or an inverse."""
+    match = _NAMED_BY_A_NUMBER.fullmatch(cell)
+    return match is not None and (
+        match[2] is None
+        or is_unit(match[2].strip())
+        or bool(_LONG_WORD.search(match[1]) and _LETTER.search(match[2]))
+    )
 
 
 def _all_in(needed: Sequence[str], cells: Sequence[str]) -> bool:

@@ -7,6 +7,7 @@ cure (`dialect`).  Rows without a value in one of the columns are left out, and 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -243,9 +244,13 @@ def _copied(copies: Mapping[int, int], table: FloatArray) -> list[str]:
     return [words]
 
 
-def columns_sentence(read: Sequence[tuple[str, str, str]], unread: Sequence[str]) -> str:
-    """Which columns are what, and which columns of numbers are not read.  read : "x", its column,
-    its unit or "1" where none is known.
+def columns_sentence(
+    read: Sequence[tuple[str, str, str]], unread: Sequence[str], bare: Sequence[str] = ()
+) -> str:
+    """Which columns are what, and which columns of numbers are not read.
+
+    read : "x", its column, its unit or "1" where none is known.
+    bare : "x" and "y" where no uncertainties are stated: columns that may hold them are told.
     """
     names = names_and_units([column for _, column, _ in read])
     pairs = [
@@ -254,6 +259,26 @@ def columns_sentence(read: Sequence[tuple[str, str, str]], unread: Sequence[str]
         if name
     ]
     columns = phrase("columns: {pairs}", pairs=", ".join(pairs))
-    return columns + (
-        phrase("; columns not used: {columns}", columns=listed(unread)) if unread else ""
-    )
+    if unread:
+        columns += phrase("; columns not used: {columns}", columns=listed(unread))
+    for axis in bare:
+        of = next((name for key, name, _ in read if key == axis), "")
+        for name in [name for name in unread if _may_be_uncertainty(name, of, axis)][:1]:
+            columns += phrase(
+                "; if '{name}' holds standard uncertainties, say so (--u-{axis}; u_{axis} in a "
+                "campaign)",
+                name=bare_name(name),
+                axis=axis,
+            )
+    return columns
+
+
+def _may_be_uncertainty(name: str, column: str, axis: str) -> bool:
+    """Whether a column may hold the uncertainties of another, by its name: dU, ΔU, U_err, of y also
+    err.
+    """
+    short, own = (re.sub(r"[\s_.()]+", "", bare_name(text)) for text in (name, column or "-"))
+    before = rf"(d|Δ|∆|δ|σ|s|sd|std|sigma|err|error|delta){re.escape(own)}"
+    behind = rf"{re.escape(own)}(err|error|sd|std|stdev|unc|uncertainty|fehler)"
+    alone = "err|error|errors|sd|std|stdev|sigma|σ|unc|uncertainty|fehler" if axis == "y" else "_"
+    return re.fullmatch(f"{before}|{behind}|{alone}", short, re.IGNORECASE) is not None

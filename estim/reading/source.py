@@ -20,7 +20,7 @@ from estim.reading.workbook import sheet_text
 
 GROUP = "estim.readers"  # of entry points
 _TABLES = (".csv", ".txt", ".tsv", ".dat")
-_NO_TEXT = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0", b"%PDF", b"\x1f\x8b")
+_NO_TEXT = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0", b"%PDF", b"\x1f\x8b", b"\x89PNG", b"\xff\xd8\xff")
 _OWN = (*_TABLES, ".trk", ".trz", ".xls", ".xlsx", ".ods", ".zip", ".toml")
 
 

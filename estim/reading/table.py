@@ -21,6 +21,7 @@ from estim.reading.cells import Row
 from estim.reading.dialect import Dialect
 from estim.reading.input_file import line_after_comment, lines_of
 
+_TRUE_MINUS = re.compile(r"\(?−[\d.,].*|[\d.,]+[eE]−\d.*")
 _OTHER_NAMES = {
     "time (s)": "t_s",
     "t (s)": "t_s",
@@ -203,12 +204,19 @@ def own_name(cell: str) -> str:
 
 
 def split_cells(line: str, delimiter: str) -> list[str]:
-    """The cells of a line, blanks around them taken off.  Raises csv.Error where quotes do not
+    """The cells of a line, blanks around them taken off, the minus of Unicode in numbers as that of
+    the keyboard.  Raises csv.Error where quotes do not
     enclose whole cells.
     """
-    if delimiter == " ":
-        return line.split()
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, strict=True))]
+    cells = (
+        line.split()
+        if delimiter == " "
+        else next(csv.reader([line], delimiter=delimiter, strict=True))
+    )
+    return [
+        cell.replace("−", "-") if "−" in cell and _TRUE_MINUS.fullmatch(cell) else cell
+        for cell in map(str.strip, cells)
+    ]
 
 
 def row_of(line: str, delimiter: str, number: int) -> list[str]:

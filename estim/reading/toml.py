@@ -90,9 +90,12 @@ def parse_toml(text: str, file: str) -> tuple[dict[str, Any], Places]:
     except tomllib.TOMLDecodeError as error:
         message, _, place = str(error).rpartition(" (at ")
         match = re.match(r"line (\d+), column \d+\)", place)
+        table = file.lower().endswith((".csv", ".tsv", ".txt", ".dat"))
         raise InputError(
-            "is not valid TOML",
-            quoted=message,
+            "is a table, not a TOML file (estim new NAME --from FILE writes a campaign for it)"
+            if table
+            else "is not valid TOML",
+            quoted="" if table else message,
             file=file,
             field="file",
             line=int(match[1]) if match else None,

@@ -135,6 +135,8 @@ def mean_figure(found: TableMean) -> Figure:
     )
     if mean.groups is not None and len(mean.groups.names) <= 40:
         name_ticks(ax.xaxis, np.unique(places), mean.groups.names)
+    else:
+        ax.xaxis.get_major_locator().set_params(integer=True)
     ax.set(
         ylabel=found.name + bracketed(found.unit),
         xlabel=phrase("number of the value" if mean.groups is None else "group"),

@@ -260,19 +260,21 @@ def expanded_statement(
     probability: float,
 ) -> str:
     """A value with its expanded uncertainty, told as GUM 7.2.4 asks."""
+    expanded = f"{rounded(value, k * u, 2)} ± {rounded(k * u, k * u, 2, beside=value)}"
     return phrase(
-        "{what}: {name} = ({value}){unit}, where the number after ± is the expanded "
+        "{what}: {name} = {value}, where the number after ± is the expanded "
         "uncertainty U = k u, with the standard "
         "uncertainty u = {u} and the coverage factor k = {k:.2f} from {law} for a "
         "coverage probability of {percent}.",
         what=what,
         name=name,
-        value=f"{rounded(value, k * u, 2)} ± {rounded(k * u, k * u, 2, beside=value)}",
-        unit=unit,
+        value=f"({expanded}){unit}" if unit else expanded,
         u=rounded(u, u, 2, beside=value) + unit,
         k=k,
         law=phrase("the normal distribution")
         if dof > 1e6
+        else phrase("the t distribution with 1 effective degree of freedom")
+        if f"{dof:.3g}" == "1"
         else phrase("the t distribution with {dof:.3g} effective degrees of freedom", dof=dof),
         percent=f"{100.0 * probability:g} %",
     )
