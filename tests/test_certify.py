@@ -548,3 +548,9 @@ def test_draws_of_which_one_has_all_the_weight_are_one_component(rng: np.random.
     assert found.weights == pytest.approx([1.0])
     assert found.means[0] == pytest.approx(draws[7], abs=1e-6)
     assert np.all(np.isfinite(found.draw(rng, 10)))
+
+
+def test_draws_of_a_certificate_come_with_their_density(rng: np.random.Generator) -> None:
+    density = normal(COV)
+    found = certificate_of(density, np.zeros(4), COV, rng=rng)
+    np.testing.assert_array_equal(found.log_density, density.log_density(found.draws))

@@ -174,35 +174,30 @@ class Mixture:
             ]
         )
 
-    def _given(self) -> Iterator[tuple[_Given, ...]]:
-        """For each family, what `_pointwise` needs of each of its components whatever the
-        residuals.
-        """
+    def _given(self) -> Iterator[_Given]:
+        """For each family, what `_pointwise` needs whatever the residuals."""
         back, precisions = self.deviation.turned_back, self.deviation.root.precisions
         for family, terms in zip(self.deviation.families, self.terms, strict=True):
             directions = back(np.vstack([family.basis.T, self.columns.T]))
-            n_dir, given = family.spectrum.size, []
-            for row, cross in zip(-2.0 * terms.gain, terms.cross, strict=True):
-                gain = np.append(row[:n_dir], np.zeros(self.columns.shape[1]))
-                explained = cross @ directions
-                diagonal = row[n_dir] * precisions + gain @ directions**2
-                half = np.sqrt(0.5 / (diagonal - np.sum(explained**2, axis=0)))
-                seen = gain[:, None] * directions - cross.T @ explained
-                log = -np.log(2.0 * np.sqrt(np.pi) * half)
-                given.append(_Given(row[n_dir] * half, seen * half, log))
-            yield tuple(given)
+            known, white, _ = np.split(-2.0 * terms.gain, [-2, -1], axis=1)
+            gain = np.hstack([known, np.zeros((len(known), self.columns.shape[1]))])
+            explained = terms.cross @ directions
+            diagonal = white * precisions + gain @ directions**2
+            half = np.sqrt(0.5 / (diagonal - np.sum(explained**2, axis=1)))
+            seen = gain[:, :, None] * directions - np.swapaxes(terms.cross, 1, 2) @ explained
+            log = -np.log(2.0 * np.sqrt(np.pi) * half)
+            yield _Given(white * half, seen * half[:, None], log)
 
-    def _pointwise(
-        self, residuals: FloatArray, given: tuple[tuple[_Given, ...], ...]
-    ) -> FloatArray:
+    def _pointwise(self, residuals: FloatArray, given: tuple[_Given, ...]) -> FloatArray:
         logs = self.log_components(residuals)
         z = self.deviation.whiten(residuals)
         along, back = z @ self.columns, self.deviation.turned_back(z)
         without = np.full(z.shape, -np.inf)
         for (family, own_logs), each in zip(self.deviation.each(logs), given, strict=True):
-            seen = np.hstack([z @ family.basis, along])
-            parts = np.array([component.square(back, seen) - component.log for component in each])
-            parts += own_logs[:, :, None]
+            parts = np.hstack([z @ family.basis, along]) @ each.seen
+            parts += back * each.white[:, None]
+            np.square(parts, out=parts)
+            parts += own_logs[:, :, None] - each.log[:, None]
             highest = np.maximum(np.max(parts, axis=0), -1e300)  # finite where all densities are 0
             np.exp(np.subtract(parts, highest, out=parts), out=parts)
             np.logaddexp(without, highest + np.log(np.sum(parts, axis=0)), out=without)
@@ -211,25 +206,17 @@ class Mixture:
 
 @dataclass(frozen=True, eq=False)
 class _Given:
-    """A component of a family, for the density of a point given the others: N_k(r_i | others) =
-    exp(log - square).
+    """The components of a family, for the density of a point given the others: N_k(r_i | others) =
+    exp(log - root^2).
 
-    white, seen : (n_obs,), (n_dir + n_column, n_obs) what whitened residuals turned back, and those
-        along basis and columns, add to the root of `square`.
-    log : (n_obs,) half the logarithm of the inverse of its variance over 2 pi.
+    white, seen : (n_component, n_obs), (n_component, n_dir + n_column, n_obs) what whitened
+        residuals turned back, and those along basis and columns, add to the root.
+    log : (n_component, n_obs) half the logarithm of the inverse of its variance over 2 pi.
     """
 
     white: FloatArray
     seen: FloatArray
     log: FloatArray
-
-    def square(self, back: FloatArray, seen: FloatArray) -> FloatArray:
-        """(n_draw, n_obs) half the squared residual of each point over its variance given the
-        others.
-        """
-        scaled = seen @ self.seen
-        scaled += back * self.white
-        return np.square(scaled, out=scaled)
 
 
 def inverse_times(rows: FloatArray, causes: FloatArray, white: float) -> FloatArray:

@@ -36,7 +36,7 @@ from estim.drawing import (
 )
 from estim.pipeline import Analysis
 from estim.problem import Observations, Problem, reading_sd
-from estim.sampling import Bands, curve_draws
+from estim.sampling import Bands, curve_draws, motion_end
 from estim.studies.paper_band import PropagatedBand
 
 _BAR: dict[str, Any] = {"fmt": "o", "color": INK, "elinewidth": 0.7, "zorder": 5}
@@ -168,7 +168,8 @@ def _curve(analysis: Analysis, run: Observations, bands: Bands, x: FloatArray) -
     """
     if analysis.diagnosis.ok and not run.numbered:
         return np.interp(x, bands.x, bands.median)
-    return curve_draws(analysis.problem, run, x, analysis.fit.values[None, :])[0][0]
+    problem, values = analysis.problem, analysis.fit.values[None, :]
+    return curve_draws(problem, run, x, values, motion_end(problem, run, values))[0]
 
 
 def _new_reading(analysis: Analysis, run: Observations, bands: Bands) -> str:

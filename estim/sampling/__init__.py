@@ -4,7 +4,7 @@ computation, bands.
 Read `chain` first, then `certificate`.
 """
 
-from estim.sampling.bands import Bands, central_intervals, curve_draws, posterior_bands
+from estim.sampling.bands import Bands, central_intervals, curve_draws, motion_end, posterior_bands
 from estim.sampling.certificate import (
     MAX_PARAMETERS,
     MAX_TIED,

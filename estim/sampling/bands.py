@@ -87,16 +87,13 @@ def curve_grid(run: Observations, end: FloatArray, n_x: int) -> FloatArray:
 
 
 def curve_draws(
-    problem: Problem, run: Observations, x: FloatArray, draws: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """The curve (n_draw, n_x) at each draw, 0 where the motion has ended, and where it ends
-    (n_draw,).
-    """
-    end = motion_end(problem, run, draws)
+    problem: Problem, run: Observations, x: FloatArray, draws: FloatArray, end: FloatArray
+) -> FloatArray:
+    """The curve (n_draw, n_x) at each draw, 0 beyond the `end` (n_draw,) of its motion."""
     value = np.broadcast_to(
         run.curve.value(x, run.bind(problem.named(draws))), (draws.shape[0], x.size)
     )
-    return np.where(x <= end[:, None], value, 0.0), end
+    return np.where(x <= end[:, None], value, 0.0)
 
 
 def motion_end(problem: Problem, run: Observations, draws: FloatArray) -> FloatArray:
@@ -115,8 +112,9 @@ def _bands(
     probabilities: tuple[float, ...],
     n_x: int,
 ) -> Bands:
-    x = curve_grid(run, motion_end(problem, run, draws), n_x)
-    curve, end = curve_draws(problem, run, x, draws)
+    end = motion_end(problem, run, draws)
+    x = curve_grid(run, end, n_x)
+    curve = curve_draws(problem, run, x, draws, end)
     named, scale = problem.named(draws), np.ones(draws.shape[0])
     if completed is not None:
         gained, scale = completed.gained(x, named, rng)

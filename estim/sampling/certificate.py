@@ -63,6 +63,7 @@ class Certificate:
     mcse_shares : of the share of the posterior below each of them; as an error of the quantile
         itself it would need a density there, which a few draws in a tail tell badly.
     draws : (4000, n_par) equally weighted, resampled with replacement, in random order.
+    log_density : (4000,) of them.
     """
 
     names: tuple[str, ...]
@@ -78,6 +79,7 @@ class Certificate:
     quantiles: Mapping[float, FloatArray]
     mcse_shares: Mapping[float, FloatArray]
     draws: FloatArray
+    log_density: FloatArray
 
     @property
     def reliable(self) -> bool:
@@ -135,14 +137,13 @@ def certify(
     Raises NumericalError where the density is not a number.
     """
     proposal = proposal.widened()
-    draws, log_ratio = np.zeros((0, proposal.n_par)), np.zeros(0)
+    draws, log_p, log_ratio = np.zeros((0, proposal.n_par)), np.zeros(0), np.zeros(0)
     wanted = n_draw
     while True:
         more = proposal.draw(rng, wanted - len(draws))
         draws = np.vstack([draws, more])
-        log_ratio = np.append(
-            log_ratio, log_density_in_batches(density, more) - proposal.log_density(more)
-        )
+        log_p = np.append(log_p, log_density_in_batches(density, more))
+        log_ratio = np.append(log_ratio, log_p[log_ratio.size :] - proposal.log_density(more))
         most = math.ceil(max_draw / max(float(np.mean(np.isfinite(log_ratio))), 0.25))
         log_weights, k_hat, log_mean = pareto_smoothed(log_ratio)
         columns = [_Column(column, np.exp(log_weights)) for column in draws.T]
@@ -155,7 +156,7 @@ def certify(
             break
         # more draws than are lacking, since what lacks them moves with them
         wanted = min(int(min(1.2 * lacking, 2.0) * wanted), most)
-    return _summarise(density.names, draws, columns, log_weights, k_hat, log_mean, rng)
+    return _summarise(density.names, draws, log_p, columns, log_weights, k_hat, log_mean, rng)
 
 
 def _lacking_for_ends(columns: Sequence[_Column]) -> float:
@@ -174,6 +175,7 @@ def _lacking_for_ends(columns: Sequence[_Column]) -> float:
 def _summarise(
     names: tuple[str, ...],
     draws: FloatArray,
+    log_p: FloatArray,
     columns: Sequence[_Column],
     log_weights: FloatArray,
     k_hat: float,
@@ -193,7 +195,8 @@ def _summarise(
     for p in QUANTILES:
         quantiles[p] = np.array([column.at(p) for column in columns])
         errors[p] = np.array([column.error_below(p) for column in columns])
-    resampled = draws[rng.permutation(systematic(weights, 4000, rng))]
+    chosen = rng.permutation(systematic(weights, 4000, rng))
+    resampled = draws[chosen]
     resampled.flags.writeable = False
     return Certificate(
         names=names,
@@ -211,6 +214,7 @@ def _summarise(
         quantiles=MappingProxyType(quantiles),
         mcse_shares=MappingProxyType(errors),
         draws=resampled,
+        log_density=log_p[chosen],
     )
 
 

@@ -85,6 +85,7 @@ class Certified:
                 mcse_sd=sd / math.sqrt(2.0 * ess),
                 quantiles={p: values(ends) for p, ends in certificate.quantiles.items()},
                 draws=seen,
+                log_density=certificate.log_density - density.coordinates.log_volume(seen),
             )
         return replace(
             self,

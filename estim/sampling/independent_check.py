@@ -14,7 +14,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.sampling.certificate import Certificate, certify
-from estim.sampling.log_density import Density, Support, log_density_in_batches
+from estim.sampling.log_density import Density, Support
 from estim.sampling.proposal import Proposal, mixture_of_draws
 from estim.sampling.ridges import ridge_proposal
 
@@ -43,29 +43,21 @@ def second_opinion(
     certificate = certify(density, adapted.beside(ridges, 0.5), rng=rng)
     if not certificate.reliable:
         return certificate, adapted
-    return certificate, repaired(
-        density, adapted, ridges, certificate.draws, certificate.log_evidence, rng=rng
-    )
+    return certificate, repaired(adapted, ridges, certificate, rng=rng)
 
 
 def repaired(
-    density: Density,
-    adapted: Proposal,
-    ridges: Proposal,
-    draws: FloatArray,
-    log_evidence: float,
-    *,
-    rng: np.random.Generator,
+    adapted: Proposal, ridges: Proposal, certificate: Certificate, *, rng: np.random.Generator
 ) -> Proposal:
-    """The `adapted` proposal; where it leaves out what `draws` (n_draw, n_par) of the posterior
-    hold, a mixture of it with one fitted to them and with the `ridges`, which guard the tails.
+    """The `adapted` proposal; where it leaves out what the draws of the `certificate` hold, a
+    mixture of it with one fitted to them and with the `ridges`, which guard the tails.
 
     What counts is the density over the proposal, both normalised, at draws of the posterior, which
     come from elsewhere: its mean is the reciprocal of the effective share of the proposal's draws,
     its largest values how long a chain of such steps would stay in what the proposal leaves out.
     The root of its mean square heeds both.
     """
-    heights = log_density_in_batches(density, draws) - log_evidence
+    draws, heights = certificate.draws, certificate.log_density - certificate.log_evidence
     ratio = np.exp(np.minimum(heights - adapted.log_density(draws), 300.0))
     # density over proposal, root mean square at draws of the posterior, from which another is made
     if np.sqrt(np.mean(ratio**2)) < 2.0:
