@@ -111,6 +111,7 @@ class End:
 Task = Generator[Start, End, T]
 
 
+@np.errstate(all="ignore")
 def run_descents(function: ObjectiveFunction, tasks: Sequence[Task[T]]) -> list[T]:
     """What the tasks return, in their order; each is sent the end of the descent from every start
     that it yields.
@@ -187,7 +188,6 @@ class LeastSquares:
                 squares[part] = np.einsum("ij,ij->i", residuals, residuals)
         return finite_or(0.5 * squares, np.inf)
 
-    @np.errstate(all="ignore")
     def evaluate(self, points: FloatArray, which: Indices) -> tuple[FloatArray, FloatArray]:
         solved, squares = points.copy(), np.empty(len(points))
         for part in self._parts(len(points), self.linear.size):
@@ -199,7 +199,6 @@ class LeastSquares:
             squares[part] = np.einsum("ij,ij->i", residuals, residuals)
         return solved, finite_or(0.5 * squares, np.inf)
 
-    @np.errstate(all="ignore")
     def derivatives(
         self, points: FloatArray, which: Indices, curved: Flags
     ) -> tuple[FloatArray, FloatArray]:
@@ -235,6 +234,7 @@ class LeastSquares:
         columns /= (beside - at)[:, :, None]
         return every[:, 0], np.swapaxes(columns, 1, 2)
 
+    @np.errstate(all="ignore")
     def descend(
         self, points: FloatArray, *, ftol: float, max_steps: int, hopeless: float = math.inf
     ) -> tuple[FloatArray, FloatArray, Flags]:
@@ -443,7 +443,6 @@ class _Descents:
         self.outdated[which] = not self.function.quasi_newton
 
 
-@np.errstate(all="ignore")
 def bounded_steps(
     gradients: FloatArray,
     hessians: FloatArray,
@@ -497,24 +496,21 @@ def _learned(
     """Hessians (n, n_par, n_par) updated by the changes of the gradient along steps (n, n_par):
     BFGS, damped (Powell) to stay positive definite.
     """
-    with np.errstate(all="ignore"):
-        before = np.einsum("kij,kj->ki", hessians, steps)
-        expected, observed = np.sum(steps * before, axis=1), np.sum(steps * changes, axis=1)
-        share = np.where(observed < 0.2 * expected, 0.8 * expected / (expected - observed), 1.0)[
-            :, None
-        ]
-        changes = share * changes + (1.0 - share) * before
-        observed = np.sum(steps * changes, axis=1)
-        updated = (
-            hessians
-            + squared_rows(changes) / observed[:, None, None]
-            - squared_rows(before) / expected[:, None, None]
-        )
-        sound = (
-            np.any(np.abs(steps) > telling, axis=1)
-            & (expected > 0.0)
-            & np.all(np.isfinite(updated), axis=(1, 2))
-        )
+    before = np.einsum("kij,kj->ki", hessians, steps)
+    expected, observed = np.sum(steps * before, axis=1), np.sum(steps * changes, axis=1)
+    share = np.where(observed < 0.2 * expected, 0.8 * expected / (expected - observed), 1.0)
+    changes = share[:, None] * changes + (1.0 - share[:, None]) * before
+    observed = np.sum(steps * changes, axis=1)
+    updated = (
+        hessians
+        + squared_rows(changes) / observed[:, None, None]
+        - squared_rows(before) / expected[:, None, None]
+    )
+    sound = (
+        np.any(np.abs(steps) > telling, axis=1)
+        & (expected > 0.0)
+        & np.all(np.isfinite(updated), axis=(1, 2))
+    )
     return np.where(sound[:, None, None], updated, hessians)
 
 

@@ -49,7 +49,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -620,6 +620,7 @@ def _speed(v: FloatArray) -> dict[str, Statistic]:
     return {"speed": speed}
 
 
+@lru_cache(maxsize=4)
 def _slow(n: int, order: int) -> FloatArray:
     """(n, n_shape) orthonormal polynomials up to an order."""
     places = np.linspace(-1.0, 1.0, n)

@@ -170,9 +170,9 @@ def _concluded(
     *,
     stated: bool,
 ) -> ManyFits:
-    slopes, information = function.derivatives(
-        values, np.arange(len(values)), np.ones(len(values), bool)
-    )
+    every = np.arange(len(values))
+    with np.errstate(all="ignore"):
+        slopes, information = function.derivatives(values, every, every >= 0)
     scale = np.sqrt(np.diagonal(information, axis1=1, axis2=2))
     on_limit = np.minimum(values - function.low, function.high - values) < _ON_LIMIT * function.size
     moving = ~on_limit & (scale > 0.0)

@@ -37,18 +37,14 @@ LARGEST_MODERATE = 100.0  # scales of a search are as wide
 _MOST_DECADES = 100.0  # of a factor
 
 
-def dimensions_of(formula: Formula) -> dict[str, Dimension]:
-    """Name -> unit of each parameter that the formula determines."""
-    return _found(_solved(formula, _System(), density=False), formula)
-
-
-def factors_of(formula: Formula) -> dict[str, float]:
-    """Name -> how many times as large as its unit a parameter is because of very large and very
-    small numbers beside it: 1e6 for R in `exp(-x/(R*1e-6))`.
+def dimensions_of(formula: Formula) -> tuple[dict[str, Dimension], dict[str, float]]:
+    """Name -> unit of each parameter that the formula determines; and name -> how many times as
+    large as its unit a parameter is because of very large and very small numbers beside it: 1e6 for
+    R in `exp(-x/(R*1e-6))`.
     """
     system = _solved(formula, _System(), density=False)
     rows = {name: system.reduced({name: Fraction(1)}) for name in formula.names}
-    return {
+    return _found(system, formula), {
         name: 10.0 ** min(max(float(row.get(_TEN, 0)), -_MOST_DECADES), _MOST_DECADES)
         for name, row in rows.items()
     }

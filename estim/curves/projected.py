@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from estim.arrays import FloatArray, all_finite, max_abs
-from estim.curves.dimensions import dimensions_of, factors_of
+from estim.curves.dimensions import dimensions_of
 from estim.curves.dual_numbers import Dual, plain
 from estim.curves.formula import Formula, evaluate, names_in
 from estim.curves.models import Limits
@@ -181,7 +181,7 @@ def projected(
         formula, [name for name in sought if not any(map(math.isfinite, ends[name]))]
     )
     nonlinear = tuple(name for name in sought if name not in linear)
-    units, factors, places = dimensions_of(formula), factors_of(formula), places_of(formula)
+    (units, factors), places = dimensions_of(formula), places_of(formula)
     scales = tuple(
         scale_of(units.get(name), factors[name], x, y, *ends[name], place=name in places)
         for name in nonlinear

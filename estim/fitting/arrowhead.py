@@ -66,6 +66,7 @@ def spreads_by_runs(
     return [np.transpose(np.linalg.qr(spread[used].T, mode="r")) for used in columns]
 
 
+@np.errstate(all="ignore")
 def descend_by_runs(
     posterior: Posterior, values: FloatArray, free: Sequence[int], *, most: int = 200
 ) -> FloatArray:
@@ -119,8 +120,7 @@ def _height(posterior: Posterior, values: FloatArray) -> float:
 
 def _shape(posterior: Posterior, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Slope (n_par,) and curvature (n_par, n_par) of that, points without derivatives left out."""
-    with np.errstate(all="ignore"):
-        pairs = posterior.narrow_scoring(values)
+    pairs = posterior.narrow_scoring(values)
     problem = posterior.problem
     slope, curvature = problem.prior_gradient(values[None, :])[0], problem.prior_information(values)
     for (jacobian, residuals), used in zip(pairs, problem.columns, strict=True):

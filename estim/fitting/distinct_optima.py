@@ -99,6 +99,8 @@ def choose(
     no solutions.  A worse end from which the next step would still lead away is no optimum: a
     parameter on its way to infinity has any share.
     """
+    if len(distinct) == 1:
+        return written(search, [distinct[0][0]], symmetry, start), np.zeros((0, start.size)), ()
     solutions: list[list[End]] = []
     for end in distinct[:1] + [end for end in distinct[1:] if _is_optimum(search, end)]:
         known = next((ends for ends in solutions if is_one(search, end, ends[0])), None)

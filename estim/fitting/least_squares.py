@@ -40,6 +40,7 @@ _FINE = 1e-2
 # as high as where the ends of counts count as none (`estim.fitting.unbounded_sides`)
 _ONE_SIGN = 30.0
 _ILL = 1e12  # condition of the information, columns of unit length
+_NOTHING_SAID = 1e-15  # ratio of its eigenvalues
 
 _End = tuple[FloatArray, Posterior, float, FloatArray | None]
 """Values, the posterior linearised there, how far the last round moved, and standard deviations;
@@ -336,9 +337,11 @@ def _inverse(matrix: FloatArray) -> FloatArray:
     """(n_par, n_par) inverse of an information matrix, of what it says something of, whatever the
     units of its parameters.
     """
-    units = diagonal_scale(matrix)
-    scaled = matrix / np.outer(units, units)
-    return np.linalg.pinv(scaled, hermitian=True) / np.outer(units, units)
+    unit = diagonal_scale(matrix)
+    units = np.outer(unit, unit)
+    spectrum, basis = np.linalg.eigh(matrix / units)
+    said = np.abs(spectrum) > _NOTHING_SAID * np.max(np.abs(spectrum), initial=0.0)
+    return basis * np.where(said, 1.0 / np.where(said, spectrum, 1.0), 0.0) @ basis.T / units
 
 
 def _best(

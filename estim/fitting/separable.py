@@ -200,9 +200,11 @@ def _linear(
             * rng.choice([-1.0, 1.0], len(trial))
             for _ in range(2)
         ]
+        moved = np.tile(start, (2, 1))
+        moved[:, trial] += moves
         columns = reference[:, trial]
-        if np.any(reference[:, i] != 0.0) and all(
-            _stays_straight(posterior, start, before, trial, move, columns) for move in moves
+        if np.any(reference[:, i] != 0.0) and _stays_straight(
+            posterior, before, moved, trial, np.array(moves) @ columns.T, columns
         ):
             linear = trial
     return linear
@@ -210,25 +212,22 @@ def _linear(
 
 def _stays_straight(
     posterior: Posterior,
-    start: FloatArray,
     before: FloatArray,
+    moved: FloatArray,
     trial: list[int],
-    move: FloatArray,
+    expected: FloatArray,
     columns: FloatArray,
 ) -> bool:
-    """Whether the derivatives `columns` (n, n_trial) at the start, where the residuals are
-    `before`, are the same after a move; residuals first, which cost a part of their derivatives.
+    """Whether the residuals at points `moved` (n, n_par) are as much above those `before` as is
+    `expected` (n, n_res), and their derivatives the same `columns` (n_res, n_trial); residuals
+    first, which cost a part of their derivatives.
     """
-    moved = start.copy()
-    moved[trial] += move
-    expected = columns @ move
-    size = max(max_abs(before), max_abs(expected))
+    pulls = posterior.problem.prior_residuals(moved)
+    residuals = np.hstack([posterior.residuals_at(moved), pulls])
+    size = np.maximum(max_abs(before), np.max(np.abs(expected), axis=1, keepdims=True))
     # of the largest residual: a first look, with room for rounding
-    if not np.all(np.abs(posterior.residuals(moved) - before - expected) <= 1e-4 * size):
+    if not np.all(np.abs(residuals - before - expected) <= 1e-4 * size):
         return False
-    return bool(
-        np.all(
-            np.abs(posterior.jacobian(moved)[:, trial] - columns)
-            <= 1e-9 * np.max(np.abs(columns), axis=0)
-        )
-    )
+    room = 1e-9 * np.max(np.abs(columns), axis=0)
+    jacobians = (posterior.jacobian(point)[:, trial] for point in moved)
+    return all(bool(np.all(np.abs(jacobian - columns) <= room)) for jacobian in jacobians)

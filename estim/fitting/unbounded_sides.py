@@ -88,7 +88,7 @@ def vague(fit: Fit, sds: FloatArray) -> BoolArray:
     far = np.zeros(sds.size, dtype=bool)
     moved = _moved(fit.problem, fit.values, [fit.problem.names[i] for i in free])
     far[free] = moved * sds[free] >= _VAGUE
-    return far & (bending(fit) >= _STRAIGHT)
+    return far & (bending(fit) >= _STRAIGHT) if np.any(far) else far
 
 
 def bending(fit: Fit) -> FloatArray:

@@ -223,14 +223,11 @@ class GaussianErrors(Likelihood):
         return normal_log_density(deviation) + 0.5 * np.log(inverse)
 
     def residuals(self, named: Named) -> FloatArray:
-        return self._turned(named) / np.sqrt(self._diagonal(named))
+        return self._turned(named) / self._sd(named)
 
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
         return np.asarray(
-            -(
-                self.form.turned(self.points.gradient(named, names).T)
-                / np.sqrt(self._diagonal(named))
-            ).T
+            -(self.form.turned(self.points.gradient(named, names).T) / self._sd(named)).T
         )
 
     def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
@@ -261,15 +258,16 @@ class GaussianErrors(Likelihood):
 
     def _diagonal(self, named: Named) -> FloatArray:
         """(n, n_obs) V, n the number of draws or 1."""
-        return self._of(named) if self.size.parameters else self._known
+        return np.atleast_2d(self.size.variance(self.form.spectrum, named))
+
+    def _sd(self, named: Named) -> FloatArray:
+        """(n, n_obs) square roots of V."""
+        return np.sqrt(self._diagonal(named)) if self.size.parameters else self._known_sd
 
     @cached_property
-    def _known(self) -> FloatArray:
-        """(1, n_obs) V, where nothing is unknown of it."""
-        return self._of({})
-
-    def _of(self, named: Named) -> FloatArray:
-        return np.atleast_2d(self.size.variance(self.form.spectrum, named))
+    def _known_sd(self) -> FloatArray:
+        """(1, n_obs) those of noise without unknowns."""
+        return np.sqrt(self._diagonal({}))
 
     def _turned(self, named: Named) -> FloatArray:
         """(n, n_obs) T (y - f)."""
