@@ -19,6 +19,7 @@ _LOST = 16.0  # times the level
 # the objective: no end, but a search that lost its way; and standard deviations at which rounding
 # errors end it
 _FAR, _DECADES, _JUMP, _NOWHERE = 100.0, math.log(1e8), 0.1, 1e6
+_SETTLED = 1e-6  # of a height: a point on the level
 
 
 def walk(
@@ -99,13 +100,15 @@ def crossing(
             beyond, above, below = point, height, below * (0.5 if before > 0.0 else 1.0)
         before = height
         # of the square root of the objective: the line through the two last points does the rest
-        if abs(height) < 1e-6:
+        if abs(height) < _SETTLED:
             break
     unsettled = any(
         math.isfinite(point.objective) and not point.converged for point in (inner, beyond)
     )
     below, above = _height(inner, mode, rise), _height(beyond, mode, rise)
-    away, jump = abs(float(inner.values[i] - mode.values[i])), above - below > _JUMP
+    away = abs(float(inner.values[i] - mode.values[i]))
+    # where a point on the level was found there is none, however far the bracket's other end is
+    jump = above - below > _JUMP and min(above, -below) > _SETTLED
     if search.coordinates.by_size[i]:
         lost = unsettled or (jump and away > _DECADES)
     else:
