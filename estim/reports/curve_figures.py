@@ -431,6 +431,7 @@ def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness]) 
         left.set(xlabel=run.x_label, ylabel=phrase("residual in standard deviations"))
         left.set_title(run.name)
         right.set(xlabel=phrase(run.words.rows))
+        right.xaxis.get_major_locator().set_params(integer=True)
     axes[0, 1].set_title(phrase("line: expected"))
     return figure
 
