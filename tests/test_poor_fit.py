@@ -111,6 +111,15 @@ def checked(y: np.ndarray, x: np.ndarray, u: float | None, rng: np.random.Genera
     )
 
 
+def test_a_missing_damping_is_not_told_as_unequal_errors_alone() -> None:
+    t = np.arange(0.0, 30.0, 0.7)
+    noise = 0.2 * np.random.default_rng(5).standard_normal(t.size)
+    y = 10.0 * np.exp(-t / 14.0) * np.cos(2.1 * t) + noise
+    fit = fit_curve("a*cos(w*x + p)", t, y, start={"a": 9.0, "w": 2.1, "p": 0.0})
+    assert fit.goodness[0].failed == ("uneven",)
+    assert "the curve may lack something, a damping for instance" in str(fit)
+
+
 def test_noise_that_grows_with_the_curve_is_seen() -> None:
     x = np.linspace(0.0, 3.0, 40)
     curve = 10.0 * np.exp(-x) + 0.5
@@ -124,7 +133,7 @@ def test_noise_that_grows_with_the_curve_is_seen() -> None:
         )
         assert "uneven" not in right.goodness[0].failed
     assert sum(failed) >= 2
-    assert "state the standard deviation of each reading" in str(
+    assert "state the standard deviation of each" in str(
         fit_curve("a*exp(-b*x) + c", x, y, start={"a": 8.0, "b": 1.0, "c": 0.0}).advice
     )
 

@@ -48,9 +48,10 @@ _ONE_FAR_OFF = later(
 _OF_TEST: Mapping[str, str] = {
     "largest": _ONE_FAR_OFF,
     "uneven": later(
-        "state the standard deviation of each reading ({u_y}), for example "
-        "as a fraction of the reading; if it is "
-        "proportional to y, fitting the logarithm of y makes it uniform"
+        "if readings have unequal errors, state the standard deviation of each ({u_y}), for "
+        "example as a fraction of the reading (where all are positive, fitting the logarithm of y "
+        "does the same); else look at the residuals: where they are largest, the curve may lack "
+        "something, a damping for instance"
     ),
     "repeated": later(
         "readings at the same x share an error, or the curve is wrong: if the curve is "
