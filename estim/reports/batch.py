@@ -189,4 +189,5 @@ def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
         )
     )
     axes[-1].set_xlim(0.4, len(rows) + 0.6)
+    axes[-1].xaxis.get_major_locator().set_params(integer=True)
     return figure
