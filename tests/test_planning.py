@@ -569,4 +569,4 @@ def test_the_values_of_the_present_experiment_have_their_units(tmp_path: Path) -
     out = str(tmp_path / "out")
     CliRunner().invoke(cli, ["plan", str(tmp_path / "c.toml"), "--out", out, "--figures", "none"])
     report = (tmp_path / "out" / "report.md").read_text()
-    assert re.search(r"\| b \| 1\.9\d mm/s \| 0\.0\d+ mm/s \|", report), report
+    assert re.search(r"\| b \| 1\.9\d\smm/s \| 0\.0\d+\smm/s \|", report), report
