@@ -529,4 +529,6 @@ def test_the_command_alone_shows_its_help() -> None:
     done = CliRunner().invoke(cli.cli, [])
     assert done.exit_code == 0
     assert "\n  fit " in done.output
+    assert re.search(r"\n  line +Fit a straight line ", done.output)
+    assert re.search(r"\n  diff +Compare two values,", done.output)
     assert "error" not in done.output
