@@ -17,7 +17,7 @@ from estim.cli.commands import cli
 from estim.common import Finding, Kind
 from estim.line import Columns, straight_line
 from estim.line.findings import line_goodness, points_findings
-from estim.words import advice_for, choices_for
+from estim.words import advice_for, choices_for, first_step
 
 X = np.arange(12.0)
 TWO = np.column_stack([np.ones(12), X])
@@ -286,3 +286,12 @@ def test_a_blunder_of_one_run_leaves_the_advice_about_another() -> None:
     assert "robust" in alone
     assert "jitter" not in alone
     assert {"robust", "jitter"} <= {*both}
+
+
+def test_errors_that_are_stated_too_small_are_told_the_choice_that_allows_for_more() -> None:
+    x = np.arange(20.0)
+    y = 2.0 + 0.5 * x + 0.3 * np.random.default_rng(2).standard_normal(20)
+    found = fit_curve("a + b*x", x, y, u_y=0.1)
+    assert found.goodness[0].failed == ("chi2",)
+    assert "allow for further errors of y (jitter)" in first_step(found.findings)
+    assert fit_curve("a + b*x", x, y, u_y=0.1, jitter=True).status == "ok"
