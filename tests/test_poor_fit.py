@@ -133,7 +133,7 @@ def test_noise_that_grows_with_the_curve_is_seen() -> None:
         )
         assert "uneven" not in right.goodness[0].failed
     assert sum(failed) >= 2
-    assert "state the standard deviation of each" in str(
+    assert "state the standard deviation of each reading" in str(
         fit_curve("a*exp(-b*x) + c", x, y, start={"a": 8.0, "b": 1.0, "c": 0.0}).advice
     )
 

@@ -22,9 +22,8 @@ _SHORT = PhraseTable(
         ),
         Kind.RESIDUALS_TOO_LARGE: _LARGER,
         Kind.CHI2_TOO_LARGE: (
-            "check the file for a reason why the errors are larger than stated; if there is none "
-            "and the points scatter at random about the curve, allow for further errors of y "
-            "(jitter)"
+            "check the file for a reason why the errors are larger than stated; if the points "
+            "scatter at random about the curve, allow for further errors of y (jitter)"
         ),
         Kind.RESIDUALS_NOT_RANDOM: _LOOK,
         Kind.CURVE_LACKS: _LOOK,

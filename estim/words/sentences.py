@@ -48,10 +48,9 @@ _ONE_FAR_OFF = later(
 _OF_TEST: Mapping[str, str] = {
     "largest": _ONE_FAR_OFF,
     "uneven": later(
-        "if readings have unequal errors, state the standard deviation of each ({u_y}), for "
-        "example as a fraction of the reading (where all are positive, fitting the logarithm of y "
-        "does the same); else look at the residuals: where they are largest, the curve may lack "
-        "something, a damping for instance"
+        "where the residuals are largest, the curve may lack something, a damping for instance; "
+        "if only the errors differ, state the standard deviation of each reading ({u_y}), for "
+        "example as a fraction of the reading"
     ),
     "repeated": later(
         "readings at the same x share an error, or the curve is wrong: if the curve is "
