@@ -174,6 +174,13 @@ def name_ticks(
     axis.set_ticks(places, [mathtext(name) for name in names], fontsize=fontsize, rotation=rotation)
 
 
+def whole_ticks(axis: Axis) -> None:
+    """Ticks at whole numbers, of what is counted."""
+    from matplotlib.ticker import MaxNLocator
+
+    axis.set_major_locator(MaxNLocator("auto", integer=True))
+
+
 def tick_texts(ticks: FloatArray) -> list[str]:
     """Numbers (n_tick,) with as many digits as tell them apart, all alike."""
     largest = float(np.max(np.abs(ticks), initial=0.0))

@@ -27,7 +27,7 @@ from estim.batch.units import Unit
 from estim.campaign import Campaign, load_campaign
 from estim.cli.commands import cli
 from estim.common import EstimError, InputError, key_of, write_whole
-from estim.reports.batch import batch_report, lean_files
+from estim.reports.batch import batch_report, lean_files, overview_figure
 
 QUICK = Settings(ess=300.0)
 TIMES = np.arange(0.0, 3.0, 0.25)
@@ -578,3 +578,16 @@ def test_what_stands_apart_is_named_and_what_scatters_is_not() -> None:
     text = batch_report(rows_of(means, 0.1), figures="none")["report.md"].decode()
     assert "c.toml: r17" in text
     assert "SYNTHETIC" not in text
+
+
+def test_runs_are_counted_in_whole_numbers_and_each_column_is_explained() -> None:
+    rows = rows_of(np.array([1.0, 1.1, 0.9]), 0.1)
+    figure = overview_figure(rows, spreads(rows))
+    figure.draw_without_rendering()
+    assert np.all(figure.axes[-1].get_xticks() % 1.0 == 0.0)
+    text = batch_report(rows, figures="none")["report.md"].decode()
+    (head,) = (line for line in text.splitlines() if line.startswith("| quantity |"))
+    meaning = text.partition("Meaning of the columns")[2].lower()
+    for column in ("scatter", "typical sd", "narrowed", "outlying"):
+        assert column in head
+        assert column in meaning

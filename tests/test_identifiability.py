@@ -11,13 +11,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from formulas import formula_problem
+from matplotlib import colormaps
+from matplotlib.colors import to_rgb
 
 from estim.campaign import load_campaign
 from estim.checks.identifiability import Identifiability, identify
+from estim.drawing import new_figure
 from estim.fitting import prior_sds
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.model import Body, speed
 from estim.problem.priors import HalfNormal, Normal, Uniform
+from estim.reports.identifiability import _components
 
 X = np.linspace(0.0, 2.0, 12)
 
@@ -175,3 +179,25 @@ def test_replica_run_tells_half_of_its_six_parameters(replica: Path) -> None:
     assert learnt(found) == pytest.approx(2.8, abs=0.2)
     assert sum(direction.held_by != "data" for direction in found.directions) == 3
     assert all("nan" not in sentence for sentence in found.sentences)
+
+
+def test_numbers_in_the_map_of_directions_can_be_read() -> None:
+    """Contrast of at least 3.5 with what lies below (WCAG 2.1 asks 3 of large text)."""
+
+    def luminance(colour: object) -> float:
+        c = np.array(to_rgb(colour))
+        return np.where(c < 0.03928, c / 12.92, ((c + 0.055) / 1.055) ** 2.4) @ (
+            0.2126,
+            0.7152,
+            0.0722,
+        )
+
+    ax = new_figure(2.0).subplots()
+    sizes = np.array([[-1.0, -0.69, -0.6, -0.5], [-0.3, 0.3, 0.5, 0.6], [0.68, 0.7072, 0.8, 1.0]])
+    vectors = np.vstack([sizes, np.zeros(4)])
+    _components(ax, vectors, ["a", "b", "c", "d"], upright=False)
+    colours = colormaps["PuOr_r"](0.5 + 0.5 * sizes.ravel())[:, :3]
+    assert len(ax.texts) == sizes.size
+    for text, colour in zip(ax.texts, colours, strict=True):
+        dark, light = sorted((luminance(text.get_color()), luminance(colour)))
+        assert (light + 0.05) / (dark + 0.05) > 3.5, text.get_text()

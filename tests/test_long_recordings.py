@@ -231,7 +231,7 @@ def test_a_scan_of_many_points_in_pieces_finds_the_same(monkeypatch):
 
 def test_residuals_of_many_frames_do_not_hide_each_other(tmp_path):
     drawn = []
-    for n in (200, 900):
+    for n in (30, 200, 900):
         (run,) = load_campaign(recording(tmp_path, NOISES["positions"], n)).problem(["long"]).runs
         z = np.random.default_rng(n).standard_normal(run.n_obs)
         figure = residual_figure(
@@ -244,8 +244,10 @@ def test_residuals_of_many_frames_do_not_hide_each_other(tmp_path):
                 if np.size(line.get_xdata()) == run.n_obs
             ]
         )
-    assert drawn[0] == [("-", 6.0), ("None", 3.0)]
-    assert drawn[1] == [("None", 1.2)]
+        figure.draw_without_rendering()
+        assert np.all(figure.axes[1].get_xticks() % 1.0 == 0.0)  # numbers of points
+    assert drawn[1] == [("-", 6.0), ("None", 3.0)]
+    assert drawn[2] == [("None", 1.2)]
 
 
 @pytest.mark.parametrize(

@@ -454,6 +454,9 @@ def test_one_column_of_decimal_commas_is_read_where_its_name_shows_it_and_else_a
         ),
         (["line", "t.csv", "--cov-y", "c.csv"], "c.csv: 'matrix' must be symmetric"),
         (["line", "p.csv"], "p.csv: 'file' must be text"),
+        (["line", "d.csv"], "d.csv:1: 'm/g' occurs twice in the header"),
+        (["fit", "d.csv", "--formula", "line"], "d.csv:1: 'm/g' occurs twice in the header"),
+        (["line", "t.csv", "--x", "x", "--y", "x"], "'--y' must name another column than --x"),
     ],
 )
 def test_a_slip_of_the_first_hour_is_told_with_its_cure(
@@ -461,6 +464,7 @@ def test_a_slip_of_the_first_hour_is_told_with_its_cure(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("t.csv").write_text("x,y\n1,2\n2,3.1\n3,4\n")
+    Path("d.csv").write_text("m/g,m/g\n1,2\n2,3.1\n3,4\n")
     Path("n.txt").write_text("1.5\n2.5\n3.5\n")
     Path("c.csv").write_text("1,2,0\n0,1,0\n0,0,1\n")
     Path("p.csv").write_bytes(b"\x89PNG\r\n\x1a\n\x00\x00")
@@ -525,4 +529,6 @@ def test_the_command_alone_shows_its_help() -> None:
     done = CliRunner().invoke(cli.cli, [])
     assert done.exit_code == 0
     assert "\n  fit " in done.output
+    assert re.search(r"\n  line +Fit a straight line ", done.output)
+    assert re.search(r"\n  diff +Compare two values,", done.output)
     assert "error" not in done.output

@@ -5,6 +5,7 @@ campaigns, and simulated campaigns.
 from __future__ import annotations
 
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -555,3 +556,17 @@ def test_the_information_of_a_curve_is_that_of_its_posterior(tmp_path: Path) -> 
     fit = fit_problem(campaign.problem(["line"]), rng=np.random.default_rng(1))
     expected = expected_information(fit.problem, fit.values, {})
     assert np.allclose(expected, information(fit.posterior, fit.values))
+
+
+def test_the_values_of_the_present_experiment_have_their_units(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text("t (s),s (mm)\n1,2.1\n2,4.0\n3,6.1\n4,7.9\n")
+    (tmp_path / "c.toml").write_text(
+        'title = "a"\nkind = "measured"\n[curve]\nexpression = "a + b*t"\nu_y = 0.1\n'
+        'x = {column = "t (s)", name = "t", unit = "s"}\n'
+        'y = {column = "s (mm)", name = "s", unit = "mm"}\n'
+        '[curve.parameters]\na = {}\nb = {}\n[[runs]]\nname = "r"\nfile = "r.csv"\n'
+    )
+    out = str(tmp_path / "out")
+    CliRunner().invoke(cli, ["plan", str(tmp_path / "c.toml"), "--out", out, "--figures", "none"])
+    report = (tmp_path / "out" / "report.md").read_text()
+    assert re.search(r"\| b \| 1\.9\d\smm/s \| 0\.0\d+\smm/s \|", report), report

@@ -17,7 +17,7 @@ from estim.cli.commands import cli
 from estim.common import Finding, Kind
 from estim.line import Columns, straight_line
 from estim.line.findings import line_goodness, points_findings
-from estim.words import advice_for, choices_for
+from estim.words import advice_for, choices_for, first_step
 
 X = np.arange(12.0)
 TWO = np.column_stack([np.ones(12), X])
@@ -109,6 +109,15 @@ def checked(y: np.ndarray, x: np.ndarray, u: float | None, rng: np.random.Genera
         stated=u is not None,
         rng=rng,
     )
+
+
+def test_a_missing_damping_is_not_told_as_unequal_errors_alone() -> None:
+    t = np.arange(0.0, 30.0, 0.7)
+    noise = 0.2 * np.random.default_rng(5).standard_normal(t.size)
+    y = 10.0 * np.exp(-t / 14.0) * np.cos(2.1 * t) + noise
+    fit = fit_curve("a*cos(w*x + p)", t, y, start={"a": 9.0, "w": 2.1, "p": 0.0})
+    assert fit.goodness[0].failed == ("uneven",)
+    assert "the curve may lack something, a damping for instance" in str(fit)
 
 
 def test_noise_that_grows_with_the_curve_is_seen() -> None:
@@ -277,3 +286,12 @@ def test_a_blunder_of_one_run_leaves_the_advice_about_another() -> None:
     assert "robust" in alone
     assert "jitter" not in alone
     assert {"robust", "jitter"} <= {*both}
+
+
+def test_errors_that_are_stated_too_small_are_told_the_choice_that_allows_for_more() -> None:
+    x = np.arange(20.0)
+    y = 2.0 + 0.5 * x + 0.3 * np.random.default_rng(2).standard_normal(20)
+    found = fit_curve("a + b*x", x, y, u_y=0.1)
+    assert found.goodness[0].failed == ("chi2",)
+    assert "allow for further errors of y (jitter)" in first_step(found.findings)
+    assert fit_curve("a + b*x", x, y, u_y=0.1, jitter=True).status == "ok"

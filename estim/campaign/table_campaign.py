@@ -24,6 +24,7 @@ from estim.campaign.loading import bound
 from estim.campaign.toml_text import toml_text
 from estim.common import (
     InputError,
+    in_file,
     listed,
     read_number,
     read_quantity,
@@ -47,6 +48,7 @@ from estim.reading import (
     name_and_unit,
     own_name,
     parse_toml,
+    place_of,
     read_layout,
     uncertainty_of,
     value_columns,
@@ -395,6 +397,9 @@ def _axes(
             quoted=f"there are {listed(usable)}",
             file=file,
         )
+    if x_name == y_name:
+        with in_file(file):  # two columns may be called alike
+            place_of(x_name, layout.names, layout.header_line)
     every, y = [_axis(name, layout) for name in (x_name, *further)], _axis(y_name, layout)
     u_x, u_y = choices.u_x, choices.u_y
     if choices.noise is None:

@@ -114,7 +114,8 @@ def cli() -> None:
     """
     context = click.get_current_context()
     if context.invoked_subcommand is None:
-        click.echo(context.get_help())
+        for line in context.get_help().splitlines():
+            say(line)
     context.obj = context.with_resource(inputs_read())
     context.with_resource(spoken(language(), commands=True))
 

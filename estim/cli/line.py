@@ -83,11 +83,12 @@ def line(
     figures: FigureChoice,
     dialect: Mapping[str, Any],
 ) -> None:
-    """Fit the theta_min line and the trials of release of CAMPAIGN's body, or a line through the
-    points of FILE.csv.
+    """Fit a straight line through the points of FILE.csv, or the theta_min line and the trials of
+    release of CAMPAIGN's body.
 
-    The theta_min line is sin(theta_min) against sin(phi), of slope 1/gamma.  A table may have
-    errors in y, in both variables, correlated ones, or none (docs/straight-line.md).
+    A table may have errors in y, in both variables, correlated ones, or none
+    (docs/straight-line.md).  The theta_min line is sin(theta_min) against sin(phi), of slope
+    1/gamma.
     """
     if campaign.suffix.lower() == ".toml":
         options = (x, y, ux, uy, correlation, cov, cov_x, cov_y, common_x, common_y)

@@ -380,8 +380,8 @@ def _same_picture(before: bytes, now: bytes) -> bool:
     help="Correlation of the errors of two values.  [default: 0]",
 )
 def diff(first: str, second: str, r: float | None) -> None:
-    """What differs between the results of two analyses, FIRST and SECOND (folders, or files
-    result.json), or between two values, "9.81(2)" and "9.79(3)".
+    """Compare two values, "9.81(2)" and "9.79(3)", or the results of two analyses, FIRST and SECOND
+    (folders, or files result.json).
 
     Of two analyses it lists inputs, settings and versions, then the shift of each estimate in
     standard deviations of the first.  Of two values, one of which may be the result that has only

@@ -169,7 +169,8 @@ def straight_line(
     stated = correlated or Correlated()
     layout = read_layout(path, dialect, needed=[name for name in (columns.x, columns.y) if name])
     columns = _with_axes(columns, layout)
-    if columns.x == columns.y:
+    alike = [name for name in layout.names if columns.x in (name, bare_name(name))]
+    if columns.x == columns.y and len(alike) < 2:
         raise InputError("must name another column than --x", field="--y", value=columns.y)
     wanted = replace(
         columns,

@@ -13,7 +13,7 @@ import numpy as np
 
 from estim.batch import Row, Spread, odd_runs, spreads
 from estim.common import FigureChoice, as_csv, as_json, phrase
-from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, grid
+from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, grid, whole_ticks
 from estim.pipeline import Analysis
 from estim.reports.analysis import analysis_report
 from estim.reports.formats import with_formats
@@ -189,4 +189,5 @@ def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
         )
     )
     axes[-1].set_xlim(0.4, len(rows) + 0.6)
+    whole_ticks(axes[-1].xaxis)
     return figure

@@ -33,6 +33,7 @@ from estim.drawing import (
     legend_below,
     logarithmic,
     new_figure,
+    whole_ticks,
 )
 from estim.pipeline import Analysis
 from estim.problem import Observations, Problem, reading_sd
@@ -432,6 +433,7 @@ def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness]) 
         left.set(xlabel=run.x_label, ylabel=phrase("residual in standard deviations"))
         left.set_title(run.name)
         right.set(xlabel=phrase(run.words.rows))
+        whole_ticks(right.xaxis)
     axes[0, 1].set_title(phrase("line: expected"))
     return figure
 

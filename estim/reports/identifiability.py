@@ -232,7 +232,8 @@ def _components(ax: Axes, vectors: FloatArray, symbols: list[str], *, upright: b
     ax.imshow(vectors, cmap="PuOr_r", vmin=-1.0, vmax=1.0, aspect="auto")
     for row, column in np.ndindex(n, n):
         if abs(vectors[row, column]) >= 0.15:
-            colour = "white" if abs(vectors[row, column]) > 0.7 else INK
+            # purple is darker than orange of the same size
+            colour = INK if -0.57 < vectors[row, column] < 0.72 else "white"
             text = signed(f"{vectors[row, column]:+.1f}")
             ax.text(
                 column,

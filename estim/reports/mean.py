@@ -17,7 +17,16 @@ from estim.common import (
     significant,
     table,
 )
-from estim.drawing import BLUE, INK, ORANGE, Figure, legend_below, name_ticks, new_figure
+from estim.drawing import (
+    BLUE,
+    INK,
+    ORANGE,
+    Figure,
+    legend_below,
+    name_ticks,
+    new_figure,
+    whole_ticks,
+)
 from estim.means import TableMean
 from estim.reports.measurement import expanded_statement
 from estim.reports.pages import page
@@ -136,7 +145,7 @@ def mean_figure(found: TableMean) -> Figure:
     if mean.groups is not None and len(mean.groups.names) <= 40:
         name_ticks(ax.xaxis, np.unique(places), mean.groups.names)
     else:
-        ax.xaxis.get_major_locator().set_params(integer=True)
+        whole_ticks(ax.xaxis)
     ax.set(
         ylabel=found.name + bracketed(found.unit),
         xlabel=phrase("number of the value" if mean.groups is None else "group"),

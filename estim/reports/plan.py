@@ -131,6 +131,7 @@ def plan_report(plan: Plan, *, figures: FigureChoice = "main") -> dict[str, byte
             for head in (f"u({p.label.symbol})" + bracketed(p.label.unit), phrase("ratio"))
         ],
         value_alone=value_alone,
+        with_unit=with_unit,
         size=_size,
         far=FAR,
         refused=_refused(plan.refused),

@@ -21,7 +21,10 @@ _SHORT = PhraseTable(
             "choose between the solutions by a prior or by a further measurement, and fit again"
         ),
         Kind.RESIDUALS_TOO_LARGE: _LARGER,
-        Kind.CHI2_TOO_LARGE: _LARGER,
+        Kind.CHI2_TOO_LARGE: (
+            "check the file for a reason why the errors are larger than stated; if the points "
+            "scatter at random about the curve, allow for further errors of y (jitter)"
+        ),
         Kind.RESIDUALS_NOT_RANDOM: _LOOK,
         Kind.CURVE_LACKS: _LOOK,
         Kind.STATED_AND_CURVE: _LOOK,

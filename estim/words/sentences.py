@@ -48,9 +48,9 @@ _ONE_FAR_OFF = later(
 _OF_TEST: Mapping[str, str] = {
     "largest": _ONE_FAR_OFF,
     "uneven": later(
-        "state the standard deviation of each reading ({u_y}), for example "
-        "as a fraction of the reading; if it is "
-        "proportional to y, fitting the logarithm of y makes it uniform"
+        "where the residuals are largest, the curve may lack something, a damping for instance; "
+        "if only the errors differ, state the standard deviation of each reading ({u_y}), for "
+        "example as a fraction of the reading"
     ),
     "repeated": later(
         "readings at the same x share an error, or the curve is wrong: if the curve is "
