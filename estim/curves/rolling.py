@@ -104,26 +104,17 @@ def from_release(x: FloatArray, arguments: Named) -> FloatArray:
 def derived_of(body: Body, motion: Mapping[str, Any], mass: float | None) -> dict[str, Derived]:
     """What follows from a body and how it moves whatever was measured; `mass` in kg, or None."""
     phi, resistance = np.asarray(motion["phi"]), np.asarray(motion["rolling_resistance"])
+    slope = phase_curve.effective_slope(phi, resistance)
+    of_parts = phrase("moment of inertia of all rotating parts / (M R²)")
+    of_ramp = phrase("effective slope sin φ + c_rr cos φ")
     derived = {
-        "inertia_ratio": Derived(
-            "1",
-            np.atleast_2d(body.inertia_ratio),
-            phrase("moment of inertia of all rotating parts / (M R²)"),
-            Notation("j"),
-        ),
-        "slope": Derived(
-            "1",
-            np.atleast_2d(phase_curve.effective_slope(phi, resistance)),
-            phrase("effective slope sin φ + c_rr cos φ"),
-            Notation("s"),
-        ),
+        "inertia_ratio": _derived("1", body.inertia_ratio, of_parts, Notation("j")),
+        "slope": _derived("1", slope, of_ramp, Notation("s")),
     }
     if mass is not None:
         moment = resistance * mass * np.asarray(motion["g"]) * body.radius * np.cos(phi)
         meaning = phrase("moment of rolling resistance, c_rr M g R cos φ")
-        derived["resisting_moment"] = Derived(
-            "N m", np.atleast_2d(moment), meaning, Notation("Q_rr")
-        )
+        derived["resisting_moment"] = _derived("N m", moment, meaning, Notation("Q_rr"))
     return derived
 
 

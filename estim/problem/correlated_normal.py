@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -30,53 +29,34 @@ from estim.problem.whitened_residuals import Linear
 KNOWN = NoiseVariance(Scale(1.0))
 
 
-class Form(Protocol):
-    """C0 and its map T, rows are (..., n_obs); V : (..., n_obs) the diagonal of T C T^T."""
-
-    @property
-    def spectrum(self) -> FloatArray:
-        """(n_obs,) V for a unit sigma without scatter."""
-
-    @property
-    def log_volume(self) -> float:
-        """Minus the logarithm of the determinant of T."""
-
-    def turned(self, rows: FloatArray) -> FloatArray:
-        """T r of each row r."""
-
-    def turned_back(self, rows: FloatArray) -> FloatArray:
-        """T^T r of each row r."""
-
-    def variances(self, diagonal: FloatArray) -> FloatArray:
-        """(n_obs,) the diagonal of C for V (n_obs,)."""
-
-    def precisions(self, diagonal: FloatArray) -> FloatArray:
-        """(n, n_obs) the diagonal of C^-1 for V (n, n_obs)."""
-
-    def root(self, diagonal: FloatArray) -> Root:
-        """The triangular root of C for V (n_obs,)."""
-
-
 @dataclass(frozen=True, eq=False)
 class Diagonal:
-    """Independent points."""
+    """Independent points.  spectrum : (n_obs,) V for a unit sigma without scatter.
+
+    log_volume : minus the logarithm of the determinant of T.
+    """
 
     spectrum: FloatArray
     log_volume = 0.0
 
     def turned(self, rows: FloatArray) -> FloatArray:
+        """T r of each row r."""
         return rows
 
     def turned_back(self, rows: FloatArray) -> FloatArray:
+        """T^T r of each row r."""
         return rows
 
     def variances(self, diagonal: FloatArray) -> FloatArray:
+        """(n_obs,) the diagonal of C for V (n_obs,)."""
         return diagonal
 
     def precisions(self, diagonal: FloatArray) -> FloatArray:
+        """(n, n_obs) the diagonal of C^-1 for V (n, n_obs)."""
         return 1.0 / diagonal
 
     def root(self, diagonal: FloatArray) -> Root:
+        """The triangular root of C for V (n_obs,)."""
         return Band.of(diagonal[None, :])
 
 
@@ -144,6 +124,10 @@ class Rooted:
 
     def root(self, diagonal: FloatArray) -> Root:
         return self.triangle.times(float(np.sqrt(diagonal[0])))
+
+
+Form = Diagonal | Turned | Rooted
+"""C0 and its map T, rows are (..., n_obs); V : (..., n_obs) the diagonal of T C T^T."""
 
 
 @dataclass(frozen=True, eq=False)

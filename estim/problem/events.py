@@ -146,9 +146,7 @@ class Events(Counts):
     times: FloatArray
     window: tuple[float, float]
 
-    @property
-    def counted(self) -> Counted:
-        return Counted(self.law, self.trials, self.bins, single=True)
+    single = True
 
     def likelihood(self, points: Points, named: Named) -> Likelihood:
         assert self.bins is not None, "events have cells"

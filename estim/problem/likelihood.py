@@ -26,9 +26,9 @@ from scipy.sparse import csr_array
 from estim.arrays import FloatArray, IntArray, Named
 from estim.problem.count_distributions import Counted
 from estim.problem.curve import Curve, LocalCurve, SquaredCurve, Wording
-from estim.problem.noise_variance import NoiseVariance
+from estim.problem.noise_variance import NoiseVariance, Scale
 from estim.problem.roots import Root
-from estim.problem.whitened_residuals import Linear
+from estim.problem.whitened_residuals import Linear, Whitened
 
 Ends = Mapping[str, tuple[Named, Named, float]]
 """Noise parameter -> values below, values above, their distance: for differences."""
@@ -183,31 +183,6 @@ class StackedPoints:
     def square_gradient(self, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n) their derivatives, for single values."""
         return np.vstack([run.square_gradient(named, names) for run in self.runs])
-
-
-class Whitened(Protocol):
-    """The residuals of a run as tests see them, and how a fit pulls them.
-
-    z : (n_obs,) in the order of the points; independent and standard normal at the true parameters.
-    root : (n, n_par) J with J^T J the information that the run gives about the curve.
-    """
-
-    @property
-    def z(self) -> FloatArray: ...
-
-    @property
-    def root(self) -> FloatArray: ...
-
-    def drawn(self, n_sim: int, rng: np.random.Generator) -> FloatArray:
-        """(n_obs, n_sim) errors of new data, of variance 1."""
-
-    def felt(self, errors: FloatArray) -> FloatArray:
-        """(n, n_sim) r with J^T r the derivative of the log likelihood, for errors that were
-        `drawn`.
-        """
-
-    def moved(self, errors: FloatArray, shifts: FloatArray) -> FloatArray:
-        """(n_obs, n_sim) the residuals when the parameters are moved by shifts (n_par, n_sim)."""
 
 
 class NormalErrors(Protocol):
@@ -405,6 +380,12 @@ class Noise(ABC):
     @abstractmethod
     def likelihood(self, points: Points, named: Named) -> Likelihood:
         """The likelihood of points whose curve passes near them at the values `named`."""
+
+    def of_size(self, sigma: Scale) -> Noise:
+        """The same with readings of that standard deviation, or that times what was stated of each;
+        counts have none.
+        """
+        return self
 
     def for_search(self) -> Noise:
         """What a search from afar takes in its place: noise whose `residuals` are those of least
