@@ -93,9 +93,7 @@ class LatentErrors(Likelihood):
 
     def log_likelihood(self, named: Named) -> FloatArray:
         """(n_draw,) of all points together, that distribution integrated out."""
-        if np.max(true_abscissas(self.x, self._sd_of_x(named)).common) == 0.0 or self._well_known(
-            named
-        ):
+        if np.max(self._abscissas(named).common) == 0.0 or self._well_known(named):
             return np.sum(self.pointwise(named), axis=1)
         return self._by_blocks(named, self._integrated)
 
