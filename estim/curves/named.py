@@ -241,8 +241,7 @@ def _robust(
     smooth = [np.median(y[max(0, i - 2) : i + 3]) for i in range(y.size)]
 
     def off_from(starts: Mapping[str, float]) -> FloatArray:
-        curve = np.broadcast_to(formula.value(x, starts), (1, y.size))[0]
-        return np.nan_to_num((y - curve) / gain)
+        return np.nan_to_num((y - formula.value(x, starts)[0]) / gain)
 
     found = [guessed(np.ones(y.size))]
     for off in (off_from(found[0]), (y - smooth) / gain):

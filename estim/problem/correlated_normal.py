@@ -223,7 +223,7 @@ class GaussianErrors(Likelihood):
     def whitened(self, named: Named, names: Sequence[str]) -> Linear:
         """In the order of the points."""
         root = self.root(named)
-        raw = self.y - np.broadcast_to(self.points.value(named), (1, self.shift.size))[0]
+        raw = self.y - self.points.value(named)[0]
         return Linear(root.whiten(raw), root.whiten(self.points.gradient(named, names).T).T)
 
     def sd(self, named: Named) -> FloatArray:
@@ -244,11 +244,11 @@ class GaussianErrors(Likelihood):
 
     def _diagonal(self, named: Named) -> FloatArray:
         """(n, n_obs) V, n the number of draws or 1."""
-        return np.atleast_2d(self.size.variance(self.form.spectrum, named))
+        return self.size.variance(self.form.spectrum, named)
 
     def _turned(self, named: Named) -> FloatArray:
         """(n, n_obs) T (y - f)."""
-        return np.atleast_2d(self.form.turned(self.y - self.points.value(named)))
+        return self.form.turned(self.y - self.points.value(named))
 
 
 def in_bands(size: NoiseVariance) -> bool:

@@ -100,10 +100,7 @@ class CountErrors(Likelihood):
 
         Of what was not seen, expectations below 0 (or above the ceiling) are at that limit.
         """
-        value = np.asarray(self.points.value(named))
-        mean = np.broadcast_to(
-            value, (np.shape(value)[0] if np.ndim(value) == 2 else 1, self.y.size)
-        )
+        mean = self.points.value(named)
         none = self.law.unseen(self.y, mean, self.trials)
         return np.where(none < 0.0, np.clip(mean, 0.0, self.law.ceiling), mean), none
 

@@ -81,9 +81,7 @@ class Points:
 
     def slope(self, named: Named) -> FloatArray:
         """(n_obs,) its slope in x."""
-        return np.asarray(
-            np.broadcast_to(self.curve.local(self.x, self.bind(named)).slope, (1, self.x.size))[0]
-        )
+        return np.asarray(self.curve.local(self.x, self.bind(named)).slope[0])
 
     def gradients(self, named: Named, names: Sequence[str], n_draw: int) -> FloatArray:
         """(n_draw, n_obs, n) derivatives of the curve in the parameters `names`; 0 in those that it
@@ -286,9 +284,7 @@ class Likelihood(ABC):
         curve: J^T r is minus the gradient of the log likelihood, J^T J the information that the
         step takes.
         """
-        return self.jacobian(named, names), np.broadcast_to(
-            self.residuals(named), (1, self.points.y.size)
-        )[0]
+        return self.jacobian(named, names), self.residuals(named)[0]
 
     def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
         """J (n, n_par) with J^T J the Fisher information about the curve, the noise held."""
@@ -303,10 +299,7 @@ class Likelihood(ABC):
 
     def whitened(self, named: Named, names: Sequence[str]) -> Whitened:
         """The residuals for tests."""
-        return Linear(
-            np.broadcast_to(self.standardised(named), (1, self.points.y.size))[0],
-            -self.jacobian(named, names),
-        )
+        return Linear(self.standardised(named)[0], -self.jacobian(named, names))
 
     def squared_size(self, vector: FloatArray, named: Named) -> float:
         """v^T C^-1 v of a vector (n_obs,) in the unit of y."""
