@@ -55,7 +55,7 @@ class BinnedCurve:
 
     def value(self, x: FloatArray, arguments: Named) -> FloatArray:
         inside, _ = self._integrals(arguments)
-        return np.asarray((inside * self._scale(inside))[:, self._bin_of(x)])
+        return (inside * self._scale(inside))[:, self._bin_of(x)]
 
     def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
         """The slope is that of a bin moved as a whole."""

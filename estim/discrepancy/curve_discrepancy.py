@@ -208,7 +208,7 @@ def _apart(jacobian: FloatArray) -> FloatArray:
     upper = np.linalg.qr(np.vstack([jacobian / sizes, np.zeros((n_par, n_par))]), mode="r")
     # what the slopes say nothing of stays as it is
     upper += np.diag(1.0 * (np.abs(np.diag(upper)) < 1e-12))
-    return np.asarray(np.linalg.inv(upper)) / sizes[:, None]
+    return np.linalg.inv(upper) / sizes[:, None]
 
 
 def _measured(

@@ -176,7 +176,7 @@ class GaussianErrors(Likelihood):
         if size.parameters:
             return cls(points, size, Rooted(Band.of(bands)), shift)
         whole = float(size.reading_variance({})) * bands
-        whole[0] += np.square(np.asarray(size.scatter.at({})))
+        whole[0] += np.square(size.scatter.at({}))
         return cls.rooted(points, Band.of(whole), shift)
 
     @property
@@ -209,12 +209,9 @@ class GaussianErrors(Likelihood):
         return self._turned(named) / np.sqrt(self._diagonal(named))
 
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
-        return np.asarray(
-            -(
-                self.form.turned(self.points.gradient(named, names).T)
-                / np.sqrt(self._diagonal(named))
-            ).T
-        )
+        return -(
+            self.form.turned(self.points.gradient(named, names).T) / np.sqrt(self._diagonal(named))
+        ).T
 
     def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
         root = self.jacobian(named, names)

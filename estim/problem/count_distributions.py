@@ -60,7 +60,7 @@ class Poisson:
         """The least y with P(Y <= y) >= probability."""
         from scipy.stats import poisson
 
-        return np.asarray(poisson.ppf(probability, mean))
+        return poisson.ppf(probability, mean)
 
 
 @dataclass(frozen=True)

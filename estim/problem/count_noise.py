@@ -111,7 +111,7 @@ class CountErrors(Likelihood):
             score = (mean - self.y) / self.law.variance(mean, self.trials)
         edge = self.trials * (1.0 + np.minimum(none, 0.0) / self.penalty**2)
         edge = np.where(self.y > 0.0, -edge, edge)
-        return np.asarray(np.where(none > 0.0, score, edge)[0])
+        return np.where(none > 0.0, score, edge)[0]
 
     def _slopes(self, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n_par) derivatives of the expectations over the standard deviations."""

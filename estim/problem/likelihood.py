@@ -81,7 +81,7 @@ class Points:
 
     def slope(self, named: Named) -> FloatArray:
         """(n_obs,) its slope in x."""
-        return np.asarray(self.curve.local(self.x, self.bind(named)).slope[0])
+        return self.curve.local(self.x, self.bind(named)).slope[0]
 
     def gradients(self, named: Named, names: Sequence[str], n_draw: int) -> FloatArray:
         """(n_draw, n_obs, n) derivatives of the curve in the parameters `names`; 0 in those that it
@@ -123,7 +123,7 @@ def own_values(values: dict[str, Any]) -> dict[str, Any]:
     between runs.
     """
     for name in [name for name in values if shift_of(name) in values]:
-        spread, shift = (np.asarray(values.pop(part(name))) for part in (spread_of, shift_of))
+        spread, shift = (values.pop(part(name)) for part in (spread_of, shift_of))
         values[name] = values[name] + spread * shift
     return values
 

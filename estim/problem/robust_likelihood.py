@@ -57,7 +57,7 @@ class RobustErrors(Likelihood):
                 total[names.index(name), names.index(name)] += self.y.size * score_information(
                     self.tails, named, ends[name]
                 )
-        return np.asarray(total)
+        return total
 
     def whitened(self, named: Named, names: Sequence[str]) -> Linear:
         z = self.standardised(named)[0]
