@@ -18,8 +18,8 @@ import math
 
 import numpy as np
 
+from estim.curves import DataSet, pose_points
 from estim.curves.count_data import EventTimes, Poisson
-from estim.curves.curve_problem import AxisNames, pose_curve
 from estim.distributions import normal_quantile
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.fitting.profile import profile_intervals
@@ -39,20 +39,9 @@ def times_of(n: int, rng: np.random.Generator) -> np.ndarray:
 def fitted(
     curve: str, x: np.ndarray, y: np.ndarray | None, start: dict[str, float], **errors: object
 ) -> Fit:
-    bounds = {name: LIMITS[name] for name in start}
-    given = {"u_y": None, "cov_y": None, "u_x": None} | errors
-    posed = pose_curve(
-        curve,
-        x,
-        y,
-        start=start,
-        bounds=bounds,
-        priors={},
-        errors=(),
-        units={},
-        axes=AxisNames(),
-        **given,
-    )
+    said = {"start": start, "bounds": {name: LIMITS[name] for name in start}, "priors": {}}
+    said |= {"fixed": {}, "tied": {}, "derived": {}, "units": {}}
+    posed = pose_points(DataSet(x, y, curve=curve, **errors), said, ())
     problem = posed.with_sigma(1.0)
     return fit_least_squares(
         problem, rng=np.random.default_rng(0), n_start=1, start=problem.start()

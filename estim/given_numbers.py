@@ -80,6 +80,22 @@ def real_number(value: Any, field: str, rule: str = "must be a number") -> float
     return float(number)
 
 
+def finite_numbers(values: Any, field: str, rule: str = "must be numbers") -> FloatArray:
+    """`real_numbers` that are finite.  Raises InputError naming `field`."""
+    array = real_numbers(values, field, rule)
+    bad = array[~np.isfinite(array)]
+    if bad.size:
+        raise InputError("must be finite", field=field, value=float(bad[0]))
+    return array
+
+
+def check_whole(value: Any, field: str, least: int) -> None:
+    """Raises InputError naming `field` for what is no whole number from `least` on."""
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not whole or value < least:
+        raise InputError(f"must be a whole number >= {least}", field=field, value=value)
+
+
 def are_complex(values: Any) -> bool:
     """Whether `values`, an array, a column, a list of numbers or one of them, are complex."""
     if isinstance(values, list | tuple):

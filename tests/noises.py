@@ -12,11 +12,10 @@ from scipy import stats
 
 from estim.curves.count_data import EventTimes, counted_points
 from estim.curves.formula import read_formula
-from estim.discrepancy.bad_frame_search import BadFrames
 from estim.discrepancy.grid import prior_grid
 from estim.discrepancy.linearised import linearise
 from estim.discrepancy.mixture_likelihood import keep_probable
-from estim.discrepancy.noise_with_discrepancy import Stated, WithForce
+from estim.discrepancy.noise_with_discrepancy import Stated, WithMixture
 from estim.discrepancy.residuals import Residuals
 from estim.discrepancy.scale_mixture import Shape, diagonalise
 from estim.problem.correlated_normal import GaussianErrors
@@ -421,12 +420,8 @@ def lacking() -> Case:
         for s, a, log in zip(family.scale, family.amplitude, family.log_prior, strict=True)
     ]
     best = parts[3][1]
-    noise = WithForce(
-        Independent(Scale(0.08), Scale(), RELATIVE),
-        mixture,
-        root_of(best),
-        Residuals(np.zeros(N)),
-        BadFrames(),
+    noise = WithMixture(
+        Independent(Scale(0.08), Scale(), RELATIVE), mixture, root_of(best), Residuals(np.zeros(N))
     )
     return Case(noise, {}, Mixed(line, parts, lambda named: best), mixed=True)
 

@@ -11,10 +11,10 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from posed import curve_problem
 
 from estim.campaign import load_campaign
 from estim.campaign.unit_slips import unit_slips
-from estim.curves.curve_problem import AxisNames, pose_curve
 from estim.explanation import Explanation, Suspects, explain
 from estim.explanation.candidates import Cause
 from estim.explanation.explaining import TIED
@@ -110,20 +110,7 @@ SCATTER = 0.1 * np.random.default_rng(5).standard_normal(X.size)
 
 def posed(formula: str, y: np.ndarray, priors: dict[str, Normal]) -> Problem:
     start = {name: prior.mean for name, prior in priors.items()}
-    return pose_curve(
-        formula,
-        X,
-        y,
-        start=start,
-        bounds={},
-        priors=priors,
-        u_y=0.1,
-        cov_y=None,
-        u_x=None,
-        errors=(),
-        units={},
-        axes=AxisNames(),
-    ).with_sigma(1.0)
+    return curve_problem(formula, X, y, start=start, priors=priors, u_y=0.1).with_sigma(1.0)
 
 
 def of_a_line(y: np.ndarray) -> Explanation:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from posed import curve_problem
 from scipy import optimize, stats
 from troubles import Disk
 
@@ -21,7 +22,6 @@ from estim.checks.conflict import Conflict, check_stated_values
 from estim.cli.commands import cli
 from estim.common import Stream, stream
 from estim.curve_fitting.single import fit_curve
-from estim.curves.curve_problem import AxisNames, pose_curve
 from estim.fitting import fit_problem
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.priors import LogNormal, Normal, Uniform
@@ -292,19 +292,13 @@ def test_probability_errs_towards_agreement_where_a_free_parameter_is_often_on_i
         y = design @ truth + U * rng.standard_normal(X.size)
         for found, sd in ((right, 0.2), (wrong, 0.06)):
             priors = {"c": Uniform(0.0, 0.02), "a": Normal(2.0, sd), "b": Normal(1.0, sd)}
-            posed = pose_curve(
+            posed = curve_problem(
                 "c*x**2 + a*x + b",
                 X,
                 y,
                 start={"c": 0.01, "a": 2.0, "b": 1.0},
                 u_y=U,
-                cov_y=None,
-                u_x=None,
-                bounds={},
                 priors=priors,
-                errors=(),
-                units={},
-                axes=AxisNames(),
             ).with_sigma(1.0)
             fit = fit_least_squares(posed, rng=rng, n_start=1)
             found.append(check_stated_values(fit).p_value)

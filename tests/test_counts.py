@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from posed import curve_problem
 from scipy import optimize, special, stats
 
 from estim import (
@@ -29,7 +30,6 @@ from estim import (
 from estim.common import spoken
 from estim.common.finding_kinds import Kind
 from estim.curves.count_data import counted_points
-from estim.curves.curve_problem import AxisNames, pose_curve
 from estim.curves.formula import read_formula
 from estim.fitting import fit_problem
 from estim.fitting.least_squares import fit_least_squares
@@ -356,19 +356,12 @@ def test_fractions_against_scipy(rng: np.random.Generator) -> None:
 
 
 def flat_problem(counts: np.ndarray):
-    return pose_curve(
+    return curve_problem(
         "m + 0*x",
         np.arange(counts.size),
         counts,
         start={"m": 2.0},
         bounds={"m": (0.0, None)},
-        priors={},
-        u_y=None,
-        cov_y=None,
-        u_x=None,
-        errors=(),
-        units={},
-        axes=AxisNames(),
         noise="poisson",
     ).with_sigma(1.0)
 
@@ -690,40 +683,27 @@ def holds(fit, p: float) -> bool:
 @pytest.mark.statistics
 def test_intervals_of_counted_decays_hold_what_they_say_and_those_of_square_roots_do_not() -> None:
     rng, n_trial, held = np.random.default_rng(3), 150, {"single": 0, "bins": 0, "roots": 0}
-    given = {
-        "priors": {},
-        "errors": (),
-        "units": {},
-        "axes": AxisNames(),
-        "cov_y": None,
-        "u_x": None,
-    }
     for _ in range(n_trial):
         times = decays(300, rng)
         counts = np.histogram(times, EDGES)[0].astype(float)
         some = counts > 0.0
         both = {"start": {"N": 300.0, "tau": 2.2}, "bounds": DECAY["bounds"]}
         posed = {
-            "single": pose_curve(
+            "single": curve_problem(
                 "exp(-x/tau)",
                 times,
                 None,
                 start={"tau": 2.2},
                 bounds=ALONE["bounds"],
-                u_y=None,
                 noise=EventTimes(0, 10),
-                **given,
             ),
-            "bins": pose_curve(
-                "N/tau*exp(-x/tau)", MIDDLES, counts, u_y=None, noise=Poisson(0.5), **both, **given
-            ),
-            "roots": pose_curve(
+            "bins": curve_problem("N/tau*exp(-x/tau)", MIDDLES, counts, noise=Poisson(0.5), **both),
+            "roots": curve_problem(
                 "0.5*N/tau*exp(-x/tau)",
                 MIDDLES[some],
                 counts[some],
                 u_y=np.sqrt(counts[some]),
                 **both,
-                **given,
             ),
         }
         for name, problem in posed.items():

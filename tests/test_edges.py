@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from posed import curve_problem
 from scipy import stats
 from troubles import TROUBLES, Disk, uniform
 
@@ -19,7 +20,6 @@ from estim.calibration.trial import posterior_draws
 from estim.campaign import load_campaign
 from estim.cli.commands import cli
 from estim.common.labels import Notation
-from estim.curves.curve_problem import AxisNames, pose_curve
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.fitting.prior_limits import PRESSED_BELOW, Limit, limit_cell, limit_of, pressed
 from estim.problem.priors import HalfNormal, Normal, Prior, Uniform
@@ -32,19 +32,8 @@ U = 0.3
 
 def posed(y: np.ndarray, k: Prior, u_y: float | None = U, u_a: float = 0.5) -> Fit:
     """A line of height a, slope k; the data know k to 0.27."""
-    problem = pose_curve(
-        "a + k*x",
-        X,
-        y,
-        start={"a": 1.0, "k": 0.5},
-        u_y=u_y,
-        cov_y=None,
-        u_x=None,
-        bounds={},
-        priors={"k": k, "a": Normal(1.0, u_a)},
-        errors=(),
-        units={},
-        axes=AxisNames(),
+    problem = curve_problem(
+        "a + k*x", X, y, start={"a": 1.0, "k": 0.5}, u_y=u_y, priors={"k": k, "a": Normal(1.0, u_a)}
     )
     return fit_least_squares(
         problem.with_sigma(1.0) if u_y else problem.with_unknown_sigma(U),

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from posed import curve_problem
 from scipy import stats
 from scipy.optimize import minimize
 
@@ -18,7 +19,6 @@ from estim.calibration.experiment import PointDesign
 from estim.checks.goodness_of_fit import check_goodness
 from estim.common.errors import InputError
 from estim.curve_fitting.single import fit_curve
-from estim.curves.curve_problem import AxisNames, pose_curve
 from estim.fitting.fisher_information import information
 from estim.fitting.least_squares import fit_least_squares
 from estim.problem.curve import POINTS
@@ -33,20 +33,7 @@ ROOT = Path(__file__).resolve().parents[1]
 def posed(
     formula: str, x: np.ndarray, y: np.ndarray, start: dict[str, float], u_y: float, u_x: float
 ) -> Problem:
-    return pose_curve(
-        formula,
-        x,
-        y,
-        start=start,
-        u_y=u_y,
-        cov_y=None,
-        u_x=u_x,
-        bounds={},
-        priors={},
-        errors=(),
-        units={},
-        axes=AxisNames(),
-    ).with_sigma(1.0)
+    return curve_problem(formula, x, y, start=start, u_y=u_y, u_x=u_x).with_sigma(1.0)
 
 
 def brute_force(y: float, f, *, sd: float = 1.0) -> float:

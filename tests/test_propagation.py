@@ -1031,10 +1031,7 @@ NOISE = np.random.default_rng(1)
             lambda: Input.from_readings("a", [1.0]),
             "'a.readings' must be a list of at least two: [1.0]",
         ),
-        (
-            lambda: Input.from_readings("a", [1.0, math.nan]),
-            "'a.readings' must be finite: [1.0, nan]",
-        ),
+        (lambda: Input.from_readings("a", [1.0, math.nan]), "'a.readings' must be finite: nan"),
         (
             lambda: propagate_linear("a", {"a": [1.85, 1.85, 1.85]}),
             "'a.readings' are all the same, so that their scatter tells no uncertainty: state it, "

@@ -21,7 +21,7 @@ from estim.campaign.campaign import Campaign
 from estim.campaign.campaign_file import NoiseTable
 from estim.campaign.candidate_causes import Candidate, Surroundings, sketches, with_lines, without
 from estim.campaign.curve_models import ADDED, CurveModel, outlines
-from estim.campaign.effects import ramp_of, setting_of, with_full_curves
+from estim.campaign.effects import setting_of, stated_place, with_full_curves
 from estim.campaign.lookup_levels import Levels, run_levels, stated_noise
 from estim.campaign.noise_models import NoiseModel, noise_candidates
 from estim.campaign.plausible import check_speeds
@@ -217,7 +217,9 @@ class RollingCampaign(Campaign):
                 )
             )
         centres = {name: p.prior.centre for name, p in (physics | unknowns).items()}
-        runs = with_full_curves(runs, {name: ramp_of(self.levels(name)) for name in names}, centres)
+        runs = with_full_curves(
+            runs, {name: stated_place(self.levels(name), "ramp") for name in names}, centres
+        )
         spreads = {name: spreads_of(self.levels(name), KINDS_OF_QUANTITIES) for name in names}
         further, every_run = varied(runs, spreads)
         return Problem(
@@ -263,9 +265,6 @@ class RollingCampaign(Campaign):
 
     def _place_of_unknowns(self, name: str) -> KeyPath:
         return ("runs", [run.name for run in self.source.runs].index(name))
-
-    def require_body(self) -> None:
-        """A rolling body is what this is about."""
 
     def require_draws(self, problem: Problem) -> None:
         """Every prior of a rolling body can be drawn from; raises InputError for an unmodelled

@@ -127,10 +127,7 @@ def parted_body(
     for part, entry in parts:
         inputs |= _inputs(source, part, entry)
     _require_metres(source, inputs, radius)
-    named = tuple(i for i, part in enumerate(listed) if part in (table.particle or ()))
-    off = named or tuple(
-        i for i, part in enumerate(listed) if _off_axle(inputs.get(f"{part}.distance_m"))
-    )
+    off = tuple(i for i, part in enumerate(listed) if _is_particle(part, table, inputs))
     angles = any(name.endswith(".angle_deg") for name in inputs)
     # a bolt is a point that has a diameter
     point = len(off) == 1 and type(parts[off[0]][1]) is PointTable
@@ -186,11 +183,14 @@ def _require_metres(source: CampaignFile, inputs: Mapping[str, Input], radius: I
             )
 
 
-def _off_axle(distance: Input | None) -> bool:
-    """Whether a part is meant to be off the axle; "0.0000(5)" is a centre that is not quite on
-    it.
+def _is_particle(part: str, table: LevelTable, inputs: Mapping[str, Input]) -> bool:
+    """Whether a part is named as the particle, or, where none is, meant to be off the axle;
+    "0.0000(5)" is a centre that is not quite on it.
     """
-    return distance is not None and distance.value != 0.0
+    distance = inputs.get(f"{part}.distance_m")
+    return (
+        part in table.particle if table.particle else distance is not None and distance.value != 0.0
+    )
 
 
 def _values(body: PartedBody) -> tuple[ArrayLike, ...]:
@@ -341,16 +341,7 @@ def _disk(source: CampaignFile, body: str) -> tuple[str, ...] | None:
         for part in turning
         for name, quantity in _inputs(source, part, source.parts[part]).items()
     }
-    off = [
-        part
-        for part in turning
-        if (
-            part in table.particle
-            if table.particle
-            else _off_axle(inputs.get(f"{part}.distance_m"))
-        )
-    ]
-    rest = sorted(part for part in turning if part not in off)
+    rest = sorted(part for part in turning if not _is_particle(part, table, inputs))
     return None if any(f"{part}.distance_m" in inputs for part in rest) else tuple(rest)
 
 

@@ -249,7 +249,8 @@ class Campaign(ABC):
 
     def require_body(self) -> None:
         """Raises InputError where there is no rolling body to speak of."""
-        raise self.source.error("has no rolling body, which this command is about", ("curve",))
+        if self.formula is not None:
+            raise self.source.error("has no rolling body, which this command is about", ("curve",))
 
     def require_complete(self, names: Sequence[str], command: str) -> None:
         """Raises InputError where there is no rolling body, or an unmodelled force was asked for,

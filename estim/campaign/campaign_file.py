@@ -11,7 +11,7 @@ import os
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, TypeVar
@@ -187,15 +187,15 @@ class CampaignFile:
     derived: Mapping[str, str | DerivedTable]
     files: Mapping[str, str]
     plan: PlanTable
-    published: str | None = None
-    shared: LevelTable = field(default_factory=LevelTable)
-    bodies: Mapping[str, LevelTable] = field(default_factory=dict)
-    runs: tuple[RunTable, ...] = ()
-    line: LineTable | None = None
-    trials: TrialsTable | None = None
-    parts: Mapping[str, AnyPart] = field(default_factory=dict)
-    curve: CurveTable | None = None
-    curve_runs: tuple[CurveRunTable, ...] = ()
+    published: str | None
+    shared: LevelTable
+    bodies: Mapping[str, LevelTable]
+    runs: tuple[RunTable, ...]
+    line: LineTable | None
+    trials: TrialsTable | None
+    parts: Mapping[str, AnyPart]
+    curve: CurveTable | None
+    curve_runs: tuple[CurveRunTable, ...]
     written: str = ""
 
     @property
@@ -333,25 +333,8 @@ def _checked_file(
                 value=body,
             )
     check_plan(top.plan, tuple(files), places, own_curve=top.curve is not None)
-    return CampaignFile(
-        path,
-        digest,
-        places,
-        top.title,
-        top.kind,
-        top.derived,
-        files,
-        top.plan,
-        published=top.published,
-        shared=top.shared,
-        bodies=top.bodies,
-        runs=tuple(runs),
-        line=top.line,
-        trials=top.trials,
-        parts=top.parts,
-        curve=top.curve,
-        curve_runs=tuple(curve_runs),
-    )
+    said = msgspec.structs.asdict(top) | {"runs": tuple(runs), "curve_runs": tuple(curve_runs)}
+    return CampaignFile(path=path, sha256=digest, places=places, files=files, **said)
 
 
 T = TypeVar("T")

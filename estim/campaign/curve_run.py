@@ -375,11 +375,11 @@ class RowsOfRun:
         sigma, unknown = Scale(1.0), tuple[Parameter, ...]()
         # the residuals say its size, together with what the curve lacks
         if not posed.stated and posed.lacks is not None:
-            sigma = Scale(roughness(posed.y, robust=posed.tails.robust))
+            sigma = Scale(roughness(posed.y, robust=posed.noise.robust))
         elif not posed.stated:
             inferred = isinstance(self.size, Prior)
             of_all = inferred and self.run.table.u_y is None
-            prior: Prior = Unstated(roughness(posed.y, robust=posed.tails.robust), SIGMA_SPREAD)
+            prior: Prior = Unstated(roughness(posed.y, robust=posed.noise.robust), SIGMA_SPREAD)
             prior = self.size if isinstance(self.size, Prior) else prior
             meaning = (
                 phrase("standard deviation of one reading")
@@ -398,7 +398,8 @@ class RowsOfRun:
                 else phrase("of column '{column}'", column=along)
             )
             lacks = replace(lacks, along_unit=phrase("readings") if along is None else of_column)
-        whole = posed.counted is None or posed.counted.noise.law.word == "counts"
+        counts = posed.noise.counted
+        whole = counts is None or counts.law.word == "counts"
         columns = self.data.columns
         run = replace(
             posed.observed(sigma),

@@ -84,13 +84,6 @@ def _check_speed(levels: Levels, sources: Mapping[str, float | Prior]) -> None:
         raise _error(levels, "release_speed", rule, value=speed.describe())
 
 
-def ramp_of(levels: Levels) -> Place | None:
-    """The ramp of a run as it is stated, from its lower end where nothing is said of the start;
-    None where its length is not.
-    """
-    return _stated_place(levels, "ramp")
-
-
 def with_full_curves(
     runs: Sequence[Observations], ramps: Mapping[str, Place | None], centres: Mapping[str, float]
 ) -> list[Observations]:
@@ -124,8 +117,10 @@ def _reach(run: Observations, centres: Mapping[str, float]) -> tuple[float, floa
     return min(float(np.min(since)), 0.0), max(float(np.max(since)), 0.0)
 
 
-def _stated_place(levels: Levels, of_what: str) -> Place | None:
-    """Raises InputError where it is impossible."""
+def stated_place(levels: Levels, of_what: str) -> Place | None:
+    """The "ramp" or "picture" of a run as it is stated, from its lower end where nothing is said of
+    the start; None where it is not.  Raises InputError where it is impossible.
+    """
     entries = {}
     for key in (f"{of_what}_length_m", f"{of_what}_start_m"):
         level = levels.first(key)
@@ -152,7 +147,7 @@ def _length(levels: Levels, name: str, of_what: str, sources: Mapping[str, float
     ):
         if levels.first(key) is None:
             raise _error(levels, name, f"needs '{key}' beside it, {what}")
-    place = _stated_place(levels, of_what)
+    place = stated_place(levels, of_what)
     assert place is not None
     length, centre = place.length, centre_of(sources[name])
     if abs(centre) > 0.1 * length:

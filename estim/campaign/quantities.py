@@ -19,10 +19,6 @@ from estim.model import STANDARD_GRAVITY
 _DEGREE = float(np.pi / 180.0)
 
 
-def _angle(symbol: str) -> Notation:
-    return Notation(symbol, "°", float(np.degrees(1.0)))
-
-
 @dataclass(frozen=True)
 class QuantityKind:
     """A physical quantity of a campaign: how it is written, its keys with their factors to SI,
@@ -46,6 +42,14 @@ class QuantityKind:
         return phrase(self.english)
 
 
+def _angle(
+    symbol: str, name: str, default: float | None, meaning: str, *, high: float
+) -> QuantityKind:
+    notation = Notation(symbol, "°", float(np.degrees(1.0)))
+    keys = {f"{name}_deg": _DEGREE, f"{name}_rad": 1.0}
+    return QuantityKind(notation, keys, "rad", default, meaning, high=high)
+
+
 QUANTITIES: Mapping[str, QuantityKind] = MappingProxyType(
     {
         "gamma": QuantityKind(
@@ -59,37 +63,19 @@ QUANTITIES: Mapping[str, QuantityKind] = MappingProxyType(
         "kappa": QuantityKind(
             Notation("κ"), {"kappa": 1.0}, "1", None, later("inertia of the disk / (M_D R²)"), 0.0
         ),
-        "theta0": QuantityKind(
-            _angle("θ₀"),
-            {"theta0_deg": _DEGREE, "theta0_rad": 1.0},
-            "rad",
-            None,
-            later("angle of the particle at release"),
-            high=2.0 * np.pi,
+        "theta0": _angle(
+            "θ₀", "theta0", None, later("angle of the particle at release"), high=2.0 * np.pi
         ),
-        "phi": QuantityKind(
-            _angle("φ"),
-            {"phi_deg": _DEGREE, "phi_rad": 1.0},
-            "rad",
-            None,
-            later("tilt of the ramp"),
-            high=0.5 * np.pi,
-        ),
-        "theta0_zero": QuantityKind(
-            _angle("δθ₀"),
-            {"theta0_zero_deg": _DEGREE, "theta0_zero_rad": 1.0},
-            "rad",
+        "phi": _angle("φ", "phi", None, later("tilt of the ramp"), high=0.5 * np.pi),
+        "theta0_zero": _angle(
+            "δθ₀",
+            "theta0_zero",
             0.0,
             later("common zero error: added to the angle at release"),
             high=0.5 * np.pi,
         ),
-        "phi_zero": QuantityKind(
-            _angle("δφ"),
-            {"phi_zero_deg": _DEGREE, "phi_zero_rad": 1.0},
-            "rad",
-            0.0,
-            later("common zero error: added to the tilt"),
-            high=0.5 * np.pi,
+        "phi_zero": _angle(
+            "δφ", "phi_zero", 0.0, later("common zero error: added to the tilt"), high=0.5 * np.pi
         ),
         "rolling_resistance": QuantityKind(
             Notation("c_rr"),

@@ -536,8 +536,7 @@ def _tests_of(
         run.curve.local(run.x, arguments).slope
         if run.positions
         else run.curve.value(run.x, arguments)
-    )
-    values = np.broadcast_to(values, (1, run.n_obs))[0]
+    )[0]
     if run.motion is None:
         # what makes up for a bump is not the same everywhere
         local = run.lacks is not None and run.lacks.deviation > 0.0

@@ -114,9 +114,7 @@ class Copies:
 def _tied(information: FloatArray, score: FloatArray, n: int) -> Quadratic:
     """A quadratic in `n` copies as one in their common value."""
     d = score.size // n
-    return np.asarray(information.reshape(n, d, n, d).sum(axis=(0, 2))), np.asarray(
-        score.reshape(n, d).sum(axis=0)
-    )
+    return information.reshape(n, d, n, d).sum(axis=(0, 2)), score.reshape(n, d).sum(axis=0)
 
 
 def fitted(

@@ -10,6 +10,7 @@ from estim.common.errors import (
     in_file,
     in_its_file,
     listed,
+    require_one_of,
     shorten,
 )
 from estim.common.escaping import (

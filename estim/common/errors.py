@@ -8,7 +8,7 @@ numerical failure is not an exception: it is a sentence in the record of the sta
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
@@ -98,6 +98,13 @@ class InputError(EstimError, ValueError):
         return InputError(
             rule, field=self.field if self.field in fields else None, file=self.file, line=self.line
         )
+
+
+def require_one_of(value: object, choices: Iterable[object], *, field: str) -> None:
+    """Raises InputError where a value is none of the choices."""
+    known = [*choices]
+    if value not in known:
+        raise InputError(f"must be one of {', '.join(map(str, known))}", field=field, value=value)
 
 
 @contextmanager

@@ -26,6 +26,7 @@ from estim.common import (
     number,
     one_line,
     phrase,
+    require_one_of,
     signed,
     table,
 )
@@ -487,9 +488,10 @@ class CurveFit:
 
     def _run(self, data: str | None) -> Observations:
         runs = {run.name: run for run in self.problem.runs}
-        if (data is None and len(runs) > 1) or (data is not None and data not in runs):
-            raise InputError(f"must be one of {', '.join(runs)}", field="data", value=data)
-        return self.problem.runs[0] if data is None else runs[data]
+        if data is None and len(runs) == 1:
+            return self.problem.runs[0]
+        require_one_of(data, runs, field="data")
+        return runs[str(data)]
 
     def _require_readings(self, run: Observations, field: str) -> None:
         if run.noise.own_density:

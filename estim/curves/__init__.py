@@ -6,7 +6,7 @@ from estim.curves.count_data import Binomial, Counting, EventTimes, Poisson
 from estim.curves.differences import HALVED, extrapolated
 from estim.curves.dual_numbers import Dual
 from estim.curves.formula import RESERVED, Formula, evaluate, read_formula
-from estim.curves.joining import DataSet, JointProblem, join, of_data_set
+from estim.curves.joining import JointProblem, join, of_data_set
 from estim.curves.models import Limits
 from estim.curves.named import (
     ModelSum,
@@ -26,6 +26,7 @@ from estim.curves.curve_problem import (
     SIGMA_SPREAD,
     AxisNames,
     CurveProblem,
+    DataSet,
     require_points,
     roughness,
     units_of,

@@ -55,7 +55,7 @@ class BinnedCurve:
 
     def value(self, x: FloatArray, arguments: Named) -> FloatArray:
         inside, _ = self._integrals(arguments)
-        return np.asarray((inside * self._scale(inside))[:, self._bin_of(x)])
+        return (inside * self._scale(inside))[:, self._bin_of(x)]
 
     def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
         """The slope is that of a bin moved as a whole."""
@@ -69,11 +69,8 @@ class BinnedCurve:
             name: (scale * (slope - self._pull(inside, slope)))[:, at]
             for name, slope in zip(local.gradient, slopes, strict=True)
         }
-        ends = [
-            np.broadcast_to(self.density.value(edge, arguments), (1, edge.size))
-            for edge in (self.low, self.high)
-        ]
-        return LocalCurve((scale * inside)[:, at], (scale * (ends[1] - ends[0]))[:, at], gradient)
+        low, high = (self.density.value(edge, arguments) for edge in (self.low, self.high))
+        return LocalCurve((scale * inside)[:, at], (scale * (high - low))[:, at], gradient)
 
     def rate(self, arguments: Named) -> tuple[FloatArray, FloatArray]:
         """The density at the events (n_draw, n_event), scaled as the bins are, and what is expected
@@ -115,9 +112,7 @@ class BinnedCurve:
         of it, for single arguments.
         """
         inside = self._integrals(arguments)[0][0]
-        middle = np.broadcast_to(
-            self.density.value(0.5 * (self.low + self.high), arguments), (1, self.low.size)
-        )[0]
+        middle = self.density.value(0.5 * (self.low + self.high), arguments)[0]
         bad = np.flatnonzero(~np.isfinite(inside) & np.isfinite(middle))
         return (float(self.low[bad[0]]), float(self.high[bad[0]])) if bad.size else None
 
@@ -233,13 +228,9 @@ class BinnedCurve:
         low, high = np.concatenate([panels.low, middle]), np.concatenate([middle, panels.high])
         x = _places(low, high)
         if n_draw == 1:
-            values = np.broadcast_to(self.density.value(x.ravel(), arguments), (1, x.size)).reshape(
-                x.shape
-            )
+            values = self.density.value(x.ravel(), arguments).reshape(x.shape)
         else:  # each panel like a draw of its own
-            values = np.broadcast_to(
-                self.density.value(x.T, some_draws(arguments, draw)), x.T.shape
-            ).T
+            values = self.density.value(x.T, some_draws(arguments, draw)).T
         return _panels_of(draw, low, high, bins, values)
 
     def _marks(self, arguments: Named, n_draw: int) -> tuple[FloatArray, FloatArray]:
@@ -256,11 +247,7 @@ class BinnedCurve:
         places = np.clip(
             np.concatenate([*ends, *values, *beside], axis=1), self.low[0], self.high[-1]
         )
-        if n_draw == 1:
-            return places, np.broadcast_to(
-                self.density.value(places.ravel(), arguments), places.shape
-            )
-        return places, np.broadcast_to(self.density.value(places, arguments), places.shape)
+        return places, self.density.value(places, arguments)
 
     def _highest_event(self, panels: _Panels, here: FloatArray) -> FloatArray:
         """(n_panel,) the greatest finite density of its events, 0 where there is none."""
@@ -276,13 +263,8 @@ class BinnedCurve:
         return highest
 
     def _summed(self, values: FloatArray, bins: IntArray) -> FloatArray:
-        """(1, n_bin) sums of values that broadcast to (1, n_node)."""
-        return np.asarray(
-            np.bincount(bins, np.broadcast_to(values, (1, bins.size))[0], minlength=self.low.size)[
-                None, :
-            ],
-            dtype=float,
-        )
+        """(1, n_bin) sums of values (1, n_node)."""
+        return np.asarray(np.bincount(bins, values[0], minlength=self.low.size)[None, :])
 
     def _scale(self, inside: FloatArray) -> FloatArray:
         """(n_draw, 1)."""

@@ -11,19 +11,19 @@ that come of it.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray, all_finite
+from estim.arrays import FloatArray
 from estim.common import InputError, later
 from estim.curves.binned import BinnedCurve
 from estim.curves.columns import column
 from estim.curves.systematic_errors import Component
-from estim.given_numbers import real_number, real_numbers
+from estim.given_numbers import finite_numbers, real_number, real_numbers
 from estim.problem import (
     BINOMIAL,
     POISSON,
@@ -122,25 +122,31 @@ Counting = Poisson | Binomial | EventTimes | LogDensity
 class CountedPoints:
     """Points (n_obs,) in order of x whose y were counted.
 
-    noise : `Counts`, or `OwnDensity`, which has no y.
-    bins : (n_obs, 2) edges, or None.
-    total : of events, where only their density counts.  events : (n_event,) their times in order,
-        where known.
+    noise : `Events` where only their density counts; `OwnDensity` has no y.
+    times : (n_event,) of single events, in order.
     """
 
     x: FloatArray
     y: FloatArray
-    noise: Any
-    bins: FloatArray | None
-    total: float | None
-    events: FloatArray = field(default_factory=lambda: np.zeros(0))
+    noise: Counts | OwnDensity
+    times: FloatArray | None = None
+
+    @property
+    def single(self) -> bool:
+        """Whether they are single events in cells."""
+        return self.times is not None
+
+    @property
+    def bins(self) -> FloatArray | None:
+        """(n_obs, 2) edges, or None."""
+        return None if isinstance(self.noise, OwnDensity) else self.noise.bins
 
     @property
     def words(self) -> Wording:
         """How they are spoken of."""
-        if self.total is not None:
+        if self.single:
             return counted_words(later("cells of events"), later("a new count"))
-        if self.noise.own_density:
+        if isinstance(self.noise, OwnDensity):
             return counted_words(later("observations"), later("a new observation"))
         law = self.noise.law
         return counted_words(later("bins") if self.bins is not None else law.word, law.new)
@@ -148,17 +154,20 @@ class CountedPoints:
     @property
     def density(self) -> bool | None:
         """Whether the curve is y per unit of x; None where it is known up to a factor."""
-        return None if self.total is not None else self.bins is not None
+        return None if self.single else self.bins is not None
 
     def expected(self, curve: Curve) -> Curve:
         """The curve of the expectations of y."""
         if self.bins is None:
             return curve
-        return BinnedCurve(curve, self.bins[:, 0], self.bins[:, 1], self.total, self.events)
+        low, high = self.bins.T
+        if self.times is None:
+            return BinnedCurve(curve, low, high)
+        return BinnedCurve(curve, low, high, float(self.times.size), self.times)
 
 
 def points_of_noise(
-    noise: Any, x: ArrayLike, y: ArrayLike | None, *, what: str, **beside: object
+    noise: Any, x: ArrayLike, y: ArrayLike | None, *, what: str, beside: Iterable[str]
 ) -> CountedPoints | None:
     """The points that the argument `noise` of `fit_curve` makes of x and y, None for readings.
 
@@ -174,12 +183,9 @@ def points_of_noise(
             "LogDensity()"
         )
         raise InputError(rule, field="noise", value=noise)
-    for name, value in beside.items():
-        if value is not None:
-            raise InputError(
-                "cannot be combined with 'noise', which defines the scatter of counts: omit it",
-                field=name,
-            )
+    for name in beside:
+        rule = "cannot be combined with 'noise', which defines the scatter of counts: omit it"
+        raise InputError(rule, field=name)
     return counted_points(
         counting, column(x, "x"), None if y is None else column(y, "y"), what=what
     )
@@ -200,7 +206,7 @@ def refuse_common_errors(points: CountedPoints, errors: Sequence[Component]) -> 
                 field=f"errors[{component.parameter_name}]",
                 value=component.kind,
             )
-        if component.kind == "scale_y" and points.total is not None:
+        if component.kind == "scale_y" and points.single:
             raise InputError(
                 "has no scale of y where only the density of the events counts",
                 field=f"errors[{component.parameter_name}]",
@@ -218,7 +224,7 @@ def counted_points(
         rule = "must be None where x are the times of single events, or observations of a density"
         raise InputError(rule, field="y")
     if isinstance(noise, LogDensity):
-        return CountedPoints(np.sort(x), np.zeros(x.size), OwnDensity(x.size), None, None)
+        return CountedPoints(np.sort(x), np.zeros(x.size), OwnDensity(x.size))
     if isinstance(noise, EventTimes):
         low, high = real_number(noise.low, "low"), real_number(noise.high, "high")
         if noise.cells is not None and not (
@@ -257,9 +263,7 @@ def _poisson(x: FloatArray, y: FloatArray, bins: ArrayLike | None, what: str) ->
         )
     if bins is None:
         order = np.argsort(x, kind="stable")
-        return CountedPoints(
-            x[order], y[order], Counts(POISSON, np.ones(x.size), y[order], what), None, None
-        )
+        return CountedPoints(x[order], y[order], Counts(POISSON, np.ones(x.size), y[order], what))
     edges = _edges(bins, x)
     order = np.lexsort((x, edges[:, 0]))
     edges, counts = edges[order], y[order]
@@ -272,26 +276,19 @@ def _poisson(x: FloatArray, y: FloatArray, bins: ArrayLike | None, what: str) ->
             field="bins",
             value=f"{edges[k].tolist()} and {edges[k + 1].tolist()}",
         )
-    return CountedPoints(
-        _bin_centres(edges),
-        counts,
-        Counts(POISSON, np.ones(x.size), counts, what, edges),
-        edges,
-        None,
-    )
+    noise = Counts(POISSON, np.ones(x.size), counts, what, edges)
+    return CountedPoints(_bin_centres(edges), counts, noise)
 
 
 def _binomial(x: FloatArray, y: FloatArray, trials: ArrayLike, what: str) -> CountedPoints:
     _require_counts(y, "the number of successes")
-    given = real_numbers(trials, "trials")
+    given = finite_numbers(trials, "trials")
     try:
         size = np.array(np.broadcast_to(given, y.shape))
     except ValueError:
         raise InputError(
             f"must be a number or have as many values as y ({y.size})", field="trials"
         ) from None
-    if not all_finite(size):
-        raise InputError("must be finite", field="trials", value=float(size[~np.isfinite(size)][0]))
     bad = first_non_count(size)
     if bad is not None or np.any(size < 1.0):
         bad = int(np.argmax(size < 1.0)) if bad is None else bad
@@ -313,7 +310,7 @@ def _binomial(x: FloatArray, y: FloatArray, trials: ArrayLike, what: str) -> Cou
         )
     order = np.argsort(x, kind="stable")
     share, size = (y / size)[order], size[order]
-    return CountedPoints(x[order], share, Counts(BINOMIAL, size, share, what), None, None)
+    return CountedPoints(x[order], share, Counts(BINOMIAL, size, share, what))
 
 
 def _events(
@@ -339,7 +336,7 @@ def _events(
     counts = np.histogram(ordered, edges)[0].astype(float)
     bins = np.column_stack([edges[:-1], edges[1:]])
     noise = Events(POISSON, np.ones(n_cell), counts, what, bins, times=ordered, window=(low, high))
-    return CountedPoints(_bin_centres(bins), counts, noise, bins, float(times.size), ordered)
+    return CountedPoints(_bin_centres(bins), counts, noise, ordered)
 
 
 def _require_counts(y: FloatArray, meaning: str) -> None:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import compress
 from types import MappingProxyType
@@ -68,7 +68,44 @@ SIGMA, SIGMA_NOTATION = "sigma_y", Notation("σ_y")
 JITTER = "jitter"
 # standard deviation of ln sigma where nothing is known of it: a factor 20 either way
 SIGMA_SPREAD = 3.0
+_ERRORS = ("u_y", "cov_y", "u_x", "cov_x", "r_xy", "robust")  # of a `DataSet`
 MAX_DENSE = 3000  # of a covariance matrix that is diagonalised, errors of x
+
+
+@dataclass(frozen=True, eq=False)
+class DataSet:
+    """Points x, y (n_obs,) of one of several data sets, with what `fit_curve` takes of their
+    errors: u_y, cov_y, u_x, `jitter`, `robust`, or `noise` for counts.
+
+    x : several abscissas too, as `fit_curve` takes them.
+    u_y, u_x : standard uncertainties, a number or (n_obs,), in the units of y and x.
+    cov_y : (n_obs, n_obs) covariance matrix of y, in place of u_y.
+    cov_x, r_xy : covariance matrix of x in place of u_x, correlation of both errors of a point.
+    y : None for the times of single events.
+    curve, axes : of this data set, in the place of those of `fit_curves`; jitter and robust too,
+        where they are not None.
+
+    It is checked where it is fitted: `fit_curves` raises InputError.
+
+    >>> from estim import DataSet, fit_curves
+    >>> first, second = DataSet([1, 2, 3], [1.1, 2.0, 3.1], 0.1), DataSet([1, 2], [2.0, 3.0], 0.1)
+    >>> fit = fit_curves("k*x + c", {"a": first, "b": second}, shared=["k"])
+    >>> round(fit.values["k"], 2)
+    1.0
+    """
+
+    x: ArrayLike
+    y: ArrayLike | None
+    u_y: ArrayLike | None = None
+    cov_y: ArrayLike | None = None
+    u_x: ArrayLike | None = None
+    noise: Counting | str | None = None
+    curve: str | Callable[..., Any] | None = None
+    axes: AxisNames | None = None
+    jitter: Any = None
+    robust: str | None = None
+    cov_x: ArrayLike | None = None
+    r_xy: ArrayLike | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,19 +113,14 @@ class CurveProblem:
     """A curve, its parameters and the points in order of x.
 
     x, y : (n_obs,).
-    relative : (n_obs,) u_y, or 1 where it was not stated.  relative_x : (n_obs,) u_x, or None;
-        r_xy : (n_obs,) the correlation of both.
-    share : standard deviation of y over the curve, 0 where it is not stated so; `relative` is then
-        what y themselves show of it.  said : the share that was stated, in words, if any.
-    cov, cov_x : (n_obs, n_obs) of the errors of y and of x, or None.
+    noise : of the readings or counts, of errors of y as u_y states them, or 1 where it does not.
     stated : whether the size of the errors is known.
     lacks : what the curve may lack, None for nothing.
     counted : the points where y are counts, else None.
     fixed : argument of the curve -> its exact value.
     text : the formula, or how the function is called.  called : a name it is known by, if any.
     sought : what is to be computed from the parameters.
-    jitter, tails : the scatter beside the stated errors, and the shape of the errors; `further` are
-        their unknowns.
+    further : what is unknown of the scatter beside the stated errors, and of their shape.
     order : (n_obs,) where each point stood among those given; None of single events.
     places : name -> (n_obs,), the abscissas of points that have several: x are their numbers.
     """
@@ -98,30 +130,22 @@ class CurveProblem:
     parameters: tuple[Parameter, ...]
     x: FloatArray
     y: FloatArray
-    relative: FloatArray
-    relative_x: FloatArray | None
-    cov: FloatArray | None
+    noise: Noise
     stated: bool
     axes: AxisNames
     fixed: Mapping[str, float]
     order: IntArray | None
-    jitter: Scale
-    tails: Tails
     further: tuple[Parameter, ...]
     lacks: Discrepancy | None = None
     counted: CountedPoints | None = None
     sought: tuple[SoughtQuantity, ...] = ()
     called: str = ""
-    share: float = 0.0
-    said: tuple[str, ...] = ()
-    cov_x: FloatArray | None = None
-    r_xy: FloatArray | None = None
     places: Mapping[str, FloatArray] | None = None
 
     @property
     def infers_errors(self) -> bool:
         """Whether anything is unknown of stated errors, or they leave room for outliers."""
-        return bool(self.further) or self.tails.robust
+        return bool(self.further) or self.noise.robust
 
     def with_sigma(self, sigma: float) -> Problem:
         """The problem whose errors are `sigma` times u_y (or times 1)."""
@@ -146,21 +170,6 @@ class CurveProblem:
 
     def observed(self, sigma: Scale) -> Observations:
         """The points whose errors are `sigma` times u_y (or times 1)."""
-        noise: Noise = Readings(
-            sigma,
-            self.jitter,
-            self.relative,
-            sigma_x=None if self.relative_x is None else Scale(1.0),
-            relative_x=self.relative_x,
-            tails=self.tails,
-            share=self.share,
-            r_xy=self.r_xy,
-            what=self.axes.y_name,
-            said=self.said,
-        )
-        if self.cov is not None:
-            noise = Correlated(self.cov, self.axes.y_name, self.cov_x)
-        noise = noise if self.counted is None else self.counted.noise
         arguments: dict[str, str | float] = {p.name: p.name for p in self.parameters}
         arguments.update(self.fixed)
         return Observations(
@@ -170,7 +179,7 @@ class CurveProblem:
             t=None,
             curve=self.curve,
             arguments=MappingProxyType(arguments),
-            noise=noise,
+            noise=self.noise.of_size(sigma),
             x_name=self.axes.x_name if self.places is None else phrase("number of the point"),
             x_unit=self.axes.x_unit if self.places is None else "1",
             y_name=self.axes.y_name,
@@ -203,79 +212,63 @@ def require_points(parameters: Sequence[Parameter], n_obs: int, *, stated: bool 
 
 
 def pose_curve(
-    curve: str | Formula | Callable[..., Any],
-    x: ArrayLike,
-    y: ArrayLike | None,
+    points: DataSet,
+    said: Mapping[str, Any],
+    errors: Sequence[Component],
     *,
-    start: Mapping[str, float],
-    u_y: ArrayLike | None,
-    cov_y: ArrayLike | None,
-    u_x: ArrayLike | None,
-    bounds: Mapping[str, Limits],
-    priors: Mapping[str, Any],
-    errors: tuple[Component, ...],
-    units: Mapping[str, str],
-    axes: AxisNames,
-    fixed: Mapping[str, float] = MappingProxyType({}),
     deviation: float = 0.0,
     correlated: ArrayLike | bool = False,
-    noise: Counting | str | None = None,
-    derived: Mapping[str, str] = MappingProxyType({}),
-    tied: Mapping[str, str] = MappingProxyType({}),
     chosen: Collection[str] = (),
-    jitter: Any = False,
-    robust: str | None = None,
     level: str = "",
-    cov_x: ArrayLike | None = None,
-    r_xy: ArrayLike | None = None,
 ) -> CurveProblem:
-    """The problem that the arguments of `fit_curve`, or a run of a campaign, pose; nobody stated
-    the start of those `chosen`.  level : behind the names of what is unknown of the errors, like
-    "[first]".
+    """The problem that points, their curve and what is said of its parameters pose, as for
+    `pose_points`, where each has a start; nobody stated the start of those `chosen`.
 
-    Raises InputError where one breaks a rule, naming the argument: "u_y", or "units[tau]" of a
+    Raises InputError where an argument breaks a rule, naming it: "u_y", or "units[tau]" of a
     parameter, with the index of a value.
     """
-    _check_mappings(
-        bounds=bounds, priors=priors, units=units, fixed=fixed, derived=derived, tied=tied
-    )
+    curve: Any = points.curve
+    counting, axes = points.noise, points.axes or AxisNames()
+    for field, mapping in said.items():
+        if not isinstance(mapping, Mapping) and field != "start":
+            rule = "must be a mapping from names of parameters"
+            raise InputError(rule, field=field, value=mapping)
+    tied, units = said["tied"], said["units"]
     _check_words(units, errors, axes)
-    places = curve.columns if isinstance(curve, OfPoints) else None
-    along_x = {
-        "u_x": u_x is not None,
-        "cov_x": cov_x is not None,
+    asked = {name: getattr(points, name) is not None for name in _ERRORS} | {
         "deviation": deviation != 0.0,
-        "noise": isinstance(noise, EventTimes) or getattr(noise, "bins", None) is not None,
-        "errors": any(component.kind.endswith("_x") for component in errors),
+        "correlated": correlated is not False,
+        "jitter": points.jitter is not None and points.jitter is not False,
     }
-    for field in (name for name, asked in along_x.items() if places is not None and asked):
-        raise InputError("cannot be combined with several abscissas", field=field)
-    counted = points_of_noise(
-        noise,
-        x,
-        y,
-        what=axes.y_name,
-        u_y=u_y,
-        cov_y=cov_y,
-        u_x=u_x,
-        deviation=deviation or None,
-        correlated=None if correlated is False else correlated,
-        jitter=None if jitter is False else jitter,
-        robust=robust,
-    )
-    events = counted is not None and counted.events.size > 0
-    given = None if events else np.argsort(column(x, "x"), kind="stable")
-    if counted is not None:
-        x, y = counted.x, counted.y
-    points = {"x": column(x, "x"), "y": column(y, "y")}
-    n_obs = points["x"].size
-    if points["y"].size != n_obs:
-        raise InputError(
-            f"must have as many values as x ({n_obs})", field="y", value=points["y"].size
+    places = curve.columns if isinstance(curve, OfPoints) else None
+    if places is not None:
+        along_x = {
+            "noise": isinstance(counting, EventTimes)
+            or getattr(counting, "bins", None) is not None,
+            "errors": any(component.kind.endswith("_x") for component in errors),
+        }
+        _refuse(
+            asked | along_x,
+            ("u_x", "cov_x", "deviation", *along_x),
+            "cannot be combined with several abscissas",
         )
+    counted = points_of_noise(
+        counting,
+        points.x,
+        points.y,
+        what=axes.y_name,
+        beside=[name for name, is_given in asked.items() if is_given],
+    )
+    events = counted is not None and counted.single
+    given = None if events else np.argsort(column(points.x, "x"), kind="stable")
+    found = points if counted is None else counted
+    x, y = column(found.x, "x"), column(found.y, "y")
+    n_obs = x.size
+    if y.size != n_obs:
+        raise InputError(f"must have as many values as x ({n_obs})", field="y", value=y.size)
     grouped = tuple(component for component in errors if component.groups is not None)
     errors = tuple(component for component in errors if component.groups is None)
-    dense = cov_y is not None or u_x is not None or cov_x is not None or bool(grouped)
+    dense = asked["cov_y"] or asked["u_x"] or asked["cov_x"] or bool(grouped)
     most = MAX_DENSE if dense else MAX_OBS
     if not 1 <= n_obs <= most:
         cure = (
@@ -285,11 +278,11 @@ def pose_curve(
             "points"
         )
         raise InputError(f"must have between 1 and {most} values{cure}", field="x", value=n_obs)
-    order = np.argsort(points["x"], kind="stable")
-    share, said = 0.0, tuple[str, ...]()
+    order = np.argsort(x, kind="stable")
+    share, words, u_y = 0.0, tuple[str, ...](), points.u_y
     if isinstance(u_y, str):
-        share, said, u_y = _share_of_y(u_y, points["y"])
-        if share and not (deviation == 0.0 and correlated is False and robust is None):
+        share, words, u_y = _share_of_y(u_y, y)
+        if share and (asked["deviation"] or asked["correlated"] or asked["robust"]):
             raise InputError(
                 "as a share of the curve cannot be combined with 'deviation', 'correlated' or "
                 "'robust'",
@@ -297,15 +290,14 @@ def pose_curve(
                 value=f"{100.0 * share:.4g}%",
             )
     u_y, skew = skew_of(u_y, n_obs)
-    beside = [one for one in (u_x, cov_x, robust) if one is not None] + [*grouped]
-    plain = deviation == 0.0 and correlated is False and (jitter is None or jitter is False)
-    if skew is not None and (beside or not plain):
+    of_readings = ("u_x", "cov_x", "deviation", "correlated", "jitter", "robust")
+    if skew is not None and (grouped or any(asked[name] for name in of_readings)):
         rule = (
             "with another error above than below does not go with u_x, cov_x, deviation, "
             "correlated, jitter, robust, or errors in groups"
         )
         raise InputError(rule, field="u_y")
-    relative, cov = _errors_of_y(u_y, cov_y, n_obs)
+    relative, cov = _errors_of_y(u_y, points.cov_y, n_obs)
     if grouped:
         if counted is not None or share or (u_y is None and cov is None):
             rule = "with groups needs u_y (in the unit of y) or cov_y beside it"
@@ -313,28 +305,28 @@ def pose_curve(
         cov = covariance_in_groups(grouped, n_obs) + (np.diag(relative**2) if cov is None else cov)
         relative = sds_of(cov)
     relative_x, of_x = _errors_of_x(
-        u_x, cov_x, points["x"], stated=u_y is not None or cov_y is not None
+        points.u_x, points.cov_x, x, stated=asked["u_y"] or asked["cov_y"]
     )
     if of_x is None and cov is not None and relative_x is not None:
         of_x = np.diag(np.square(relative_x))
     if of_x is not None and share:
         raise InputError("does not go with a 'u_y' that is a share of the curve", field="cov_x")
-    both = None if r_xy is None else real_numbers(r_xy, "r_xy")
+    both = real_numbers(points.r_xy, "r_xy") if asked["r_xy"] else None
     if both is not None:
-        if u_x is None or u_y is None or share or robust is not None:
+        if not (asked["u_x"] and asked["u_y"]) or share or asked["robust"]:
             raise InputError(
                 "needs u_x and u_y in their units, and goes with normal errors alone", field="r_xy"
             )
         if both.shape not in ((), (n_obs,)) or not np.all(np.abs(both) < 1.0):
             rule = f"must be a number between -1 and 1, or as many as values of x ({n_obs})"
-            raise InputError(rule, field="r_xy", value=r_xy)
+            raise InputError(rule, field="r_xy", value=points.r_xy)
         both = np.broadcast_to(both, n_obs)
     if of_x is not None and cov is None:
         cov = np.diag(np.square(relative))
     square = np.ix_(order, order)
-    names, values = _start(start)
-    exact = _fixed(fixed, names)
-    following, all_of = {**tied, **derived}, (*names, *exact)
+    names, values = _start(said["start"])
+    exact = _fixed(said["fixed"], names)
+    following, all_of = {**tied, **said["derived"]}, (*names, *exact)
     ties = read_tied(tied, all_of)
     unseen = only_for_ties(curve, ties) if ties else set()
     begun, held = (
@@ -342,7 +334,7 @@ def pose_curve(
     )
     begun |= {name: float(followed(ties, {**values, **exact})[name]) for name in ties}
     summed = counted is not None and counted.noise.own_density
-    read = _curve(curve, points["x"], begun, held, summed=summed)
+    read = _curve(curve, x, begun, held, summed=summed)
     of_curve = units_of(
         read, axes, (*names, *ties), density=(density := counted is not None and counted.density)
     )
@@ -357,9 +349,9 @@ def pose_curve(
     parameter_units = {
         name: unit for name, unit in {**of_curve, **units}.items() if name not in following
     }
-    parameters = _parameters(names, values, bounds, priors, parameter_units, exact)
+    parameters = _parameters(names, values, said["bounds"], said["priors"], parameter_units, exact)
     shared = _shared(errors, (*all_of, *ties), axes)
-    stated = u_y is not None or cov is not None or counted is not None
+    stated = asked["u_y"] or cov is not None or counted is not None
     everything = (*parameters, *shared)
     if not stated and SIGMA in (p.name for p in everything):
         raise InputError(
@@ -367,20 +359,15 @@ def pose_curve(
             field=f"start[{SIGMA}]",
         )
     scatter, tails, further = _errors_inferred(
-        jitter, robust, points["y"], axes.y_unit, level=level, stated=u_y is not None
+        points.jitter, points.robust, y, axes.y_unit, level=level, stated=asked["u_y"]
     )
     tails = tails if skew is None else TwoPiece(skew=skew[order])
     if further or tails.robust:
-        matrices = (("cov_x", cov_x is not None), ("cov_y", cov_y is not None))
-        for field, given_too in (
-            *matrices,
-            ("errors", bool(grouped)),
-            ("deviation", deviation != 0.0),
-        ):
-            if given_too:
-                raise InputError("cannot be combined with 'jitter' or 'robust'", field=field)
-        if correlated is not False:
-            raise InputError("cannot be combined with 'jitter' or 'robust'", field="correlated")
+        _refuse(
+            asked | {"errors": bool(grouped)},
+            ("cov_x", "cov_y", "errors", "deviation", "correlated"),
+            "cannot be combined with 'jitter' or 'robust'",
+        )
     for parameter in further:
         if parameter.name in (*all_of, *ties, *(p.name for p in shared)):
             rule = f"is the name of what is unknown of the errors of {axes.y_name}: choose another"
@@ -391,8 +378,8 @@ def pose_curve(
         rule = f"must have at least {least} points for robust errors whose size is not stated"
         raise InputError(f"{rule}: state u_y", field="x", value=order.size)
     whole: Curve = TiedCurve(read, ties) if ties else read
-    free, unlimited = without_full_turns(whole, points["x"], {**values, **exact}, parameters)
-    everything, said = (*free, *shared), (*said, *unlimited)
+    free, unlimited = without_full_turns(whole, x, {**values, **exact}, parameters)
+    everything = (*free, *shared)
     whole = DistortedCurve(whole, errors) if errors else whole
     if counted is not None:
         refuse_common_errors(counted, errors)
@@ -404,33 +391,43 @@ def pose_curve(
         if isinstance(curve, OfPoints)
         else f"{getattr(curve, '__name__', type(curve).__name__)}(x, {', '.join((*begun, *held))})"
     )
+    noise: Noise = Readings(
+        Scale(1.0),
+        scatter,
+        relative[order],
+        sigma_x=None if relative_x is None else Scale(1.0),
+        relative_x=None if relative_x is None else relative_x[order],
+        tails=tails,
+        share=share,
+        r_xy=None if both is None else both[order],
+        what=axes.y_name,
+        said=(*words, *unlimited),
+    )
+    if cov is not None:
+        noise = Correlated(cov[square], axes.y_name, None if of_x is None else of_x[square])
     return CurveProblem(
         text=", ".join([text, *(f"{name} = {formula.text}" for name, formula in ties.items())]),
         curve=whole,
         parameters=everything,
-        x=points["x"][order],
-        y=points["y"][order],
-        relative=relative[order],
-        relative_x=None if relative_x is None else relative_x[order],
-        cov=None if cov is None else cov[square],
-        cov_x=None if of_x is None else of_x[square],
-        r_xy=None if both is None else both[order],
+        x=x[order],
+        y=y[order],
+        noise=noise if counted is None else counted.noise,
         stated=stated,
         axes=axes,
         fixed=MappingProxyType(exact),
         order=given,
-        jitter=scatter,
-        tails=tails,
         further=further,
         lacks=discrepancy_of(
-            deviation, correlated, order, stated=stated, exact_x=u_x is None and cov_x is None
+            deviation,
+            correlated,
+            order,
+            stated=stated,
+            exact_x=not (asked["u_x"] or asked["cov_x"]),
         ),
         counted=counted,
         sought=seek_of_fit(
             following, units, [*all_of, *(p.name for p in shared)], {**of_curve, **parameter_units}
         ),
-        share=share,
-        said=said,
         places=places,
     )
 
@@ -530,15 +527,14 @@ def _fixed(fixed: Mapping[str, float], names: tuple[str, ...]) -> dict[str, floa
     return values
 
 
-def _check_mappings(**given: object) -> None:
-    for field, mapping in given.items():
-        if not isinstance(mapping, Mapping):
-            raise InputError(
-                "must be a mapping from names of parameters", field=field, value=mapping
-            )
+def _refuse(asked: Mapping[str, bool], fields: Iterable[str], rule: str) -> None:
+    """Raises InputError for the first of the fields that is asked for."""
+    for field in fields:
+        if asked[field]:
+            raise InputError(rule, field=field)
 
 
-def _check_words(units: Mapping[str, str], errors: tuple[Component, ...], axes: AxisNames) -> None:
+def _check_words(units: Mapping[str, str], errors: Sequence[Component], axes: AxisNames) -> None:
     for name, unit in units.items():
         if not isinstance(unit, str):
             raise InputError(f"must be text for '{name}', like \"m/s\"", field="units", value=unit)

@@ -9,9 +9,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import IntArray, all_finite
+from estim.arrays import IntArray
 from estim.common import InputError, phrase
-from estim.given_numbers import real_number, real_numbers
+from estim.given_numbers import finite_numbers, real_number
 from estim.problem import MAX_LACKING, Discrepancy
 
 
@@ -48,12 +48,8 @@ def discrepancy_of(
             stated,
         )
     times = np.ravel(
-        real_numbers(correlated, "correlated", "must be True, or the times of the points")
+        finite_numbers(correlated, "correlated", "must be True, or the times of the points")
     )
-    if not all_finite(times):
-        raise InputError(
-            "must be finite", field="correlated", value=float(times[~np.isfinite(times)][0])
-        )
     if times.size != order.size or not float(np.ptp(times)) > 0.0:
         raise InputError(
             f"must be True, or {order.size} times that are not all the same",

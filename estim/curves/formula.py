@@ -117,17 +117,19 @@ class Formula:
         return "x" in names_in(self.tree)
 
     def value(self, x: FloatArray, arguments: Named) -> FloatArray:
-        return _full(evaluate(self.tree, {"x": x, **_arrays(arguments, self.names)}), x, arguments)
+        return _full(
+            evaluate(self.tree, {"x": x, **numbers_of(arguments, self.names)}), x, arguments
+        )
 
     def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
         symbols = {
             name: Dual(value, {name: 1.0})
-            for name, value in {"x": x, **_arrays(arguments, self.names)}.items()
+            for name, value in {"x": x, **numbers_of(arguments, self.names)}.items()
         }
         return local_of(evaluate(self.tree, symbols), x, arguments, self.names)
 
     def time_derivative(self, x: FloatArray, arguments: Named, order: int) -> FloatArray:
-        symbols = _arrays(arguments, self.names)
+        symbols = numbers_of(arguments, self.names)
         return time_derivative_of(
             lambda position: evaluate(self.tree, {"x": position, **symbols}), x, arguments, order
         )
@@ -291,7 +293,8 @@ def _spread(result: Any, shape: tuple[int, ...]) -> FloatArray:
     return array if array.shape == shape else np.full(shape, array)
 
 
-def _arrays(arguments: Named, names: Iterable[str]) -> dict[str, Any]:
+def numbers_of(arguments: Named, names: Iterable[str]) -> dict[str, Any]:
+    """The arguments `names` as numbers of NumPy, of which 0.0 ** -1 is inf, or arrays of them."""
     return {name: np.asarray(arguments[name], dtype=float)[()] for name in names}
 
 

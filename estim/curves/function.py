@@ -69,14 +69,10 @@ class PythonCurve:
         )
         if self.broadcasts or n_draw == 1:
             scalars = {name: _scalar(arguments[name]) for name in self.names}
-            return np.array(
-                np.broadcast_to(
-                    _called(self.function, x if n_draw > 1 else np.ravel(x), scalars),
-                    (n_draw, n_obs),
-                )
-            )
+            called = _called(self.function, x if n_draw > 1 else np.ravel(x), scalars)
+            return called.reshape(n_draw, n_obs)
         rows = [
-            np.broadcast_to(_called(self.function, at, values), (n_obs,))
+            _called(self.function, at, values)
             for at, values in zip(
                 np.broadcast_to(x, (n_draw, n_obs)), self._each(arguments, n_draw), strict=True
             )
@@ -166,17 +162,17 @@ def wrap_function(
 
 
 def _called(function: Function, x: Any, parameters: Mapping[str, Any]) -> FloatArray:
-    """The curve; nan where it has no value, or none that is real."""
+    """The curve at every place and draw; nan where it has no value, or none that is real."""
     shape = np.broadcast_shapes(np.shape(x), *map(np.shape, parameters.values()))
     with np.errstate(all="ignore"):
         try:
-            returned = np.asarray(function(x, **parameters))
-            np.broadcast_to(returned, shape)  # an integration may have ended too early
+            # no array of this shape: an integration may have ended too early
+            returned = np.broadcast_to(function(x, **parameters), shape)
         except _NO_VALUE:
-            return np.full(np.shape(x), np.nan)
+            return np.full(shape, np.nan)
         if np.iscomplexobj(returned):
             returned = np.where(returned.imag == 0.0, returned.real, np.nan)
-        return np.asarray(returned, dtype=float)
+        return np.array(returned, dtype=float)
 
 
 def _own_precision(function: Function) -> float:
@@ -204,17 +200,8 @@ def _broadcasts(function: Function, x: FloatArray, start: Mapping[str, float]) -
             _called(function, x, {name: column[i] for name, column in draws.items()})
             for i in range(3)
         ]
-        together = np.broadcast_to(together, (3, x.size))
         alike = max(1e-12, 1e4 * _own_precision(function))
-        return bool(
-            np.allclose(
-                together,
-                [np.broadcast_to(row, (x.size,)) for row in single],
-                rtol=alike,
-                atol=alike - 1e-12,
-                equal_nan=True,
-            )
-        )
+        return bool(np.allclose(together, single, rtol=alike, atol=alike - 1e-12, equal_nan=True))
     # whatever the user's function raises on columns: then it is called draw by draw
     except Exception:
         return False
@@ -305,9 +292,7 @@ def _by_complex_step(function: Function, x: FloatArray, values: Mapping[str, flo
         for name, value in values.items()
     }
     slope = derivative(x + 1j * _COMPLEX_STEP, values)
-    return LocalCurve(
-        np.array(np.broadcast_to(_called(function, x, values), (1, x.size))), slope, gradient
-    )
+    return LocalCurve(np.atleast_2d(_called(function, x, values)), slope, gradient)
 
 
 def _by_differences(function: Function, x: FloatArray, values: Mapping[str, float]) -> LocalCurve:
@@ -316,9 +301,7 @@ def _by_differences(function: Function, x: FloatArray, values: Mapping[str, floa
         return _difference(function, x, values, name, shifted)[0][None, :]
 
     gradient = {name: along(name) for name in values}
-    return LocalCurve(
-        np.array(np.broadcast_to(_called(function, x, values), (1, x.size))), along(None), gradient
-    )
+    return LocalCurve(np.atleast_2d(_called(function, x, values)), along(None), gradient)
 
 
 def _difference(
@@ -345,12 +328,9 @@ def _shifted(
 
     @cache
     def shifted(step: float) -> FloatArray:
-        called = (
-            _called(function, x + step, values)
-            if name is None
-            else _called(function, x, {**values, name: values[name] + step})
-        )
-        return np.broadcast_to(called, (x.size,))
+        if name is None:
+            return _called(function, x + step, values)
+        return _called(function, x, {**values, name: values[name] + step})
 
     return shifted
 

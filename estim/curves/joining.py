@@ -10,50 +10,12 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import InputError, same_numbers
-from estim.curves.count_data import Counting
-from estim.curves.curve_problem import AxisNames, CurveProblem
+from estim.curves.curve_problem import CurveProblem
 from estim.curves.derived import SoughtQuantity, check_derived_names, in_units, seek
 from estim.problem import Parameter, Problem
-
-
-@dataclass(frozen=True, eq=False)
-class DataSet:
-    """Points x, y (n_obs,) of one of several data sets, with what `fit_curve` takes of their
-    errors: u_y, cov_y, u_x, `jitter`, `robust`, or `noise` for counts.
-
-    x : several abscissas too, as `fit_curve` takes them.
-    u_y, u_x : standard uncertainties, a number or (n_obs,), in the units of y and x.
-    cov_y : (n_obs, n_obs) covariance matrix of y, in place of u_y.
-    cov_x, r_xy : covariance matrix of x in place of u_x, correlation of both errors of a point.
-    y : None for the times of single events.
-    curve, axes : of this data set, in the place of those of `fit_curves`; jitter and robust too,
-        where they are not None.
-
-    It is checked where it is fitted: `fit_curves` raises InputError.
-
-    >>> from estim import DataSet, fit_curves
-    >>> first, second = DataSet([1, 2, 3], [1.1, 2.0, 3.1], 0.1), DataSet([1, 2], [2.0, 3.0], 0.1)
-    >>> fit = fit_curves("k*x + c", {"a": first, "b": second}, shared=["k"])
-    >>> round(fit.values["k"], 2)
-    1.0
-    """
-
-    x: ArrayLike
-    y: ArrayLike | None
-    u_y: ArrayLike | None = None
-    cov_y: ArrayLike | None = None
-    u_x: ArrayLike | None = None
-    noise: Counting | str | None = None
-    curve: str | Callable[..., Any] | None = None
-    axes: AxisNames | None = None
-    jitter: Any = None
-    robust: str | None = None
-    cov_x: ArrayLike | None = None
-    r_xy: ArrayLike | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -206,18 +206,18 @@ _PEAK = {"sigma": _POSITIVE}
 def _polynomial(degree: int) -> Model:
     names = tuple(f"c{i}" for i in range(degree + 1))
     powers = ["c0", "c1*x", *(f"c{i}*x**{i}" for i in range(2, degree + 1))][: degree + 1]
-    return Model(f"polynomial{degree}", " + ".join(powers), names, {})
+    return Model(f"polynomial{degree}", " + ".join(powers), names)
 
 
 MODELS: Mapping[str, Model] = MappingProxyType(
     {
         model.name: model
         for model in (
-            Model("constant", "c", ("c",), {}),
-            Model("line", "slope*x + intercept", ("slope", "intercept"), {}),
+            Model("constant", "c", ("c",)),
+            Model("line", "slope*x + intercept", ("slope", "intercept")),
             *(_polynomial(degree) for degree in range(2, 8)),
-            Model("exponential", "amplitude*exp(-x/decay)", ("amplitude", "decay"), {}),
-            Model("power", "amplitude*x**exponent", ("amplitude", "exponent"), {}),
+            Model("exponential", "amplitude*exp(-x/decay)", ("amplitude", "decay")),
+            Model("power", "amplitude*x**exponent", ("amplitude", "exponent")),
             Model(
                 "gaussian",
                 "amplitude/(sigma*sqrt(2*pi))*exp(-(x - center)**2/(2*sigma**2))",

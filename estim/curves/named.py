@@ -25,7 +25,7 @@ from estim.curves.models import read_model as read_model
 from estim.curves.projected import linear_in as linear_in
 from estim.curves.several_abscissas import OfPoints, arguments_taken
 from estim.curves.starting_values import guess_starts
-from estim.problem import MOST_REWEIGHTED, Counts, Flat, errors_widened, typical_size
+from estim.problem import MOST_REWEIGHTED, Counted, Flat, errors_widened, typical_size
 
 _SIZE = "size_of_density"
 _FEW = 2  # parameters of models whose names are ordinary words
@@ -170,71 +170,66 @@ def started(
 
     beside : x, y and u_y of further points of the same curve with the same parameters.
     """
-    own = posed
-    if beside:
-        posed = _pooled(posed, beside)
-    counted = posed.counted
+    noise, counted = posed.noise, posed.noise.counted
+    x, y, gain = _pooled((posed.x, posed.y, noise.reading_gain()), beside)
     known = {p.name: p for p in posed.parameters if p.name in asked.parameters}
-    gain, bins = (
-        (posed.relative, None) if counted is None else (counted.noise.reading_gain(), counted.bins)
-    )
-    width = np.ones(posed.y.size) if bins is None else bins[:, 1] - bins[:, 0]
-    y = posed.y if counted is None else _with_neighbours(posed.y, counted.noise)
+    bins = None if counted is None else counted.bins
+    width = np.ones(y.size) if bins is None else bins[:, 1] - bins[:, 0]
+    near = y if counted is None else _with_neighbours(y, counted)
     limits = {
         name: (number(p.prior.low), number(p.prior.high))
         for name, p in known.items()
         if name not in held and isinstance(p.prior, Flat)
     }
     if not limits:
-        return own
+        return posed
     fixed = {name: p.prior.centre for name, p in known.items() if name not in limits} | dict(
         posed.fixed
     )
     formula = asked.formula
-    if counted is not None and counted.total is not None:  # the size of a density does not matter
+    if counted is not None and counted.single:  # the size of a density does not matter
         formula = read_formula(f"{_SIZE}*({formula.text})")
 
     def guessed(wider: FloatArray | float = 1.0) -> dict[str, float]:
         return guess_starts(
-            formula, posed.x, y / width, wider * gain / width, known=fixed, limits=limits
+            formula, x, near / width, wider * gain / width, known=fixed, limits=limits
         )
 
-    starts = _robust(posed, formula, guessed) if posed.tails.robust else guessed()
+    starts = _robust((x, y, gain), formula, guessed) if noise.robust else guessed()
     if starts.get(_SIZE, 1.0) < 0.0:  # of a negative density
         positive = {**limits, _SIZE: (0.0, None)}
-        starts = guess_starts(
-            formula, posed.x, y / width, gain / width, known=fixed, limits=positive
-        )
+        starts = guess_starts(formula, x, near / width, gain / width, known=fixed, limits=positive)
     starts = _in_order(asked, starts, limits)
     begun = {
         name: Flat(known[name].prior.low, known[name].prior.high, starts[name], start_stated=False)
         for name in limits
     }
     return replace(
-        own,
+        posed,
         parameters=tuple(replace(p, prior=begun.get(p.name, p.prior)) for p in posed.parameters),
     )
 
 
-def _with_neighbours(y: FloatArray, noise: Counts) -> FloatArray:
+def _with_neighbours(y: FloatArray, counted: Counted) -> FloatArray:
     """Counts y (n_obs,) in order of x; shares of few trials each the mean with its neighbours':
     least squares through single ones end at a step.
     """
-    beside = round(_ENOUGH / float(np.mean(noise.trials))) if noise.law.ceiling < math.inf else 0
+    beside = (
+        round(_ENOUGH / float(np.mean(counted.trials))) if counted.law.ceiling < math.inf else 0
+    )
     window = np.ones(min(2 * beside + 1, y.size))
     return np.convolve(y, window, "same") / np.convolve(np.ones(y.size), window, "same")
 
 
-def _pooled(posed: CurveProblem, beside: Sequence[Points]) -> CurveProblem:
-    """The problem with further points."""
-    own = posed.x, posed.y, posed.relative
-    x, y, relative = (np.concatenate(each) for each in zip(own, *beside, strict=True))
+def _pooled(own: Points, beside: Sequence[Points]) -> Points:
+    """The points with further ones, in order of x."""
+    x, y, gain = (np.concatenate(each) for each in zip(own, *beside, strict=True))
     order = np.argsort(x, kind="stable")
-    return replace(posed, x=x[order], y=y[order], relative=relative[order], order=None)
+    return x[order], y[order], gain[order]
 
 
 def _robust(
-    posed: CurveProblem, formula: Formula, guessed: Callable[[FloatArray], dict[str, float]]
+    points: Points, formula: Formula, guessed: Callable[[FloatArray], dict[str, float]]
 ) -> dict[str, float]:
     """Starts that a few readings, however far off, do not decide: those of `guessed` for errors
     (n_obs,) that are as much wider as readings are far from the curve (`errors_widened`).
@@ -242,15 +237,14 @@ def _robust(
     All readings are equal first, and, for a curve that can meet a single reading, as far off as
     they are from the medians of five neighbours; the best of all that are found are taken.
     """
-    n = posed.y.size
-    smooth = [np.median(posed.y[max(0, i - 2) : i + 3]) for i in range(n)]
+    x, y, gain = points
+    smooth = [np.median(y[max(0, i - 2) : i + 3]) for i in range(y.size)]
 
     def off_from(starts: Mapping[str, float]) -> FloatArray:
-        curve = np.broadcast_to(formula.value(posed.x, starts), (1, n))[0]
-        return np.nan_to_num((posed.y - curve) / posed.relative)
+        return np.nan_to_num((y - formula.value(x, starts)[0]) / gain)
 
-    found = [guessed(np.ones(n))]
-    for off in (off_from(found[0]), (posed.y - smooth) / posed.relative):
+    found = [guessed(np.ones(y.size))]
+    for off in (off_from(found[0]), (y - smooth) / gain):
         wider = errors_widened(off)
         with suppress(InputError):  # starts that were found before are kept
             for _ in range(MOST_REWEIGHTED):

@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import all_finite
 from estim.common import InputError
-from estim.curves.curve_problem import AxisNames, CurveProblem, pose_curve
-from estim.curves.joining import DataSet
+from estim.curves.curve_problem import CurveProblem, DataSet, pose_curve
 from estim.curves.named import Points, provisional, started, unstarted, within
 from estim.curves.quantities import refuse_quantities, without_units
 from estim.curves.several_abscissas import OfPoints
@@ -61,24 +60,15 @@ def pose_points(
         if named is None
         else provisional(named, start, bounds, said["priors"], {*fixed, *said["tied"]})
     )
+    if named is not None and (named.terms or named is curve):
+        curve = named.formula
     posed = pose_curve(
-        named.formula if named is not None and (named.terms or named is curve) else curve,
-        points.x,
-        points.y,
-        **{**said, "start": begin, "bounds": limits},
-        u_y=points.u_y,
-        cov_y=points.cov_y,
-        u_x=points.u_x,
-        errors=tuple(errors),
-        axes=points.axes or AxisNames(),
+        replace(points, curve=curve),
+        {**said, "start": begin, "bounds": limits},
+        errors,
         deviation=deviation,
         correlated=correlated,
-        noise=points.noise,
         chosen={*begin} - {*start} | {*found},
-        jitter=points.jitter,
-        robust=points.robust,
-        cov_x=points.cov_x,
-        r_xy=points.r_xy,
         level=level,
     )
     if named is None:

@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from estim.common import InputError
-from estim.curves.curve_problem import AxisNames
-from estim.curves.joining import DataSet
+from estim.curves.curve_problem import AxisNames, DataSet
 
 _PLAIN = ("", "1", "dimensionless")
 

@@ -103,27 +103,18 @@ def from_release(x: FloatArray, arguments: Named) -> FloatArray:
 
 def derived_of(body: Body, motion: Mapping[str, Any], mass: float | None) -> dict[str, Derived]:
     """What follows from a body and how it moves whatever was measured; `mass` in kg, or None."""
-    phi, resistance = np.asarray(motion["phi"]), np.asarray(motion["rolling_resistance"])
+    phi, resistance = motion["phi"], motion["rolling_resistance"]
+    slope = phase_curve.effective_slope(phi, resistance)
+    of_parts = phrase("moment of inertia of all rotating parts / (M R²)")
+    of_ramp = phrase("effective slope sin φ + c_rr cos φ")
     derived = {
-        "inertia_ratio": Derived(
-            "1",
-            np.atleast_2d(body.inertia_ratio),
-            phrase("moment of inertia of all rotating parts / (M R²)"),
-            Notation("j"),
-        ),
-        "slope": Derived(
-            "1",
-            np.atleast_2d(phase_curve.effective_slope(phi, resistance)),
-            phrase("effective slope sin φ + c_rr cos φ"),
-            Notation("s"),
-        ),
+        "inertia_ratio": _derived("1", body.inertia_ratio, of_parts, Notation("j")),
+        "slope": _derived("1", slope, of_ramp, Notation("s")),
     }
     if mass is not None:
-        moment = resistance * mass * np.asarray(motion["g"]) * body.radius * np.cos(phi)
+        moment = resistance * mass * motion["g"] * body.radius * np.cos(phi)
         meaning = phrase("moment of rolling resistance, c_rr M g R cos φ")
-        derived["resisting_moment"] = Derived(
-            "N m", np.atleast_2d(moment), meaning, Notation("Q_rr")
-        )
+        derived["resisting_moment"] = _derived("N m", moment, meaning, Notation("Q_rr"))
     return derived
 
 
@@ -264,7 +255,7 @@ class PhaseCurve:
     def square(self, x: FloatArray, arguments: Named) -> FloatArray:
         known = _known(arguments, self.setting)
         true = known.readings.true_position(from_release(x, arguments))
-        radius, g = np.asarray(known.body.radius), np.asarray(known.motion["g"])
+        radius, g = known.body.radius, known.motion["g"]
         scale = 2.0 * g / radius if self.angular else 2.0 * g * radius
         ratio = phase_curve.energy_ratio(
             true if self.angular else true / radius, known.body, **known.acting
@@ -273,7 +264,7 @@ class PhaseCurve:
 
     def _squares(self, true: FloatArray, known: _Known, order: int) -> list[FloatArray]:
         """Square of the true speed and its derivatives along the way."""
-        radius, g = np.asarray(known.body.radius), np.asarray(known.motion["g"])
+        radius, g = known.body.radius, known.motion["g"]
         ratios = phase_curve.energy_ratio_derivatives(
             true if self.angular else true / radius, known.body, **known.acting, order=order
         )
@@ -308,7 +299,7 @@ def _state(since: FloatArray, known: _Known, angular: bool) -> tuple[FloatArray,
         release_speed=known.speed,
         forces=known.forces,
     )
-    length = np.asarray(known.body.radius) if angular else 1.0
+    length = known.body.radius if angular else 1.0
     x, v = np.atleast_2d(x) / length, np.atleast_2d(v) / length
     return known.readings.position(x), v * known.readings.speed(1.0, x)
 
@@ -392,9 +383,7 @@ class RollingMotion:
         along, way = self._way(farthest, arguments)
         true = known.readings.true_position(way)
         contact = contact_forces(
-            true if self.angular else true / np.asarray(known.body.radius),
-            known.body,
-            **known.acting,
+            true if self.angular else true / known.body.radius, known.body, **known.acting
         )
         return footing_of(along, contact)
 
@@ -477,13 +466,13 @@ class RollingMotion:
 
     def stop(self, arguments: Named) -> FloatArray:
         known = _known(arguments, self.setting)
-        acting, radius = known.acting, np.asarray(known.body.radius)
+        acting, radius = known.acting, known.body.radius
         if self.in_time and known.energy is not None:
             # pushed back it comes by again about as fast
             acting["release_energy"] = np.abs(known.energy)
         far = 2.0 * self.reach / (1.0 if self.angular else float(np.min(radius))) + np.pi
         angle = phase_curve.turning_angle(known.body, **acting, far=far)
-        true = np.asarray(angle if self.angular else radius * angle)
+        true = angle if self.angular else radius * angle
         turns = np.isfinite(true)
         return np.where(turns, known.readings.position(np.where(turns, true, 0.0)), true)
 
@@ -545,4 +534,4 @@ def size_with_blur(size: FloatArray, speed: FloatArray, exposure: float) -> Floa
     """Standard deviation of readings of a body that moves while a picture is exposed (s), all in
     units of the position.
     """
-    return np.asarray(blurred_sigma(size, speed, exposure=exposure))
+    return blurred_sigma(size, speed, exposure=exposure)

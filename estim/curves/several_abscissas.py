@@ -20,7 +20,7 @@ from estim.curves.columns import column
 from estim.curves.dual_numbers import plain
 from estim.curves.formula import Formula, evaluate, read_formula
 from estim.curves.projected import linear_in
-from estim.given_numbers import real_numbers
+from estim.given_numbers import finite_numbers
 from estim.problem import Curve
 
 Places = Mapping[str, FloatArray] | FloatArray
@@ -150,9 +150,7 @@ def _kinds(places: Places) -> set[str | int]:
 def _read(x: Any) -> tuple[Places, int]:
     """The abscissas, checked, and how many points they have."""
     if isinstance(x, np.ndarray):
-        array = real_numbers(x, "x")
-        if not np.all(np.isfinite(array)):
-            raise InputError("must be finite", field="x")
+        array = finite_numbers(x, "x")
         return array, array.shape[1]
     places = {str(name): column(x[name], f"x[{name}]") for name in x.keys()}  # noqa: SIM118
     sizes = {name: values.size for name, values in places.items()}

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from estim.arrays import FloatArray, Named
-from estim.common import InputError, PhraseTable
+from estim.common import InputError, PhraseTable, require_one_of
 from estim.curves.binned import BinnedCurve
 from estim.curves.columns import errors_of
 from estim.problem import EXACT, CommonError, Curve, LocalCurve, Normal, Parameter
@@ -65,8 +65,7 @@ class Component:
     groups: Any = None
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise InputError(f"must be one of {', '.join(KINDS)}", field="kind", value=self.kind)
+        require_one_of(self.kind, KINDS, field="kind")
         if self.groups is not None:  # u is checked beside the points
             if self.kind != "zero_y":
                 raise InputError("must be zero_y with groups", field="kind", value=self.kind)

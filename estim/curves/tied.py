@@ -8,12 +8,10 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from estim.arrays import FloatArray, Named
 from estim.common import InputError
 from estim.curves.dual_numbers import Dual, plain
-from estim.curves.formula import Formula, check_names, evaluate, read_formula
+from estim.curves.formula import Formula, check_names, evaluate, numbers_of, read_formula
 from estim.curves.several_abscissas import arguments_taken
 from estim.problem import EXACT, Curve, LocalCurve
 
@@ -40,8 +38,8 @@ class TiedCurve:
     def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
         """The chain rule, exact."""
         known: dict[str, Any] = {
-            name: Dual(np.asarray(value, dtype=float)[()], {name: 1.0})
-            for name, value in arguments.items()
+            name: Dual(value, {name: 1.0})
+            for name, value in numbers_of(arguments, arguments).items()
         }
         for name, formula in self.tied.items():
             known[name] = evaluate(formula.tree, known)
@@ -60,10 +58,7 @@ def followed(tied: Mapping[str, Formula], arguments: Named) -> dict[str, Any]:
     """`arguments` with the tied ones."""
     known = dict(arguments)
     for name, formula in tied.items():
-        known[name] = evaluate(
-            formula.tree,
-            {symbol: np.asarray(known[symbol], dtype=float)[()] for symbol in formula.names},
-        )
+        known[name] = evaluate(formula.tree, numbers_of(known, formula.names))
     return known
 
 

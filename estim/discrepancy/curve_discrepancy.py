@@ -2,7 +2,7 @@
 once and held.
 
     fit with independent errors -> linearise -> which deviations are how probable
-        -> `WithDeviation`, and the deviation for a reader
+        -> `WithMixture`, and the deviation for a reader
 
 The scale of a smooth deviation is the user's, who knows what y may be off by.  That of correlated
 errors is twice the residuals' standard deviation, or the stated one where that is larger: the prior
@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import FloatArray, diagonal_scale
-from estim.common import PROBABILITIES, phrase
+from estim.common import PROBABILITIES, later
 from estim.discrepancy.curve_covariances import (
     DEVIATION,
     LONG,
@@ -44,33 +44,12 @@ from estim.discrepancy.noise_with_force import (
 from estim.discrepancy.residual_part import ResidualPart, see_deviation
 from estim.discrepancy.residuals import Residuals
 from estim.discrepancy.scale_mixture import Shape, diagonalise
-from estim.problem import Discrepancy, Observations, Problem, Root, Wording
+from estim.problem import Discrepancy, Observations, Problem, Root
 
 _TIMES_NOISE = 2.0  # scale of correlated errors
+_SMOOTH = later("a smooth deviation from the curve")
+_FOLLOWING = later("errors that are correlated between successive readings")
 Interval = tuple[float, float]
-
-
-@dataclass(frozen=True, eq=False)
-class WithDeviation(WithMixture):
-    """Readings whose errors are a mixture that stays as it is.  lacks : what the user asked for."""
-
-    lacks: Discrepancy
-
-    def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
-        stated = self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)
-        if not self.lacks.stated:
-            stated = phrase(
-                "errors of {what}, marginalised over their size", what=phrase(words.what)
-            )
-        beside = [phrase("a smooth deviation from the curve")] if self.lacks.deviation else []
-        beside += (
-            [phrase("errors that are correlated between successive readings")]
-            if self.lacks.along is not None
-            else []
-        )
-        return phrase(
-            "{stated}; in addition, {what}", stated=stated, what=phrase(" or ").join(beside)
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +113,7 @@ class FoundDeviation:
 class PosedDeviation:
     """noise : of the run, with what its curve lacks.  found : that, for a reader."""
 
-    noise: WithDeviation
+    noise: WithMixture
     found: FoundDeviation
 
 
@@ -155,12 +134,15 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
     linear = linearise(
         deviation, residuals, jacobian, precision=precision, pull=pull, stated=lacks.stated
     )
-    noise = WithDeviation(
+    beside: tuple[str, ...] = (_SMOOTH,) if lacks.deviation else ()
+    beside += (_FOLLOWING,) if lacks.along is not None else ()
+    noise = WithMixture(
         run.noise,
         keep_probable(linear),
         likely_root(linear, stated=lacks.stated),
         Residuals(shift),
-        lacks,
+        beside,
+        sized=lacks.stated,
     )
     means, covs = linear_groups(linear, problem.n_par)
     extents = {
@@ -226,7 +208,7 @@ def _apart(jacobian: FloatArray) -> FloatArray:
     upper = np.linalg.qr(np.vstack([jacobian / sizes, np.zeros((n_par, n_par))]), mode="r")
     # what the slopes say nothing of stays as it is
     upper += np.diag(1.0 * (np.abs(np.diag(upper)) < 1e-12))
-    return np.asarray(np.linalg.inv(upper)) / sizes[:, None]
+    return np.linalg.inv(upper) / sizes[:, None]
 
 
 def _measured(

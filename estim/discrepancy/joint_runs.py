@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from estim.arrays import FloatArray, sds_of
-from estim.common import InputError, phrase
+from estim.common import InputError, later, phrase
 from estim.discrepancy.bad_frame_search import BadFrames, find_bad_frames
 from estim.discrepancy.curve_covariances import stated_is_conservative
 from estim.discrepancy.force import OWN, Response, Track, force_shapes, shared_force_shapes
@@ -28,7 +28,7 @@ from estim.discrepancy.inferred_force import OwnForce, find_force, find_own_forc
 from estim.discrepancy.likelihood import MixtureErrors
 from estim.discrepancy.linearised import Linearised, linearise_beside
 from estim.discrepancy.mixture_likelihood import Mixture, keep_probable
-from estim.discrepancy.noise_with_discrepancy import Stated, StatedErrors, WithForce, formed_about
+from estim.discrepancy.noise_with_discrepancy import Stated, StatedErrors, WithMixture, formed_about
 from estim.discrepancy.noise_with_force import (
     FoundForce,
     TrialInformation,
@@ -60,6 +60,7 @@ from estim.problem import (
     stacked_root,
 )
 
+_FORCE = later("an unmodelled force along the track and a free start")
 # of weighted least squares, to a share of a standard deviation
 _ROUNDS, _SETTLED = 30, 0.01
 # where frames are judged the noise may be any larger than stated
@@ -261,20 +262,20 @@ def mixtures_of(stacks: Sequence[Stack], linear: Sequence[Linearised]) -> list[M
 
 
 def noises_of(
-    stacks: Sequence[Stack],
-    linear: Sequence[Linearised],
-    mixtures: Sequence[Mixture],
-    alone: type[WithForce],
+    stacks: Sequence[Stack], linear: Sequence[Linearised], mixtures: Sequence[Mixture], *beside: str
 ) -> tuple[dict[str, Noise], tuple[Together, ...]]:
-    """Run -> its noise, `alone` where it shares nothing, and what ties runs together."""
+    """Run -> its noise, and what ties runs together.  beside : as of `WithMixture`, for a run that
+    shares nothing.
+    """
     noises: dict[str, Noise] = {}
     shared = []
     for stack, posterior, mixture in zip(stacks, linear, mixtures, strict=True):
         likely = likely_root(posterior, stack.columns)
         names = tuple(run.name for run in stack.runs)
         if len(names) == 1:
-            noise = stack.runs[0].noise
-            noises[names[0]] = alone(noise, mixture, likely, stack.formed, bad=stack.bad)
+            noises[names[0]] = WithMixture(
+                stack.runs[0].noise, mixture, likely, stack.formed, beside, stack.bad
+            )
             continue
         shared.append(Together(names, mixture, likely, stack.formed))
         for run in stack.runs:
@@ -330,7 +331,7 @@ def pose_forces(
         lacking.append(group)
     posterior = Beside.of(lacking, problem, values)
     mixtures = mixtures_of(lacking, posterior.linear)
-    noises, shared = noises_of(lacking, posterior.linear, mixtures, WithForce)
+    noises, shared = noises_of(lacking, posterior.linear, mixtures, _FORCE)
     forces = []
     for group, linear, mixture in zip(lacking, posterior.linear, mixtures, strict=True):
         force = _described(group, linear, values, without, problem, posterior.data)

@@ -48,7 +48,7 @@ class MixtureErrors(Likelihood):
         return self.mixture.pointwise(self.raw(named))
 
     def standardised(self, named: Named) -> FloatArray:
-        return np.asarray(self.likely.whiten(self.raw(named)))
+        return self.likely.whiten(self.raw(named))
 
     def residuals(self, named: Named) -> FloatArray:
         """z times what makes their squares sum to the loss of log likelihood."""
@@ -63,7 +63,7 @@ class MixtureErrors(Likelihood):
         (stretch,), (lost,) = self._stretch(raw, z)
         slopes = -stretch * self.likely.whiten(gradient.T).T
         if not lost > 0.0:
-            return np.asarray(slopes)
+            return slopes
         turning = self.mixture.pull(raw[0]) / lost - self.likely.turned_back(z[0]) / (z[0] @ z[0])
         return slopes - stretch * np.outer(z[0], turning @ gradient)
 
@@ -76,9 +76,7 @@ class MixtureErrors(Likelihood):
 
     def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
         """Of errors with the covariance that the components have together at the point."""
-        return np.asarray(
-            self.mixture.likely(self.raw(named)[0]).whiten(-self.gradient(named, names).T).T
-        )
+        return self.mixture.likely(self.raw(named)[0]).whiten(-self.gradient(named, names).T).T
 
     def whitened(self, named: Named, names: Sequence[str]) -> Linear:
         return Linear(
@@ -91,7 +89,7 @@ class MixtureErrors(Likelihood):
 
     def residuals_at(self, named: Named) -> FloatArray:
         """(n_obs,) for single values."""
-        return np.asarray(self.raw(named)[0])
+        return self.raw(named)[0]
 
     def gradient(self, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n) minus their derivatives in the parameters `names`, for single values."""

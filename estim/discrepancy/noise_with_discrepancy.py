@@ -13,7 +13,7 @@ from scipy.sparse import csr_array
 
 from estim.arrays import FloatArray
 from estim.common import phrase
-from estim.discrepancy.bad_frame_search import BadFrames
+from estim.discrepancy.bad_frame_search import NONE, BadFrames
 from estim.discrepancy.likelihood import MixtureErrors
 from estim.discrepancy.mixture_likelihood import Mixture
 from estim.discrepancy.residuals import LEAST_SPEED, Inertia, Residuals, points_about
@@ -96,35 +96,33 @@ class WithMixture(Stated):
     """Stated noise together with what the curve lacks, as a mixture that stays as it is.
 
     mixture, likely, formed : of `MixtureErrors`.
+    beside : what the curve may lack, any of these, in words that a reader is told.
+    bad : frames that are shifted.
+    sized : whether the size of the errors was stated.
     """
 
     mixture: Mixture
     likely: Root
     formed: Residuals
+    beside: tuple[str, ...] = ()
+    bad: BadFrames = NONE
+    sized: bool = True
 
     def likelihood(self, points: Points, named: Named) -> MixtureErrors:
-        return MixtureErrors(points, self.mixture, self.likely, self.formed)
+        return MixtureErrors(self.bad.moved(points), self.mixture, self.likely, self.formed)
 
     def for_search(self) -> Noise:
         """The stated noise alone."""
         return self.base
 
-
-@dataclass(frozen=True, eq=False)
-class WithForce(WithMixture):
-    """Stated noise, a free start and an unmodelled force.  bad : frames that are shifted."""
-
-    bad: BadFrames
-
-    def likelihood(self, points: Points, named: Named) -> MixtureErrors:
-        return super().likelihood(self.bad.moved(points), named)
-
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         stated = self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)
-        return phrase(
-            "{stated}; in addition, an unmodelled force along the track and a free start",
-            stated=stated,
-        )
+        if not self.sized:
+            stated = phrase(
+                "errors of {what}, marginalised over their size", what=phrase(words.what)
+            )
+        what = phrase(" or ").join(map(phrase, self.beside))
+        return phrase("{stated}; in addition, {what}", stated=stated, what=what) if what else stated
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 held: what a chain samples under.
 
     white fit with a free start -> linearise -> which forces are how probable
-        -> `WithForce`, and the force for a reader
+        -> `WithMixture`, and the force for a reader
 """
 
 from __future__ import annotations

@@ -29,17 +29,11 @@ from estim.discrepancy.joint_runs import (
     sharing_runs,
 )
 from estim.discrepancy.likelihood import MixtureErrors
-from estim.discrepancy.noise_with_discrepancy import Stated, WithForce, formed_about
+from estim.discrepancy.noise_with_discrepancy import formed_about
 from estim.discrepancy.residuals import stacked
 from estim.discrepancy.scale_mixture import Shape
 from estim.discrepancy.trajectory import Trajectory
 from estim.problem import Named, Noise, Observations, Problem, StackedPoints, stacked_root
-
-
-class Roomy(WithForce):
-    """Stated noise whose size has the room that it has beside a force, and bad frames."""
-
-    describe = Stated.describe
 
 
 def pose_without_force(
@@ -52,7 +46,7 @@ def pose_without_force(
     """
     stacks = [_stack(runs, problem, values, bad) for runs in sharing_runs(problem.runs).values()]
     linear = Beside.of(stacks, problem, values).linear
-    return noises_of(stacks, linear, mixtures_of(stacks, linear), Roomy)
+    return noises_of(stacks, linear, mixtures_of(stacks, linear))
 
 
 def _stack(

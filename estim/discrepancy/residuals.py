@@ -128,10 +128,8 @@ class Residuals:
         """(n_draw, n_obs)."""
         y = points.y - self.shift
         if self.speed is None:
-            return np.atleast_2d(y - points.value(named))
-        return np.atleast_2d(
-            y - self.known + (np.square(self.known) - points.square(named)) / (2.0 * self.speed)
-        )
+            return y - points.value(named)
+        return y - self.known + (np.square(self.known) - points.square(named)) / (2.0 * self.speed)
 
     def gradient(self, points: AnyPoints, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n) minus their derivatives in the parameters `names`, for single values: those of

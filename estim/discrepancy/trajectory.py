@@ -110,7 +110,7 @@ class Trajectory:
         t, lines = self.rows.t, self.rows.lines
         positions = self.rows.positions
         if matrix is not None and positions is not None:
-            slope = here.row(points.curve.local(points.x, here.arguments).slope, points.x.size)
+            slope = points.slope(named)
             velocity = here.speed(self._settled(here, noise, named))
             return Frames(
                 matrix, velocity, reading, True, t, positions, lines, self.rows.kept, slope
@@ -122,7 +122,7 @@ class Trajectory:
         )
         alone = eye_array(points.x.size, format="csr")
         if isinstance(points.curve, PositionCurve):
-            velocity = here.row(points.curve.state(points.x, here.arguments)[1], points.x.size)
+            velocity = np.ravel(points.curve.state(points.x, here.arguments)[1])
             return Frames(alone, velocity, sd, True, t, points.y, lines)
         still = np.zeros(points.x.size)
         return Frames(alone, still, sd, False, t, points.x, lines)
@@ -152,22 +152,16 @@ class _Here:
     def start(self) -> float:
         return float(np.ravel(self.arguments.get("offset", 0.0))[0])
 
-    def row(self, values: FloatArray, n: int) -> FloatArray:
-        return np.ravel(np.broadcast_to(values, (1, n)))
-
     def speed(self, x: FloatArray) -> FloatArray:
-        return self.row(self.points.curve.value(x, self.arguments), x.size)
+        return np.ravel(self.points.curve.value(x, self.arguments))
 
     def inertia(self, x: FloatArray) -> FloatArray:
         kinetic = self.motion.energies(x, np.ones(x.size), self.arguments)[0]
-        return self.row(2.0 * kinetic / self.scalar(self.motion.metres) ** 2, x.size)
+        return np.ravel(2.0 * kinetic / self.scalar(self.motion.metres) ** 2)
 
     def potential(self, x: FloatArray) -> FloatArray:
-        return self.row(
-            self.motion.energies(x, np.zeros(x.size), self.arguments)[1]
-            / self.scalar(self.motion.metres) ** 2,
-            x.size,
-        )
+        potential = self.motion.energies(x, np.zeros(x.size), self.arguments)[1]
+        return np.ravel(potential / self.scalar(self.motion.metres) ** 2)
 
 
 def _in_time(here: _Here, curve: PositionCurve) -> tuple[Track, Response]:
@@ -175,7 +169,7 @@ def _in_time(here: _Here, curve: PositionCurve) -> tuple[Track, Response]:
 
     def state(t: FloatArray) -> tuple[FloatArray, FloatArray]:
         x, v = curve.state(t, here.arguments)
-        return here.row(x, t.size), here.row(v, t.size)
+        return np.ravel(x), np.ravel(v)
 
     t, release = here.points.x, float(np.ravel(here.arguments["release_time"])[0])
     step = _STEP * here.scalar(here.motion.radian)

@@ -22,7 +22,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import PROBABILITIES, InputError, behind, later, percentage, phrase
+from estim.common import (
+    PROBABILITIES,
+    InputError,
+    behind,
+    later,
+    percentage,
+    phrase,
+    require_one_of,
+)
 from estim.distributions import student_quantile
 from estim.fitting.degrees_of_freedom import STATED, ErrorSizes
 from estim.fitting.least_squares import Fit
@@ -211,8 +219,7 @@ def _spanning(found: Sequence[ProfileInterval]) -> ProfileInterval:
 
 
 def _index(fit: Fit, name: str) -> int:
-    if name not in fit.names:
-        raise InputError(f"must be one of {', '.join(fit.names)}", field="names", value=name)
+    require_one_of(name, fit.names, field="names")
     return fit.names.index(name)
 
 

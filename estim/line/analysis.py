@@ -15,19 +15,8 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import headline
-from estim.common import (
-    Finding,
-    Kind,
-    Notation,
-    Quantity,
-    Status,
-    Stream,
-    decide,
-    e_n,
-    phrase,
-    stream,
-)
-from estim.line.findings import line_findings
+from estim.common import Finding, Kind, Notation, Quantity, Stream, e_n, phrase, stream
+from estim.line.findings import Judged, line_findings
 from estim.line.intercept_evidence import InterceptEvidence, intercept_evidence
 from estim.line.posterior import LinePosterior, line_posterior
 from estim.line.regression import (
@@ -66,7 +55,7 @@ class Reading:
 
 
 @dataclass(frozen=True, eq=False)
-class LineAnalysis:
+class LineAnalysis(Judged):
     """The line of one series.
 
     ols, weighted, york : least squares without uncertainties, with those of theta_min, with both.
@@ -92,14 +81,6 @@ class LineAnalysis:
     steepest: InversePrediction
     findings: tuple[Finding, ...]
     seed: int
-
-    @property
-    def status(self) -> Status:
-        return decide(self.findings)
-
-    @property
-    def reasons(self) -> tuple[str, ...]:
-        return tuple(map(tell, self.findings))
 
     @property
     def assumption(self) -> str:

@@ -20,9 +20,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray, all_finite, sds_of
+from estim.arrays import FloatArray, sds_of
 from estim.common import InputError
-from estim.given_numbers import real_numbers
+from estim.given_numbers import finite_numbers, real_numbers
 from estim.line.joint_covariance import check_joint
 
 # of the mean variance of all readings, and of a point's own: what is exact across a line has the
@@ -104,7 +104,7 @@ def _vector(values: ArrayLike, field: str, n_obs: int | None) -> FloatArray:
     """``values`` as a finite read-only (n_obs,) array of its own; one number is repeated where
     n_obs is known.
     """
-    array = real_numbers(values, field)
+    array = finite_numbers(values, field)
     if n_obs is not None and array.ndim == 0:
         array = np.full(n_obs, array)
     if array.ndim != 1 or (n_obs is not None and len(array) != n_obs):
@@ -112,8 +112,6 @@ def _vector(values: ArrayLike, field: str, n_obs: int | None) -> FloatArray:
             "must be one-dimensional" if n_obs is None else f"must be one number or {n_obs} values"
         )
         raise InputError(rule, field=field, value=array.shape)
-    if not all_finite(array):
-        raise InputError("must be finite", field=field, value=float(array[~np.isfinite(array)][0]))
     array.flags.writeable = False
     return array
 

@@ -9,11 +9,26 @@ import math
 import numpy as np
 
 from estim.checks import Goodness, check_linear, failed_tests, sampling_findings
-from estim.common import Finding, Kind, Stream, stream, wrong
+from estim.common import Finding, Kind, Status, Stream, decide, stream, wrong
 from estim.line.angle_profile import scaled_points
 from estim.line.regression import LineFit
 from estim.line.slope_interval import SlopeInterval
 from estim.sampling import Chain
+from estim.words import tell
+
+
+class Judged:
+    """A result whose status follows from its findings."""
+
+    findings: tuple[Finding, ...]
+
+    @property
+    def status(self) -> Status:
+        return decide(self.findings)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        return tuple(map(tell, self.findings))
 
 
 def line_findings(fit: LineFit, interval: SlopeInterval, chain: Chain) -> tuple[Finding, ...]:

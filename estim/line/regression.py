@@ -42,7 +42,15 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.checks import P_POOR_FIT
-from estim.common import InputError, Shown, Tabled, format_p, format_quantity, phrase
+from estim.common import (
+    InputError,
+    Shown,
+    Tabled,
+    format_p,
+    format_quantity,
+    phrase,
+    require_one_of,
+)
 from estim.distributions import chi2_quantile, chi2_tail, student_quantile
 from estim.given_numbers import check_probability, real_number, real_numbers
 from estim.line.angle_profile import (
@@ -434,10 +442,7 @@ def standard_error(fit: LineFit, convention: str | None = None) -> StandardError
     the fit has none such.
     """
     name = fit.recommended if convention is None else convention
-    if name not in fit.standard_errors:
-        raise InputError(
-            f"must be one of {', '.join(fit.standard_errors)}", field="convention", value=name
-        )
+    require_one_of(name, fit.standard_errors, field="convention")
     return fit.standard_errors[name]
 
 

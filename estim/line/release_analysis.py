@@ -21,7 +21,6 @@ from estim.common import (
     Notation,
     PhraseTable,
     Quantity,
-    Status,
     Stream,
     decide,
     e_n,
@@ -30,6 +29,7 @@ from estim.common import (
     stream,
     wrong,
 )
+from estim.line.findings import Judged
 from estim.line.release_likelihood import (
     FACTOR,
     ReleasePosterior,
@@ -102,7 +102,7 @@ class Way:
 
 
 @dataclass(frozen=True, eq=False)
-class TrialsAnalysis:
+class TrialsAnalysis(Judged):
     """The trials of one body.
 
     chain : draws of the unknowns.
@@ -132,14 +132,6 @@ class TrialsAnalysis:
     gamma_masses: Quantity | None
     findings: tuple[Finding, ...]
     seed: int
-
-    @property
-    def status(self) -> Status:
-        return decide(self.findings)
-
-    @property
-    def reasons(self) -> tuple[str, ...]:
-        return tuple(map(tell, self.findings))
 
     @property
     def disagreements(self) -> tuple[str, ...]:

@@ -13,7 +13,17 @@ from typing import Any
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import Finding, InputError, Kind, Quantity, Status, listed, phrase, read_number
+from estim.common import (
+    Finding,
+    InputError,
+    Kind,
+    Quantity,
+    Status,
+    in_file,
+    listed,
+    phrase,
+    read_number,
+)
 from estim.curves import AxisNames, read_formula, units_of
 from estim.line.conventions import is_exact
 from estim.line.findings import points_findings
@@ -212,14 +222,12 @@ def straight_line(
     x, y, r_xy = table.columns[read.x], table.columns[read.y], column(read.r_xy)
     if r_xy is None:
         r_xy = 0.0
-    try:
+    with in_file(path):
         if stated:
             cov = stated_covariance(stated, x.size, u_x, u_y, r_xy, dialect)
             fit = with_scales(fit_line(x, y, cov=cov), stated.common)
         else:
             fit = fit_line(x, y, u_x=u_x, u_y=u_y, r_xy=r_xy)
-    except InputError as error:
-        raise error if error.file is not None else error.at(path) from None
     if fit.method == "ols" and is_exact(fit.data, fit.chi2):
         rule = (
             "has no scatter about a line but rounding errors (computed values, not readings?): "

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from estim.arrays import FloatArray
-from estim.common import InputError, listed, read_number
+from estim.common import InputError, in_file, listed, read_number
 from estim.means.averages import Mean, mean
 from estim.reading import (
     PLAIN,
@@ -84,10 +84,8 @@ def mean_of_table(
             rule = "must say the group of every reading, not only of the first one in a group"
             line = int(table.lines[blank])
             raise InputError(rule, field=group, value=groups[blank], file=layout.file, line=line)
-    try:
+    with in_file(path):
         found = mean(table.columns[name], errors, groups=groups)
-    except InputError as error:
-        raise error.at(path) from None
     used = [(k, n, table.units[n]) for k, n in (("y", name), ("u_y", column)) if n in table.columns]
     labels = groups or [str(line) for line in table.lines]
     return TableMean(

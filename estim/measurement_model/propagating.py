@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray
-from estim.common import InputError, Status
+from estim.common import Status, in_file
 from estim.measurement_model.coverage_regions import Region, regions
 from estim.measurement_model.model_file import MeasurementModel
 from estim.measurement_model.second_order import second_order_u
@@ -92,13 +92,11 @@ def propagate(
     to its digits of u; and where the comparison is then still open, four times as many and so on,
     up to 4 10^6.  Raises InputError where the formulas and the inputs do not go together.
     """
-    try:
+    with in_file(model.path):
         linear = propagate_linear(
             model.values, model.inputs, correlation=model.correlation, probability=model.probability
         )
         sampled, validation = _sampled(model, linear, rng, progress)
-    except InputError as error:
-        raise error.at(str(model.path)) from None
     budgets = tuple(budget(linear, output=i) for i in range(len(model.outputs)))
     return Propagation(
         model, linear, sampled, validation, budgets, second_order_u(model), regions(linear, sampled)

@@ -124,10 +124,23 @@ def which_place(x: float, run: str) -> str:
     return phrase(" at x = {x:g} in {run}", x=x, run=run) if run else phrase(" at x = {x:g}", x=x)
 
 
-def further_readings(n: int, which: str) -> str:
-    """'3 further readings at x = 3'."""
-    return (
-        phrase("{n} additional readings{which}", n=n, which=which)
-        if n > 1
-        else phrase("{n} additional reading{which}", n=n, which=which)
-    )
+def further(
+    which: str,
+    *,
+    own: bool = False,
+    runs: tuple[NewRun, ...] = (),
+    readings: tuple[Readings, ...] = (),
+) -> Change:
+    """Further runs, or '3 additional readings at x = 3'."""
+    n = readings[0].n if readings else len(runs)
+    if readings:
+        words = (
+            phrase("{n} additional readings{which}", n=n, which=which)
+            if n > 1
+            else phrase("{n} additional reading{which}", n=n, which=which)
+        )
+    elif n > 1:
+        words = phrase("{n} runs{which}", n=n, which=which)
+    else:
+        words = phrase("a run{which}", which=which)
+    return Change(words, MORE, own, runs=runs, readings=readings, which=which)

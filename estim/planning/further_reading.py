@@ -9,7 +9,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase
-from estim.planning.candidates import MORE, Change, Readings, further_readings, which_place
+from estim.planning.candidates import MORE, Change, Readings, further, which_place
 from estim.planning.expected_uncertainty import sds_by
 from estim.planning.planned_readings import CurveBasis
 from estim.planning.rolling import Outlook
@@ -94,8 +94,6 @@ def more_readings(here: Outlook, weighed: Sequence[Along]) -> tuple[Change, ...]
                     else phrase(", outside the present range")
                 )
                 which = which_place(x, along.run if len(here.problem.runs) > 1 else "") + where
-                words = further_readings(n, which)
-                changes[along.run, x] = Change(
-                    words, MORE, readings=(Readings(along.run, x, n),), which=which
-                )
+                readings = (Readings(along.run, x, n),)
+                changes[along.run, x] = further(which, readings=readings)
     return tuple(changes.values())

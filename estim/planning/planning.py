@@ -31,12 +31,11 @@ from estim.common import Finding, InputError, Stream, later, phrase, split_level
 from estim.fitting import Fit, fit_problem
 from estim.planning.candidates import (
     BETTER,
-    MORE,
     OTHERWISE,
     Change,
     Readings,
     better_words,
-    further_readings,
+    further,
     measured_better,
     measured_otherwise,
     which_place,
@@ -207,15 +206,8 @@ def _asked_readings(campaign: Campaign, names: Sequence[str]) -> list[Change]:
         run = one.run or names[0]
         if run in names:
             which = which_place(one.x, run if len(names) > 1 else "")
-            changes.append(
-                Change(
-                    further_readings(one.n, which),
-                    MORE,
-                    own=True,
-                    readings=(Readings(run, one.x, one.n),),
-                    which=which,
-                )
-            )
+            readings = (Readings(run, one.x, one.n),)
+            changes.append(further(which, own=True, readings=readings))
     return changes
 
 

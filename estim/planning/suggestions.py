@@ -11,7 +11,7 @@ import numpy as np
 from estim.campaign import Campaign, NewRun, planned_quantities
 from estim.common import Quantity, phrase
 from estim.fitting import Fit
-from estim.planning.candidates import MORE, Change, further_readings
+from estim.planning.candidates import MORE, Change, further
 from estim.problem import Observations
 
 _RELEASES = (1.0, 179.0)  # degrees, of a body that climbs
@@ -44,13 +44,7 @@ def planned_runs(campaign: Campaign) -> tuple[Change, ...]:
             if said
             else phrase(" like {run}", run=table.like)
         )
-        n = table.repeats
-        words = (
-            phrase("{n} runs{which}", n=n, which=which)
-            if n > 1
-            else phrase("a run{which}", which=which)
-        )
-        changes.append(Change(words, MORE, own=True, runs=new, which=which))
+        changes.append(further(which, own=True, runs=new))
     return tuple(changes)
 
 
@@ -60,12 +54,10 @@ def again(change: Change, times: int) -> Change:
         NewRun(f"{run.name}.{k}", run.like, run.said) for run in change.runs for k in range(times)
     )
     readings = tuple(replace(one, n=one.n * times) for one in change.readings)
+    if change.which:
+        return further(change.which, own=change.own, runs=runs, readings=readings)
     words = phrase("{words}, {n} times", words=change.words, n=times)
-    if readings:
-        words = further_readings(readings[0].n, change.which)
-    elif change.which:
-        words = phrase("{n} runs{which}", n=len(runs), which=change.which)
-    return Change(words, MORE, change.own, runs=runs, readings=readings, which=change.which)
+    return Change(words, MORE, change.own, runs=runs, readings=readings)
 
 
 def _once_more(names: Sequence[str], campaign: Campaign) -> Change:
@@ -125,13 +117,7 @@ def _run(
     release: float,
 ) -> Change:
     shown = {"phi": Quantity(tilt), "theta0": Quantity(release)} | dict(said)
-    which = _which(body, shown)
-    return Change(
-        phrase("a run{which}", which=which),
-        MORE,
-        runs=(NewRun(f"{like.name}+{number}", like.name, said),),
-        which=which,
-    )
+    return further(_which(body, shown), runs=(NewRun(f"{like.name}+{number}", like.name, said),))
 
 
 def _which(body: str, said: Mapping[str, Quantity]) -> str:

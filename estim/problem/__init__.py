@@ -28,7 +28,6 @@ from estim.problem.likelihood import (
     NormalErrors,
     Points,
     StackedPoints,
-    Whitened,
     n_draws,
     some_draws,
     reading_sd,
@@ -78,7 +77,7 @@ from estim.problem.priors import (
 from estim.problem.curve_noise import Correlated, Readings, check_covariance
 from estim.problem.roots import Band, Root, beside, covariance_of, stacked_root, with_columns
 from estim.problem.symmetry import TURNS, Symmetry, folded, no_symmetry, same_curves
-from estim.problem.whitened_residuals import Linear
+from estim.problem.whitened_residuals import Linear, Whitened
 from estim.problem.installed_tails import known_laws
 from estim.problem.robust import MOST_REWEIGHTED, errors_widened, shape_of, typical_size
 from estim.problem.tails import Tails, TwoPiece

@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -31,53 +30,34 @@ from estim.problem.whitened_residuals import Linear
 KNOWN = NoiseVariance(Scale(1.0))
 
 
-class Form(Protocol):
-    """C0 and its map T, rows are (..., n_obs); V : (..., n_obs) the diagonal of T C T^T."""
-
-    @property
-    def spectrum(self) -> FloatArray:
-        """(n_obs,) V for a unit sigma without scatter."""
-
-    @property
-    def log_volume(self) -> float:
-        """Minus the logarithm of the determinant of T."""
-
-    def turned(self, rows: FloatArray) -> FloatArray:
-        """T r of each row r."""
-
-    def turned_back(self, rows: FloatArray) -> FloatArray:
-        """T^T r of each row r."""
-
-    def variances(self, diagonal: FloatArray) -> FloatArray:
-        """(n_obs,) the diagonal of C for V (n_obs,)."""
-
-    def precisions(self, diagonal: FloatArray) -> FloatArray:
-        """(n, n_obs) the diagonal of C^-1 for V (n, n_obs)."""
-
-    def root(self, diagonal: FloatArray) -> Root:
-        """The triangular root of C for V (n_obs,)."""
-
-
 @dataclass(frozen=True, eq=False)
 class Diagonal:
-    """Independent points."""
+    """Independent points.  spectrum : (n_obs,) V for a unit sigma without scatter.
+
+    log_volume : minus the logarithm of the determinant of T.
+    """
 
     spectrum: FloatArray
     log_volume = 0.0
 
     def turned(self, rows: FloatArray) -> FloatArray:
+        """T r of each row r."""
         return rows
 
     def turned_back(self, rows: FloatArray) -> FloatArray:
+        """T^T r of each row r."""
         return rows
 
     def variances(self, diagonal: FloatArray) -> FloatArray:
+        """(n_obs,) the diagonal of C for V (n_obs,)."""
         return diagonal
 
     def precisions(self, diagonal: FloatArray) -> FloatArray:
+        """(n, n_obs) the diagonal of C^-1 for V (n, n_obs)."""
         return 1.0 / diagonal
 
     def root(self, diagonal: FloatArray) -> Root:
+        """The triangular root of C for V (n_obs,)."""
         return Band.of(diagonal[None, :])
 
 
@@ -147,6 +127,10 @@ class Rooted:
         return self.triangle.times(float(np.sqrt(diagonal[0])))
 
 
+Form = Diagonal | Turned | Rooted
+"""C0 and its map T, rows are (..., n_obs); V : (..., n_obs) the diagonal of T C T^T."""
+
+
 @dataclass(frozen=True, eq=False)
 class GaussianErrors(Likelihood):
     """Points with normal errors of mean `shift` (n_obs,) and of a size and form of covariance."""
@@ -193,7 +177,7 @@ class GaussianErrors(Likelihood):
         if size.parameters:
             return cls(points, size, Rooted(Band.of(bands)), shift)
         whole = float(size.reading_variance({})) * bands
-        whole[0] += np.square(np.asarray(size.scatter.at({})))
+        whole[0] += np.square(size.scatter.at({}))
         return cls.rooted(points, Band.of(whole), shift)
 
     @cached_property
@@ -226,9 +210,7 @@ class GaussianErrors(Likelihood):
         return self._turned(named) / self._sd(named)
 
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
-        return np.asarray(
-            -(self.form.turned(self.points.gradient(named, names).T) / self._sd(named)).T
-        )
+        return -(self.form.turned(self.points.gradient(named, names).T) / self._sd(named)).T
 
     def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
         root = self.jacobian(named, names)
@@ -237,7 +219,7 @@ class GaussianErrors(Likelihood):
     def whitened(self, named: Named, names: Sequence[str]) -> Linear:
         """In the order of the points."""
         root = self.root(named)
-        raw = self.y - np.broadcast_to(self.points.value(named), (1, self.shift.size))[0]
+        raw = self.y - self.points.value(named)[0]
         return Linear(root.whiten(raw), root.whiten(self.points.gradient(named, names).T).T)
 
     def sd(self, named: Named) -> FloatArray:
@@ -258,7 +240,7 @@ class GaussianErrors(Likelihood):
 
     def _diagonal(self, named: Named) -> FloatArray:
         """(n, n_obs) V, n the number of draws or 1."""
-        return np.atleast_2d(self.size.variance(self.form.spectrum, named))
+        return self.size.variance(self.form.spectrum, named)
 
     def _sd(self, named: Named) -> FloatArray:
         """(n, n_obs) square roots of V."""
@@ -271,7 +253,7 @@ class GaussianErrors(Likelihood):
 
     def _turned(self, named: Named) -> FloatArray:
         """(n, n_obs) T (y - f)."""
-        return np.atleast_2d(self.form.turned(self.y - self.points.value(named)))
+        return self.form.turned(self.y - self.points.value(named))
 
 
 def in_bands(size: NoiseVariance) -> bool:

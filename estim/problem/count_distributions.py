@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -20,80 +19,48 @@ from estim.arrays import FloatArray
 from estim.common import later
 
 
-class Law(Protocol):
-    """Functions of y and m, which broadcast with `size`; nan where m is no mean, and the density of
-    what cannot be is -inf.
-    """
-
-    @property
-    def word(self) -> str:
-        """What y is: "counts"."""
-
-    @property
-    def new(self) -> str:
-        """One more of them: "a new count"."""
-
-    @property
-    def used(self) -> str:
-        """Those that are fit: "counts used"."""
-
-    @property
-    def ceiling(self) -> float:
-        """What no mean exceeds."""
-
-    def log_density(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
-        """log p(y | m), normalised."""
-
-    def deviance(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
-        """2 log p(y | y) - 2 log p(y | m)."""
-
-    def variance(self, mean: FloatArray, size: FloatArray) -> FloatArray:
-        """V of y."""
-
-    def unseen(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
-        """How many m expects of what was not seen at all; inf where all was seen."""
-
-    def guess(self, y: FloatArray, size: FloatArray) -> FloatArray:
-        """Standard deviation of y where the mean is not known: never 0."""
-
-    def draw(self, mean: FloatArray, size: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """y at random."""
-
-    def quantile(self, probability: float, mean: FloatArray, size: FloatArray) -> FloatArray:
-        """The least y with P(Y <= y) >= probability."""
-
-
 @dataclass(frozen=True)
 class Poisson:
-    """Numbers of independent events."""
+    """Numbers of independent events.
+
+    word, new, used : how y are called: they, one more of them, and those that are fit.
+    ceiling : what no mean exceeds.
+    """
 
     word, new, used = later("counts"), later("a new count"), later("counts used")
     ceiling = math.inf
 
     def log_density(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
+        """log p(y | m), normalised."""
         from scipy.special import gammaln
 
         return _y_log(y, mean) - mean - gammaln(y + 1.0)
 
     def deviance(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
+        """2 log p(y | y) - 2 log p(y | m)."""
         return 2.0 * (_y_log(y, np.where(y > 0.0, y, 1.0)) - _y_log(y, mean) - (y - mean))
 
     def variance(self, mean: FloatArray, size: FloatArray) -> FloatArray:
+        """V of y."""
         return mean + 0.0 * size
 
     def unseen(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
+        """How many m expects of what was not seen at all; inf where all was seen."""
         return np.where(y > 0.0, np.inf, mean)
 
     def guess(self, y: FloatArray, size: FloatArray) -> FloatArray:
+        """Standard deviation of y where the mean is not known: never 0."""
         return np.sqrt(y + 1.0)
 
     def draw(self, mean: FloatArray, size: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """y at random."""
         return rng.poisson(np.clip(mean, 0.0, 1e15)).astype(float)
 
     def quantile(self, probability: float, mean: FloatArray, size: FloatArray) -> FloatArray:
+        """The least y with P(Y <= y) >= probability."""
         from scipy.stats import poisson
 
-        return np.asarray(poisson.ppf(probability, mean))
+        return poisson.ppf(probability, mean)
 
 
 @dataclass(frozen=True)
@@ -138,6 +105,10 @@ class Binomial:
         return binom.ppf(probability, size, mean) / size
 
 
+Law = Poisson | Binomial
+"""Functions of y and m, which broadcast with `size`; nan where m is no mean, and the density of
+what cannot be is -inf.
+"""
 POISSON, BINOMIAL = Poisson(), Binomial()
 
 
@@ -145,15 +116,19 @@ POISSON, BINOMIAL = Poisson(), Binomial()
 class Counted:
     """How the y of a run were counted.
 
-    trials : (n_obs,), 1 where the law has none.
-    bins : (n_obs, 2) edges, None where a count belongs to one x.
+    trials : (n_obs,), 1 where the law has none.  seen : (n_obs,) y as it was read.
+    what : is counted.
+    bins : (n_obs, 2) edges of the bins, None where a count belongs to one x.
     single : whether the likelihood uses the time of every event, and y are for figures and tests.
     """
 
     law: Law
     trials: FloatArray
-    bins: FloatArray | None
-    single: bool = False
+    seen: FloatArray
+    what: str = "y"
+    bins: FloatArray | None = None
+
+    single = False
 
 
 def deviance_residual(law: Law, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:

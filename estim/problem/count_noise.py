@@ -29,8 +29,8 @@ from estim.problem.curve import POINTS, Wording
 from estim.problem.curve_noise import Readings
 from estim.problem.likelihood import Likelihood, Noise, Points
 from estim.problem.noise_variance import NoiseVariance, Scale
+from estim.problem.whitened_residuals import CountedResiduals
 
-_LEAST = 1e-300  # expectation or variance, so that nothing is divided by 0
 # standard deviation, in counts, of the penalty where a single count of 0 is expected to be less
 _PENALTY = 1e-3
 
@@ -100,10 +100,7 @@ class CountErrors(Likelihood):
 
         Of what was not seen, expectations below 0 (or above the ceiling) are at that limit.
         """
-        value = np.asarray(self.points.value(named))
-        mean = np.broadcast_to(
-            value, (np.shape(value)[0] if np.ndim(value) == 2 else 1, self.y.size)
-        )
+        mean = self.points.value(named)
         none = self.law.unseen(self.y, mean, self.trials)
         return np.where(none < 0.0, np.clip(mean, 0.0, self.law.ceiling), mean), none
 
@@ -114,7 +111,7 @@ class CountErrors(Likelihood):
             score = (mean - self.y) / self.law.variance(mean, self.trials)
         edge = self.trials * (1.0 + np.minimum(none, 0.0) / self.penalty**2)
         edge = np.where(self.y > 0.0, -edge, edge)
-        return np.asarray(np.where(none > 0.0, score, edge)[0])
+        return np.where(none > 0.0, score, edge)[0]
 
     def _slopes(self, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n_par) derivatives of the expectations over the standard deviations."""
@@ -122,76 +119,14 @@ class CountErrors(Likelihood):
 
 
 @dataclass(frozen=True, eq=False)
-class CountedResiduals:
-    """Signed roots of the deviance as tests see them, and those of counts drawn at the fit, which
-    move its expectations.
-
-    mean, sd : (n_obs,) at the fit.  root : (n_obs, n_par) derivatives of the mean over sd.
-    """
-
-    law: Law
-    y: FloatArray
-    mean: FloatArray
-    trials: FloatArray
-    root: FloatArray
-    sd: FloatArray
-
-    @property
-    def z(self) -> FloatArray:
-        return deviance_residual(self.law, self.y, self.mean, self.trials)
-
-    def drawn(self, n_sim: int, rng: np.random.Generator) -> FloatArray:
-        mean = np.repeat(self.mean[:, None], n_sim, axis=1)
-        counts = self.law.draw(mean, self.trials[:, None], rng)
-        return (counts - mean) / self.sd[:, None]
-
-    def felt(self, errors: FloatArray) -> FloatArray:
-        return errors
-
-    def moved(self, errors: FloatArray, shifts: FloatArray) -> FloatArray:
-        """To first order, and by a factor where that would leave less than half of an expectation
-        (of a fraction: of its complement).
-        """
-        by = self.sd[:, None] * (self.root @ shifts)
-        mean = self.mean[:, None]
-        trials = self.trials[:, None]
-        with np.errstate(all="ignore"):
-            slack = np.maximum(self.sd[:, None] ** 2 * trials, _LEAST)  # m, or m (1 - m)
-            moved = np.where(
-                by > -0.5 * slack,
-                mean + by,
-                mean - slack * (1.0 - 0.5 * np.exp(2.0 * by / slack + 1.0)),
-            )
-            if math.isfinite(self.law.ceiling):
-                moved = np.where(
-                    by > 0.5 * slack,
-                    mean + slack * (1.0 - 0.5 * np.exp(1.0 - 2.0 * by / slack)),
-                    moved,
-                )
-        # a difference of what is alike may leave nothing
-        moved = np.clip(moved, _LEAST, self.law.ceiling)
-        return deviance_residual(self.law, mean + self.sd[:, None] * errors, moved, trials)
-
-
-@dataclass(frozen=True, eq=False)
-class Counts(Noise):
-    """Counted readings; trials : (n_obs,), 1 where the law has none.  seen : (n_obs,) y as it was
-    read.  what : is counted.
-
-    bins : (n_obs, 2) edges of the bins, None where a count belongs to one x.
-    """
-
-    law: Law
-    trials: FloatArray
-    seen: FloatArray
-    what: str = "y"
-    bins: FloatArray | None = None
+class Counts(Counted, Noise):
+    """Counted readings."""
 
     size = NoiseVariance(Scale(1.0))
 
     @property
-    def counted(self) -> Counted:
-        return Counted(self.law, self.trials, self.bins)
+    def counted(self) -> Counts:
+        return self
 
     @cached_property
     def typical(self) -> FloatArray:

@@ -118,7 +118,7 @@ class CommonError:
 
 class Curve(Protocol):
     """A curve; arguments are scalars or shaped (n_draw, 1), x is (n_obs,), results are (n_draw,
-    n_obs).
+    n_obs), (1, n_obs) of scalars.
     """
 
     def value(self, x: FloatArray, arguments: Named) -> FloatArray:

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray, Named, all_finite, sds_of
+from estim.arrays import FloatArray, Named, sds_of
 from estim.common import InputError, phrase
-from estim.given_numbers import real_numbers
+from estim.given_numbers import finite_numbers
 from estim.problem.correlated_normal import GaussianErrors
 from estim.problem.curve import Wording
 from estim.problem.errors_in_x_quadrature import correlated_abscissas
@@ -31,6 +31,9 @@ class Readings(Independent):
 
     what: str = field(default="y", kw_only=True)
     said: tuple[str, ...] = field(default=(), kw_only=True)
+
+    def of_size(self, sigma: Scale) -> Readings:
+        return replace(self, sigma=sigma)
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         """The noise in words."""
@@ -144,11 +147,9 @@ def check_covariance(
     Raises InputError naming `field` where it has another shape, is not finite or symmetric, or has
     a negative variance in some direction.
     """
-    matrix = real_numbers(cov, field)
+    matrix = finite_numbers(cov, field)
     if matrix.shape != (n_obs, n_obs):
         raise InputError(f"must have the shape ({n_obs}, {n_obs})", field=field, value=matrix.shape)
-    if not all_finite(matrix):
-        raise InputError("must be finite", field=field)
     sds = np.sqrt(np.abs(np.diag(matrix)))
     sds[sds == 0.0] = 1.0
     unit = matrix / np.outer(sds, sds)

@@ -93,9 +93,7 @@ class LatentErrors(Likelihood):
 
     def log_likelihood(self, named: Named) -> FloatArray:
         """(n_draw,) of all points together, that distribution integrated out."""
-        if np.max(true_abscissas(self.x, self._sd_of_x(named)).common) == 0.0 or self._well_known(
-            named
-        ):
+        if np.max(self._abscissas(named).common) == 0.0 or self._well_known(named):
             return np.sum(self.pointwise(named), axis=1)
         return self._by_blocks(named, self._integrated)
 
@@ -172,7 +170,7 @@ class LatentErrors(Likelihood):
         its density is made of.
         """
         steep = (self.points.slope(named) - self.lean) * self._sd_of_x(named)[0]
-        of_curve = self.share * np.broadcast_to(self.points.value(named), (1, self.y.size))[0]
+        of_curve = self.share * self.points.value(named)[0]
         return np.sqrt(self._own_variance(named)[0] + steep**2 + of_curve**2)
 
     def scores(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
@@ -260,11 +258,9 @@ class LatentErrors(Likelihood):
                 value = self.points.curve.value(
                     nodes.reshape(nodes.shape[0], -1), self.points.bind(named)
                 )
-                return np.asarray(value).reshape(-1, *nodes.shape[1:]) + leant
+                return value.reshape(-1, *nodes.shape[1:]) + leant
             order = np.argsort(nodes.ravel(), kind="stable")
-            value = np.atleast_2d(
-                self.points.curve.value(nodes.ravel()[order], self.points.bind(named))
-            )
+            value = self.points.curve.value(nodes.ravel()[order], self.points.bind(named))
         return value[:, np.argsort(order)].reshape(-1, *nodes.shape[1:]) + leant
 
     def _leant(self, nodes: FloatArray) -> FloatArray:
@@ -273,7 +269,7 @@ class LatentErrors(Likelihood):
 
     def _own_variance(self, named: Named) -> FloatArray:
         """(n, n_obs) variance of y at a given abscissa."""
-        return np.atleast_2d(self.size.variance(self.weight, named))
+        return self.size.variance(self.weight, named)
 
     def _predictive(self, named: Named) -> Predictive:
         return predictive(
@@ -322,7 +318,7 @@ class LatentErrors(Likelihood):
         at_nodes, back = replace(self.points, x=flat[order]), np.argsort(order)
         with np.errstate(all="ignore"):
             local = self.points.curve.local(at_nodes.x, self.points.bind(named))
-        values = np.broadcast_to(local.value, (1, flat.size))[0][back].reshape(shape)
+        values = local.value[0][back].reshape(shape)
         values = values + self._leant(abscissas.nodes[0])
         common = (
             slopes_in_x(values, abscissas.spread[0])[..., None] * abscissas.common[0][:, None, :]

@@ -212,7 +212,7 @@ def slopes_in_x(values: FloatArray, spread: FloatArray) -> FloatArray:
 def _defined(values: FloatArray) -> BoolArray:
     """Where the curve is a number whose square is one; elsewhere no density is left for y."""
     with np.errstate(invalid="ignore"):
-        return np.asarray(np.abs(values) < 1e150)
+        return np.abs(values) < 1e150
 
 
 def _differences(values: FloatArray, defined: BoolArray) -> tuple[FloatArray, FloatArray]:

@@ -121,9 +121,7 @@ class EventErrors(CountErrors):
     ) -> tuple[FloatArray, FloatArray]:
         local = self._rates.local_rate(times, self.points.bind(named))
         there = replace(self.points, x=times)
-        return np.broadcast_to(local.value, (1, times.size))[0], there.gradients_of(
-            local, named, names, 1
-        )[0]
+        return local.value[0], there.gradients_of(local, named, names, 1)[0]
 
     def _by_cell(self, of_events: FloatArray) -> FloatArray:
         """Sums (n, n_obs) over the events (n, n_event) of each cell."""
@@ -146,9 +144,7 @@ class Events(Counts):
     times: FloatArray
     window: tuple[float, float]
 
-    @property
-    def counted(self) -> Counted:
-        return Counted(self.law, self.trials, self.bins, single=True)
+    single = True
 
     def likelihood(self, points: Points, named: Named) -> Likelihood:
         assert self.bins is not None, "events have cells"

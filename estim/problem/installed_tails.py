@@ -47,9 +47,6 @@ class InstalledTails(Tails):
         score = self.score(z)
         return float(np.mean(score**2)), float(np.mean((score * z - 1.0) ** 2))
 
-    def outlier_probability(self, z: FloatArray, values: Named) -> FloatArray:
-        return np.zeros_like(z)
-
     def normal_score(self, z: FloatArray, values: Named) -> FloatArray:
         tail = np.where(z < 0.0, self.law.cdf(z), self.law.sf(z))
         return np.where(z < 0.0, 1.0, -1.0) * normal_quantile(np.maximum(tail, 1e-300))

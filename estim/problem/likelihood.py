@@ -26,9 +26,9 @@ from scipy.sparse import csr_array
 from estim.arrays import FloatArray, IntArray, Named
 from estim.problem.count_distributions import Counted
 from estim.problem.curve import Curve, LocalCurve, SquaredCurve, Wording
-from estim.problem.noise_variance import NoiseVariance
+from estim.problem.noise_variance import NoiseVariance, Scale
 from estim.problem.roots import Root
-from estim.problem.whitened_residuals import Linear
+from estim.problem.whitened_residuals import Linear, Whitened
 
 Ends = Mapping[str, tuple[Named, Named, float]]
 """Noise parameter -> values below, values above, their distance: for differences."""
@@ -81,9 +81,7 @@ class Points:
 
     def slope(self, named: Named) -> FloatArray:
         """(n_obs,) its slope in x."""
-        return np.asarray(
-            np.broadcast_to(self.curve.local(self.x, self.bind(named)).slope, (1, self.x.size))[0]
-        )
+        return self.curve.local(self.x, self.bind(named)).slope[0]
 
     def gradients(self, named: Named, names: Sequence[str], n_draw: int) -> FloatArray:
         """(n_draw, n_obs, n) derivatives of the curve in the parameters `names`; 0 in those that it
@@ -128,7 +126,7 @@ def own_values(values: dict[str, Any]) -> dict[str, Any]:
     between runs.
     """
     for name in [name.removesuffix(_SHIFT) for name in values if name.endswith(_SHIFT)]:
-        spread, shift = (np.asarray(values.pop(part(name))) for part in (spread_of, shift_of))
+        spread, shift = (values.pop(part(name)) for part in (spread_of, shift_of))
         values[name] = values[name] + spread * shift
     return values
 
@@ -186,31 +184,6 @@ class StackedPoints:
     def square_gradient(self, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n) their derivatives, for single values."""
         return np.vstack([run.square_gradient(named, names) for run in self.runs])
-
-
-class Whitened(Protocol):
-    """The residuals of a run as tests see them, and how a fit pulls them.
-
-    z : (n_obs,) in the order of the points; independent and standard normal at the true parameters.
-    root : (n, n_par) J with J^T J the information that the run gives about the curve.
-    """
-
-    @property
-    def z(self) -> FloatArray: ...
-
-    @property
-    def root(self) -> FloatArray: ...
-
-    def drawn(self, n_sim: int, rng: np.random.Generator) -> FloatArray:
-        """(n_obs, n_sim) errors of new data, of variance 1."""
-
-    def felt(self, errors: FloatArray) -> FloatArray:
-        """(n, n_sim) r with J^T r the derivative of the log likelihood, for errors that were
-        `drawn`.
-        """
-
-    def moved(self, errors: FloatArray, shifts: FloatArray) -> FloatArray:
-        """(n_obs, n_sim) the residuals when the parameters are moved by shifts (n_par, n_sim)."""
 
 
 class NormalErrors(Protocol):
@@ -329,10 +302,7 @@ class Likelihood(ABC):
 
     def whitened(self, named: Named, names: Sequence[str]) -> Whitened:
         """The residuals for tests."""
-        return Linear(
-            np.broadcast_to(self.standardised(named), (1, self.points.y.size))[0],
-            -self.jacobian(named, names),
-        )
+        return Linear(self.standardised(named)[0], -self.jacobian(named, names))
 
     def squared_size(self, vector: FloatArray, named: Named) -> float:
         """v^T C^-1 v of a vector (n_obs,) in the unit of y."""
@@ -406,6 +376,12 @@ class Noise(ABC):
     @abstractmethod
     def likelihood(self, points: Points, named: Named) -> Likelihood:
         """The likelihood of points whose curve passes near them at the values `named`."""
+
+    def of_size(self, sigma: Scale) -> Noise:
+        """The same with readings of that standard deviation, or that times what was stated of each;
+        counts have none.
+        """
+        return self
 
     def for_search(self) -> Noise:
         """What a search from afar takes in its place: noise whose `residuals` are those of least

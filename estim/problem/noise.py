@@ -176,7 +176,7 @@ class Independent(Noise):
     def carried(
         self, by_x: FloatArray, by_y: FloatArray, named: Named
     ) -> tuple[FloatArray, FloatArray]:
-        variance = self.size.variance(np.square(self.relative), named)
+        variance = self.size.variance(np.square(self.relative), named)[0]
         return np.diag(by_y**2 * variance), variance
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:

@@ -62,8 +62,10 @@ class NoiseVariance:
         return self.step * np.rint(reading / self.step) if self.step else reading
 
     def variance(self, weight: FloatArray, named: Named) -> FloatArray:
-        """V, broadcasts to (n_draw, n_obs), for weights w (n_obs,)."""
-        return self.reading_variance(named) * weight + np.square(self.scatter.at(named))
+        """(n, n_obs) V for weights w (n_obs,), n the number of draws or 1."""
+        return np.atleast_2d(
+            self.reading_variance(named) * weight + np.square(self.scatter.at(named))
+        )
 
     def slopes(self, weight: FloatArray, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n) derivatives of V in the parameters `names`, for single values."""
@@ -77,8 +79,5 @@ class NoiseVariance:
 
     def information(self, weight: FloatArray, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_par, n_par) of the scales, if errors are normal: sum dV_a dV_b/(2 V^2)."""
-        relative = (
-            self.slopes(weight, named, names)
-            / np.broadcast_to(self.variance(weight, named), (1, weight.size)).T
-        )
+        relative = self.slopes(weight, named, names) / self.variance(weight, named).T
         return 0.5 * relative.T @ relative

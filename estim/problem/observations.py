@@ -189,7 +189,7 @@ class Observations:
     def drawn(self, named: Named, x: FloatArray | None = None) -> FloatArray:
         """(n,) the curve for single values at the places x, or at its points."""
         at = self.x if x is None else x
-        return np.broadcast_to(self.curve.value(at, self.bind(named)), (1, at.size))[0]
+        return self.curve.value(at, self.bind(named))[0]
 
     def against_fit(self, fitted: FloatArray) -> Self:
         """The points with the `fitted` values (n_obs,) in place of x, for figures of a curve of

@@ -88,7 +88,7 @@ class OwnDensity(Noise):
         return np.zeros(self.n_obs)
 
     def likelihood(self, points: Points, named: Named) -> Likelihood:
-        known = np.asarray(points.value(named))
+        known = points.value(named)
         return DensityErrors(
             points, _ROOM + float(np.max(known[np.isfinite(known)], initial=-1e300))
         )

@@ -43,7 +43,7 @@ class RobustErrors(Likelihood):
         return self.tails.outlier_probability(self.standardised(named), named)
 
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
-        z = np.broadcast_to(self.standardised(named), (1, self.y.size))[0]
+        z = self.standardised(named)[0]
         return self.tails.deviance_residual(z, named)[1][:, None] * self._slopes(named, names)
 
     def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
@@ -57,14 +57,14 @@ class RobustErrors(Likelihood):
                 total[names.index(name), names.index(name)] += self.y.size * score_information(
                     self.tails, named, ends[name]
                 )
-        return np.asarray(total)
+        return total
 
     def whitened(self, named: Named, names: Sequence[str]) -> Linear:
-        z = np.broadcast_to(self.standardised(named), (1, self.y.size))[0]
+        z = self.standardised(named)[0]
         return Linear(self.tails.normal_score(z, named), -self._slopes(named, names))
 
     def sd(self, named: Named) -> FloatArray:
-        return np.sqrt(np.broadcast_to(self.size.variance(self.weight, named), (1, self.y.size))[0])
+        return np.sqrt(self.size.variance(self.weight, named)[0])
 
     def _slopes(self, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n_par) derivatives of `standardised` in the parameters of the curve."""

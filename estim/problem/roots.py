@@ -172,13 +172,13 @@ class Band:
             return flat.reshape(rows.shape)
         # (n_obs, n) in the order of Fortran: no copy but the one it solves in
         solution, _ = dtbtrs(self.lower, flat.T, uplo="L", trans=trans)
-        return np.asarray(solution.T.reshape(rows.shape))
+        return solution.T.reshape(rows.shape)
 
     def coloured(self, rows: FloatArray) -> FloatArray:
         product = rows * self.lower[0]
         for d in range(1, len(self.lower)):
             product[..., d:] += rows[..., :-d] * self.lower[d, :-d]
-        return np.asarray(product)
+        return product
 
     def times(self, factor: float) -> Band:
         return Band(factor * self.lower)
@@ -246,7 +246,7 @@ class LowRankRoot:
         for block, causes, part, gain in self._blocks():
             z[block] = _solved(part, z[block] - causes @ known)
             known += gain @ z[block]
-        return np.asarray(z.T.reshape(rows.shape))
+        return z.T.reshape(rows.shape)
 
     def turned_back(self, rows: FloatArray) -> FloatArray:
         y = np.array(rows, dtype=float).reshape(-1, self.n_obs).T
@@ -282,7 +282,7 @@ def _solved(lower: FloatArray, columns: FloatArray, *, transposed: bool = False)
     """
     if not columns.size:  # SciPy's wrapper writes beyond an empty array
         return columns
-    return np.asarray(dtrtrs(lower, columns, lower=1, trans=int(transposed))[0])
+    return dtrtrs(lower, columns, lower=1, trans=int(transposed))[0]
 
 
 def beside(base: Root, causes: FloatArray) -> Root:

@@ -66,9 +66,9 @@ class Tails(ABC):
         and 2 if normal).
         """
 
-    @abstractmethod
     def outlier_probability(self, z: FloatArray, values: Named) -> FloatArray:
         """Probability that this frame is an outlier, given z."""
+        return np.zeros_like(z)
 
     def outlier_share(self, values: Named) -> float:
         """The share of outliers where that is one of its own unknowns, otherwise nan."""
@@ -106,9 +106,6 @@ class Gaussian(Tails):
 
     def information(self, values: Named) -> tuple[float, float]:
         return 1.0, 2.0
-
-    def outlier_probability(self, z: FloatArray, values: Named) -> FloatArray:
-        return np.zeros_like(z)
 
     def normal_score(self, z: FloatArray, values: Named) -> FloatArray:
         return z
@@ -230,7 +227,7 @@ class Mixture(Tails):
     def deviance_residual(self, z: FloatArray, values: Named) -> tuple[FloatArray, FloatArray]:
         good, bad, width = self._parts(z, values)
         top_good, top_bad, _ = self._parts(np.zeros_like(z), values)
-        share = np.exp(bad - np.logaddexp(good, bad))
+        share = self.outlier_probability(z, values)
         top = np.exp(top_bad - np.logaddexp(top_good, top_bad))
         residual = np.sign(z) * np.sqrt(
             np.maximum(2.0 * (np.logaddexp(top_good, top_bad) - np.logaddexp(good, bad)), 0.0)
@@ -240,17 +237,11 @@ class Mixture(Tails):
         )
 
     def information(self, values: Named) -> tuple[float, float]:
-        z = np.concatenate(
-            [
-                np.linspace(0.0, 8.0, 400),
-                np.geomspace(
-                    8.05, 8.0 * max(math.exp(float(np.squeeze(values[self.log_width]))), 2.0), 400
-                ),
-            ]
-        )
+        width = math.exp(float(np.squeeze(values[self.log_width])))
+        far = np.geomspace(8.05, 8.0 * max(width, 2.0), 400)
+        z = np.concatenate([np.linspace(0.0, 8.0, 400), far])
         density = np.exp(self.log_density(z, values))
-        good, bad, width = self._parts(z, values)
-        share = np.exp(bad - np.logaddexp(good, bad))
+        share = self.outlier_probability(z, values)
         score = z * (1.0 - share + share / width**2)
         return 2.0 * float(np.trapezoid(score**2 * density, z)), 2.0 * float(
             np.trapezoid((score * z - 1.0) ** 2 * density, z)

@@ -45,9 +45,9 @@ from typing import get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray, all_finite
-from estim.common import InputError, read_with_unit
-from estim.given_numbers import real_number, real_numbers
+from estim.arrays import FloatArray
+from estim.common import InputError, read_with_unit, require_one_of
+from estim.given_numbers import finite_numbers, real_number, real_numbers
 from estim.propagation.scores import BOUNDED, POSITIVE, SHAPED, Distribution, half_width_in_u
 
 Correlation = Mapping[tuple[str, str], float] | ArrayLike
@@ -109,13 +109,7 @@ class Input:
             raise InputError("must be finite", field=f"{self.name}.value", value=self.value)
         if not (math.isfinite(self.u) and self.u >= 0.0):
             raise InputError("must be finite and >= 0", field=f"{self.name}.u", value=self.u)
-        if self.distribution not in get_args(Distribution):
-            known = ", ".join(get_args(Distribution))
-            raise InputError(
-                f"must be one of {known}",
-                field=f"{self.name}.distribution",
-                value=self.distribution,
-            )
+        require_one_of(self.distribution, get_args(Distribution), field=f"{self.name}.distribution")
         if not self.dof > 0.0:
             raise InputError("must be > 0", field=f"{self.name}.dof", value=self.dof)
         if self.distribution == "t" and math.isinf(self.dof):
@@ -175,12 +169,7 @@ class Input:
         """The quantity that lies within value +/- half_width for certain (GUM 4.3.7, 4.3.9; JCGM
         101, 6.4.2-6.4.6).
         """
-        if distribution not in BOUNDED:
-            raise InputError(
-                f"must be one of {', '.join(BOUNDED)}",
-                field=f"{name}.distribution",
-                value=distribution,
-            )
+        require_one_of(distribution, BOUNDED, field=f"{name}.distribution")
         width = real_number(half_width, f"{name}.half_width")
         if not (math.isfinite(width) and width >= 0.0):
             raise InputError(
@@ -205,13 +194,11 @@ class Input:
 
         readings : (n,) in `unit`.
         """
-        sample = real_numbers(readings, f"{name}.readings")
+        sample = finite_numbers(readings, f"{name}.readings")
         if sample.ndim != 1 or sample.size < 2:
             raise InputError(
                 "must be a list of at least two", field=f"{name}.readings", value=readings
             )
-        if not all_finite(sample):
-            raise InputError("must be finite", field=f"{name}.readings", value=readings)
         if np.ptp(sample) == 0.0:
             rule = "are all the same, so that their scatter tells no uncertainty: state it"
             raise InputError(

@@ -29,6 +29,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from estim.arrays import BoolArray, FloatArray
@@ -196,11 +197,11 @@ def propagate_linear(
         inputs=checked,
         correlation=matrix,
         value=slopes.value,
-        u=frozen(u.reshape(shape)),
+        u=frozen(u, shape),
         sensitivities=slopes.derivative,
-        covariance=frozen(covariance.reshape(shape + shape)),
-        dof=frozen(dof.reshape(shape)),
-        k=frozen(k.reshape(shape)),
+        covariance=frozen(covariance, shape + shape),
+        dof=frozen(dof, shape),
+        k=frozen(k, shape),
         low=frozen(slopes.value - (k * u).reshape(shape)),
         high=frozen(slopes.value + (k * u).reshape(shape)),
         probability=probability,
@@ -216,9 +217,9 @@ def uncertainty_components(inputs: Sequence[Input], sensitivities: FloatArray) -
     return np.where(u_in == 0.0, 0.0, sensitivities.reshape(len(inputs), -1) * u_in)
 
 
-def frozen(array: Any) -> FloatArray:
-    """A read-only float array with the values of `array`."""
-    copy = np.array(array, dtype=float)
+def frozen(array: Any, shape: tuple[int, ...] | None = None) -> NDArray[Any]:
+    """A read-only array of its own with the values of `array`, in another shape if one is given."""
+    copy = np.array(array) if shape is None else np.array(array).reshape(shape)
     copy.flags.writeable = False
     return copy
 

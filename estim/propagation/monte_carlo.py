@@ -22,8 +22,8 @@ from typing import Literal, get_args
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray
-from estim.common import InputError, Shown, Tabled, interval, later, phrase, rounded
-from estim.given_numbers import check_probability, random_generator
+from estim.common import Shown, Tabled, interval, later, phrase, require_one_of, rounded
+from estim.given_numbers import check_probability, check_whole, random_generator
 from estim.propagation.copula import copula_matrix, draw_inputs
 from estim.propagation.evaluation import (
     MeasurementFunction,
@@ -343,8 +343,8 @@ def _result(
         statistics[row, tails > limit] = errors[row, tails > limit] = np.nan
     tolerance = numerical_tolerance(statistics[1], n_digits)
     stable = np.all(2.0 * errors[_WATCHED[watched]] <= tolerance, axis=0)
-    values = [frozen(row.reshape(shape)) for row in statistics]
-    spreads = [frozen(row.reshape(shape)) for row in errors]
+    values = [frozen(row, shape) for row in statistics]
+    spreads = [frozen(row, shape) for row in errors]
     notes = _undefined_notes(undefined, conditional, scalar=not shape)
     endless = (tails > NO_VARIANCE) & ~partial
     if endless.any():
@@ -375,10 +375,10 @@ def _result(
         symmetric=Interval(values[2], values[3], spreads[2], spreads[3]),
         shortest=Interval(values[4], values[5], spreads[4], spreads[5]),
         probability=probability,
-        undefined=frozen(undefined.reshape(shape)),
+        undefined=frozen(undefined, shape),
         conditional=conditional,
-        tail_index=frozen(tails.reshape(shape)),
-        tolerance=frozen(tolerance.reshape(shape)),
+        tail_index=frozen(tails, shape),
+        tolerance=frozen(tolerance, shape),
         n_digits=n_digits,
         watched=watched,
         stabilised=bool(stable.all()),
@@ -470,16 +470,8 @@ def _check_choices(
     n_draw: object, max_draw: object, n_digits: object, watched: object, probability: float
 ) -> None:
     least = _draws_for(probability)
-    for field, count, smallest in (
-        ("n_draw", n_draw, least),
-        ("max_draw", max_draw, least),
-        ("n_digits", n_digits, 1),
-    ):
-        if count is None and field != "n_digits":
-            continue
-        if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < smallest:
-            raise InputError(f"must be a whole number >= {smallest}", field=field, value=count)
-    if watched not in get_args(IntervalKind):
-        raise InputError(
-            f"must be one of {', '.join(get_args(IntervalKind))}", field="watched", value=watched
-        )
+    for field, count in (("n_draw", n_draw), ("max_draw", max_draw)):
+        if count is not None:
+            check_whole(count, field, least)
+    check_whole(n_digits, "n_digits", 1)
+    require_one_of(watched, get_args(IntervalKind), field="watched")

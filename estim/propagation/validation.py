@@ -9,12 +9,13 @@ there for two here), or the answer may be "undecided".
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, all_finite
-from estim.common import InputError, phrase
+from estim.common import InputError, phrase, require_one_of
+from estim.given_numbers import check_whole
 from estim.propagation.linear import LinearResult, frozen, how_many
 from estim.propagation.monte_carlo import IntervalKind, MonteCarloResult, numerical_tolerance
 
@@ -102,11 +103,11 @@ def compare(
     shape = linear.value.shape
     return Validation(
         status=status,
-        passes=_frozen_flags(passes.reshape(shape)),
-        decided=_frozen_flags(decided.reshape(shape)),
-        d_low=frozen(difference[0].reshape(shape)),
-        d_high=frozen(difference[1].reshape(shape)),
-        tolerance=frozen(tolerance.reshape(shape)),
+        passes=frozen(passes, shape),
+        decided=frozen(decided, shape),
+        d_low=frozen(difference[0], shape),
+        d_high=frozen(difference[1], shape),
+        tolerance=frozen(tolerance, shape),
         n_digits=n_digits,
         kind=kind,
         message=_sentence(
@@ -213,13 +214,5 @@ def _check_comparable(
             field="monte_carlo",
             value=monte_carlo.probability,
         )
-    if isinstance(n_digits, bool) or not isinstance(n_digits, (int, np.integer)) or n_digits < 1:
-        raise InputError("must be a whole number >= 1", field="n_digits", value=n_digits)
-    if kind not in ("symmetric", "shortest"):
-        raise InputError("must be one of symmetric, shortest", field="kind", value=kind)
-
-
-def _frozen_flags(flags: BoolArray) -> BoolArray:
-    copy = np.array(flags)
-    copy.flags.writeable = False
-    return copy
+    check_whole(n_digits, "n_digits", 1)
+    require_one_of(kind, get_args(IntervalKind), field="kind")

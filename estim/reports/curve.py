@@ -19,7 +19,7 @@ from types import MappingProxyType
 import numpy as np
 
 from estim.campaign import Kind
-from estim.common import KINDS, FigureChoice, InputError, write_whole
+from estim.common import KINDS, FigureChoice, InputError, require_one_of, write_whole
 from estim.curve_fitting import CurveFit
 from estim.pipeline import Analysis, sample_curve
 from estim.problem import Observations
@@ -45,8 +45,7 @@ def curve_report(
     >>> sorted(files)
     ['report.md', 'result.json']
     """
-    if kind not in KINDS:
-        raise InputError(f"must be one of {', '.join(KINDS)}", field="kind", value=kind)
+    require_one_of(kind, KINDS, field="kind")
     if fit.problem.own_density:
         raise InputError(
             "needs readings about a curve, and a log density has none: use sample_curve",

@@ -10,7 +10,15 @@ from collections.abc import Callable, Collection, Mapping
 from types import MappingProxyType
 from urllib.parse import unquote
 
-from estim.common import FIGURE_CHOICES, FigureChoice, InputError, Markdown, as_csv, as_json, phrase
+from estim.common import (
+    FIGURE_CHOICES,
+    FigureChoice,
+    Markdown,
+    as_csv,
+    as_json,
+    phrase,
+    require_one_of,
+)
 from estim.drawing import Figure, png
 from estim.reports.rendering import CITED, FENCED, render
 
@@ -115,10 +123,7 @@ def images(
 
     Raises InputError.
     """
-    if wanted not in FIGURE_CHOICES:
-        raise InputError(
-            f"must be one of {', '.join(FIGURE_CHOICES)}", field="figures", value=wanted
-        )
+    require_one_of(wanted, FIGURE_CHOICES, field="figures")
     drawn = {} if wanted == "none" else drawers | (further or {} if wanted == "all" else {})
     finish = marked if kind == "synthetic" else None
     return {path: png(draw, finish) for path, draw in drawn.items()}
