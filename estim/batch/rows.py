@@ -16,6 +16,7 @@ import msgspec
 from estim.batch.units import Unit
 from estim.common import (
     EstimError,
+    Files,
     InputError,
     Label,
     as_json,
@@ -125,7 +126,7 @@ def failed(unit: Unit, error: str, seconds: float = 0.0) -> Row:
     return Row(campaign, unit.run, unit.place, error=error, seconds=seconds)
 
 
-def keep(folder: Path, row: Row, files: Mapping[str, bytes]) -> None:
+def keep(folder: Path, row: Row, files: Files) -> None:
     """Write what was made of a run, with its row, in place of what an earlier batch made of it.
 
     Raises EstimError where a file of somebody else is in the way.

@@ -4,12 +4,11 @@ command that writes a report has it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from importlib import import_module
 
 import click
 
-from estim.common import InputError
+from estim.common import Files, InputError
 
 _KEY = "estim.formats"
 _BROWSER = "or print report.html with a browser"
@@ -63,7 +62,7 @@ def chosen() -> tuple[str, ...]:
     return () if context is None else tuple(dict.fromkeys(context.meta.get(_KEY, ())))
 
 
-def in_formats(files: Mapping[str, bytes]) -> dict[str, bytes]:
+def in_formats(files: Files) -> Files:
     """`files` of a report and the report in every format asked for."""
     formats = chosen()
     if not formats:

@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from estim.common import as_json, json_of
+from estim.common import Files, as_json, json_of
 
 _KEY = "estim.json"
 
@@ -23,7 +23,7 @@ class Answer:
 
     lines: list[str] = field(default_factory=list)
     files: list[str] = field(default_factory=list)
-    results: dict[str, bytes] = field(default_factory=dict)
+    results: Files = field(default_factory=dict)
 
     def record(self, command: str, code: int) -> dict[str, Any]:
         """All of it; each value that has an uncertainty once more as one of `estimates`, whatever
@@ -60,7 +60,7 @@ def found(name: str, result: object) -> None:
         kept.results[name] = as_json(result)
 
 
-def written(folder: Path, files: dict[str, bytes]) -> None:
+def written(folder: Path, files: Files) -> None:
     """Keeps what was written, for --json."""
     if (kept := answer()) is not None:
         paths = {(folder / name).as_posix(): data for name, data in files.items()}

@@ -12,7 +12,7 @@ import click
 
 from estim.cli.formats import chosen, in_formats
 from estim.cli.origin_record import SCHEMA, Origin
-from estim.common import code, language, phrase, plain
+from estim.common import Files, code, language, phrase, plain
 from estim.versions import engine_versions, version
 
 _KEPT = {"formats": chosen, "lang": language}  # options that the command does not take itself
@@ -32,7 +32,7 @@ def note_of_others(inputs: Mapping[str, str]) -> None:
     _read_so_far().update(inputs)
 
 
-def with_origin(files: Mapping[str, bytes], part: str) -> tuple[dict[str, bytes], Origin]:
+def with_origin(files: Files, part: str) -> tuple[Files, Origin]:
     """`files` of a report and the formats asked for; and how they were made."""
     origin = origin_of(part)
     command = code(shlex.join(["estim", *origin.command]))

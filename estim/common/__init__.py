@@ -89,6 +89,7 @@ from estim.common.quantity_text import (
 )
 from estim.common.statuses import PROBABILITIES, QUANTILES, Amount, Finding, decide, gravest, wrong
 from estim.common.storage import (
+    Files,
     held,
     inputs_read,
     names_in,

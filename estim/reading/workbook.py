@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from datetime import date, datetime, time, timedelta
 from pathlib import PurePosixPath
 
-from estim.common import InputError, listed
+from estim.common import Files, InputError, listed
 from estim.reading.archive import opened, unpacked
 from estim.reading.cells import looks_like_a_number
 from estim.reading.dialect import Dialect, column_number
@@ -63,9 +63,9 @@ def sheet_text(data: bytes, dialect: Dialect) -> tuple[str, str, tuple[str, ...]
     raise InputError("has no sheet with rows of numbers", field="workbook", quoted=listed(names))
 
 
-def _parts(data: bytes) -> dict[str, bytes]:
+def _parts(data: bytes) -> Files:
     """The members of a workbook that tables may need, by name.  Raises InputError."""
-    parts, size = dict[str, bytes](), 0
+    parts, size = Files(), 0
     with opened(data) as archive:
         for info in archive.infolist():
             if info.filename.endswith((".xml", ".rels", "mimetype")):
@@ -80,7 +80,7 @@ def _parts(data: bytes) -> dict[str, bytes]:
     return parts
 
 
-def _stored(parts: Mapping[str, bytes]) -> bytes:
+def _stored(parts: Files) -> bytes:
     """An archive of these parts, as they were unpacked here."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
@@ -110,7 +110,7 @@ class _Sheet:
                 self.uncomputed |= {(row, at): text for at in range(self.column, ends[1])}
 
 
-def _uncomputed_of_xlsx(parts: Mapping[str, bytes], index: int) -> Cells:
+def _uncomputed_of_xlsx(parts: Files, index: int) -> Cells:
     """Row and column of each cell of sheet number `index` that has an error or a formula without a
     value -> the text of the error, or = and the formula.
     """

@@ -14,6 +14,7 @@ from estim.campaign import Campaign
 from estim.checks import P_CONFLICT, P_POOR_FIT, P_TOLD
 from estim.common import (
     FigureChoice,
+    Files,
     Label,
     Notation,
     as_json,
@@ -97,7 +98,7 @@ def report_and_result(
     figures: FigureChoice = "main",
     profiles: bool = True,
     sections: Sequence[str] = (),
-) -> tuple[dict[str, bytes], Result]:
+) -> tuple[Files, Result]:
     """The files of `analysis_report`, and the record that they show."""
     added = sections_called(sections)  # their versions are in the record
     determination = determine(analysis, profiles=profiles)
@@ -281,7 +282,7 @@ def complete_runs(results: Iterable[Result]) -> dict[str, list[str]]:
 
 def index_report(
     campaign: Campaign, results: Mapping[str, Result], explanations: Sequence[Explanation] = ()
-) -> dict[str, bytes]:
+) -> Files:
     """`report.md` that leads to the reports of runs fit one by one, each in a folder of its name.
 
     explanations : of what may be missing, of those runs of which it was asked.

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from estim.campaign import OUTPUTS, CampaignFile
-from estim.common import as_json, behind, format_quantity, number
+from estim.common import Files, as_json, behind, format_quantity, number
 from estim.reports.pages import numbered
 from estim.reports.rendering import render
 from estim.reports.result import provenance_of
@@ -61,7 +61,7 @@ def body_result(source: CampaignFile, weighing: BodyProperties, *, seed: int) ->
     }
 
 
-def body_report(source: CampaignFile, weighing: BodyProperties, *, seed: int) -> dict[str, bytes]:
+def body_report(source: CampaignFile, weighing: BodyProperties, *, seed: int) -> Files:
     """`report.md` and `result.json`."""
     result = body_result(source, weighing, seed=seed)
     text = render(

@@ -23,6 +23,7 @@ from estim.campaign import Campaign
 from estim.common import (
     PROBABILITIES,
     FigureChoice,
+    Files,
     PhraseTable,
     decide,
     number,
@@ -62,7 +63,7 @@ def calibration_report(
     *,
     unlike: str = "",
     figures: FigureChoice = "main",
-) -> dict[str, bytes]:
+) -> Files:
     """The files of one or two calibrations (ranks, coverage) of the same runs.
 
     unlike : how the analysis differs from that of `estim fit`, "" where it does not.

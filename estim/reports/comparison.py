@@ -10,7 +10,7 @@ import numpy as np
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL
-from estim.common import FigureChoice, PhraseTable, number, phrase, significant
+from estim.common import FigureChoice, Files, PhraseTable, number, phrase, significant
 from estim.problem import Parameter
 from estim.reports.models import values_figure
 from estim.reports.pages import page
@@ -22,7 +22,7 @@ _DATA = PhraseTable({"positions": "positions", "speeds": "speeds"})
 
 def compare_report(
     campaign: Campaign, compared: Sequence[Refit], *, seed: int, figures: FigureChoice = "main"
-) -> dict[str, bytes]:
+) -> Files:
     """The files of a comparison, next to which each model's own report may stand in a folder of its
     name.
     """

@@ -11,6 +11,7 @@ import numpy as np
 from estim.campaign import Campaign
 from estim.common import (
     FigureChoice,
+    Files,
     Quantity,
     format_p,
     gravest,
@@ -134,7 +135,7 @@ def energy_report(
     *,
     seed: int,
     figures: FigureChoice = "main",
-) -> dict[str, bytes]:
+) -> Files:
     """`report.md`, `result.json` and `figures/energy.png`.
 
     records : in the order of the analyses' runs.

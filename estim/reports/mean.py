@@ -9,6 +9,7 @@ import numpy as np
 
 from estim.common import (
     FigureChoice,
+    Files,
     behind,
     bracketed,
     interval,
@@ -49,7 +50,7 @@ def mean_statement(found: TableMean) -> str:
     )
 
 
-def mean_report(found: TableMean, *, seed: int, figures: FigureChoice = "main") -> dict[str, bytes]:
+def mean_report(found: TableMean, *, seed: int, figures: FigureChoice = "main") -> Files:
     """`report.md`, `result.json` and `figures/mean.png`."""
     mean, groups = found.mean, found.mean.groups
     shown = mean.shown()

@@ -13,6 +13,7 @@ import numpy as np
 from estim.arrays import FloatArray, sds_of
 from estim.common import (
     FigureChoice,
+    Files,
     PhraseTable,
     behind,
     bracketed,
@@ -280,7 +281,7 @@ def expanded_statement(
 
 def measurement_report(
     propagation: Propagation, *, seed: int, figures: FigureChoice = "main"
-) -> dict[str, bytes]:
+) -> Files:
     """`report.md`, `result.json` and the figures."""
     result = measurement_result(propagation, seed=seed)
     drawers: Drawers = {"figures/distribution.png": partial(distribution_figure, propagation)}

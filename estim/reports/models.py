@@ -13,6 +13,7 @@ from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL
 from estim.common import (
     FigureChoice,
+    Files,
     PhraseTable,
     bracketed,
     later,
@@ -86,7 +87,7 @@ _FAR = 0.02  # of the data sets beyond what is drawn, on either side
 
 def models_report(
     campaign: Campaign, comparison: ModelComparison, *, seed: int, figures: FigureChoice = "main"
-) -> dict[str, bytes]:
+) -> Files:
     """The files of a comparison of models."""
     rows, problem = comparison.rows, comparison.rows[0].analysis.problem
     # the quantities of interest

@@ -8,7 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from estim.common import FigureChoice, Status, bracketed, decide, format_quantity, phrase, with_unit
+from estim.common import (
+    FigureChoice,
+    Files,
+    Status,
+    bracketed,
+    decide,
+    format_quantity,
+    phrase,
+    with_unit,
+)
 from estim.drawing import (
     COLOURS,
     GREY,
@@ -106,7 +115,7 @@ def plan_record(plan: Plan) -> dict[str, Any]:
     }
 
 
-def plan_report(plan: Plan, *, figures: FigureChoice = "main") -> dict[str, bytes]:
+def plan_report(plan: Plan, *, figures: FigureChoice = "main") -> Files:
     """`report.md`, `plan.json` and the figures."""
     record, options = plan_record(plan), shown_options(plan.options)
     drawers: Drawers = (

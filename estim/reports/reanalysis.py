@@ -15,6 +15,7 @@ from estim.campaign import gamma_origin
 from estim.checks import Estimate, not_measured, result_table, screen_lines
 from estim.common import (
     FigureChoice,
+    Files,
     Quantity,
     format_rounded,
     later,
@@ -126,7 +127,7 @@ def _body(r: Reanalysis, body: BodyAnalysis) -> dict[str, Any]:
     }
 
 
-def reanalysis_report(r: Reanalysis, *, figures: FigureChoice = "main") -> dict[str, bytes]:
+def reanalysis_report(r: Reanalysis, *, figures: FigureChoice = "main") -> Files:
     """`report.md`, `result.json` and `figures/*.png`."""
     result = reanalysis_result(r)
     drawn: Drawers = {}

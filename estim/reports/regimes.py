@@ -14,6 +14,7 @@ from estim.arrays import FloatArray
 from estim.campaign import Campaign
 from estim.common import (
     FigureChoice,
+    Files,
     InputError,
     Notation,
     PhraseTable,
@@ -105,7 +106,7 @@ def map_report(
     *,
     seed: int,
     figures: FigureChoice = "main",
-) -> dict[str, bytes]:
+) -> Files:
     """`report.md`, `result.json` and the figures of each body.  line : measured least angles, of
     one body.
     """

@@ -12,6 +12,7 @@ import numpy as np
 from estim.checks import Estimate, best_words
 from estim.common import (
     FigureChoice,
+    Files,
     Notation,
     PhraseTable,
     Status,
@@ -110,7 +111,7 @@ def _coefficients(line: StraightLine) -> dict[str, tuple[str, str, float, float]
     }
 
 
-def straight_line_report(line: StraightLine, *, figures: FigureChoice = "main") -> dict[str, bytes]:
+def straight_line_report(line: StraightLine, *, figures: FigureChoice = "main") -> Files:
     """`report.md`, `result.json` and `figures/line.png`."""
     result = straight_line_result(line)
 

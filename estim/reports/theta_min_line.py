@@ -16,6 +16,7 @@ from estim.checks import Estimate, result_table, screen_lines
 from estim.common import (
     QUANTILES,
     FigureChoice,
+    Files,
     Notation,
     PhraseTable,
     Quantity,
@@ -172,7 +173,7 @@ def line_report(
     *,
     trials: TrialsAnalysis | None = None,
     figures: FigureChoice = "main",
-) -> dict[str, bytes]:
+) -> Files:
     """`report.md`, `result.json` and `figures/line.png`; with `trials` their section, `trials.json`
     and figures too.
     """

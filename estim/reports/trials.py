@@ -15,6 +15,7 @@ from estim.checks import Estimate, screen_lines
 from estim.common import (
     QUANTILES,
     FigureChoice,
+    Files,
     Notation,
     PhraseTable,
     Quantity,
@@ -168,7 +169,7 @@ def trials_section(
 
 def trials_report(
     campaign: Campaign, analysis: TrialsAnalysis, *, figures: FigureChoice = "main"
-) -> dict[str, bytes]:
+) -> Files:
     """`report.md`, `trials.json` and the figures of trials by themselves."""
     drawers, result = trials_section(campaign, analysis, line=None)
     return page(

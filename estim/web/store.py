@@ -24,6 +24,7 @@ import msgspec
 
 from estim.common import (
     EstimError,
+    Files,
     InputError,
     as_json,
     names_in,
@@ -125,7 +126,7 @@ class Shelf(Generic[Kept]):
                 data = self.read(name, _RECORD) or b""
                 self.records[name] = msgspec.json.decode(data, type=kind)
 
-    def keep(self, record: Kept, files: Mapping[str, bytes]) -> Kept:
+    def keep(self, record: Kept, files: Files) -> Kept:
         """Writes `files` and then the record, in place of the one before."""
         for name, data in {**files, _RECORD: as_json(record)}.items():
             write_whole(self.folder / record.id / name, data, within=self.root)
@@ -154,7 +155,7 @@ class Store:
             if answer.state in ("running", "waiting"):
                 self.answers.keep(replace(answer, state="interrupted"), {})
 
-    def take_in(self, files: Mapping[str, bytes], who: str | None = None) -> list[Upload]:
+    def take_in(self, files: Files, who: str | None = None) -> list[Upload]:
         """Keeps files by the names that a person gave them: each by itself, or a campaign with its
         tables.  Raises InputError with a sentence for the page.
 
@@ -181,7 +182,7 @@ class Store:
         """Tables that were handed in, for one question about all of them.  Raises InputError with
         a sentence for the page.
         """
-        files, ids = dict[str, bytes](), dict[str, str]()
+        files, ids = Files(), dict[str, str]()
         for part in parts:
             stem, _, ending = part.file.rpartition(".")
             names = (part.file, *(f"{stem}-{i}.{ending}" for i in range(2, MOST_FILES + 1)))
@@ -191,9 +192,7 @@ class Store:
             raise InputError(phrase("That is too large."))
         return self._kept(", ".join(part.given for part in parts), files, ids)
 
-    def _kept(
-        self, given: str, files: Mapping[str, bytes], parts: Mapping[str, str] | None = None
-    ) -> Upload:
+    def _kept(self, given: str, files: Files, parts: Mapping[str, str] | None = None) -> Upload:
         names = tuple(files)
         shown = shorten(given, 120)
         upload = Upload(self.uploads.new_id(), shown, names[0], names, parts=parts or {})
