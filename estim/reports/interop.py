@@ -22,7 +22,6 @@ independent one.)  The coordinates `step` and `walker` tell where a draw comes f
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Mapping
 from importlib.util import find_spec
@@ -43,7 +42,7 @@ if TYPE_CHECKING:
     import xarray
 
 HOW_TO_GET = 'pip install "estim[arviz]"'
-_NETCDF = ("h5netcdf", "h5py")
+_NETCDF = ("xarray", "h5netcdf", "h5py")
 _PRIOR_DRAWS = 4000
 Variable = tuple[tuple[str, ...], FloatArray, Mapping[str, str]]
 """Dimensions, values, attributes."""
@@ -98,7 +97,7 @@ def to_netcdf(analysis: Analysis) -> bytes:
     b'HDF'
     """
     _require(*_NETCDF)
-    return as_netcdf(_groups(analysis))
+    return bytes(to_datatree(analysis).to_netcdf(engine="h5netcdf"))
 
 
 def to_frame(analysis: Analysis) -> pd.DataFrame:
@@ -371,44 +370,3 @@ class Group(NamedTuple):
     variables: Mapping[str, Variable] = MappingProxyType({})
     coordinates: Mapping[str, tuple[tuple[str, ...], Any]] = MappingProxyType({})
     attributes: Mapping[str, str | int] = MappingProxyType({})
-
-
-def as_netcdf(groups: Mapping[str, Group]) -> bytes:
-    """The groups, path -> `Group` ("/" is the file itself), as the bytes of a file.
-
-    By the CF conventions: a coordinate of one dimension bears its name, variables name the others
-    in their attribute `coordinates`.
-    """
-    import h5netcdf
-
-    buffer = io.BytesIO()
-    with h5netcdf.File(buffer, "w") as file:
-        for path, group in groups.items():
-            _write(file if path == "/" else file.create_group(path), group)
-    return buffer.getvalue()
-
-
-def _write(place: Any, group: Group) -> None:
-    for name, value in group.attributes.items():
-        place.attrs[name] = value if isinstance(value, str) else np.atleast_1d(value)
-    everything = [
-        (dims, np.asarray(values))
-        for dims, values, *_ in (*group.coordinates.values(), *group.variables.values())
-    ]
-    place.dimensions = {
-        dim: size
-        for dims, values in everything
-        for dim, size in zip(dims, values.shape, strict=True)
-    }
-    for name, (dims, values) in group.coordinates.items():
-        place.create_variable(name, dims, data=np.asarray(values, dtype=np.int64))
-    for name, (dims, values, about) in group.variables.items():
-        variable = place.create_variable(name, dims, data=values, fillvalue=np.nan)
-        variable.attrs.update(about)
-        along = [
-            other
-            for other, (axes, _) in group.coordinates.items()
-            if axes != (other,) and set(axes) <= set(dims)
-        ]
-        if along:
-            variable.attrs["coordinates"] = " ".join(along)
