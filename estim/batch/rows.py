@@ -9,7 +9,6 @@ import json
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path, PurePosixPath
-from typing import Any
 
 import msgspec
 
@@ -18,6 +17,7 @@ from estim.common import (
     EstimError,
     Files,
     InputError,
+    Json,
     Label,
     as_json,
     json_of,
@@ -103,7 +103,7 @@ def row_of(
     )
 
 
-def _values(record: Mapping[str, Any], labels: Mapping[str, Label]) -> dict[str, Value]:
+def _values(record: Json, labels: Mapping[str, Label]) -> dict[str, Value]:
     found: dict[str, Value] = {}
     for name, p in record["parameters"].items():
         if p["mean"] is not None and p["sd"] is not None:

@@ -6,11 +6,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import click
 
-from estim.common import Files, as_json, json_of
+from estim.common import Files, Json, as_json, json_of
 
 _KEY = "estim.json"
 
@@ -25,7 +24,7 @@ class Answer:
     files: list[str] = field(default_factory=list)
     results: Files = field(default_factory=dict)
 
-    def record(self, command: str, code: int) -> dict[str, Any]:
+    def record(self, command: str, code: int) -> Json:
         """All of it; each value that has an uncertainty once more as one of `estimates`, whatever
         the result.
         """

@@ -26,6 +26,7 @@ from estim.cli.terminal import NOT_OK, say
 from estim.common import (
     EstimError,
     InputError,
+    Json,
     behind,
     format_rounded,
     json_of,
@@ -449,7 +450,7 @@ def _shift(row: Moved) -> str:
     return f"{row.second[0] - row.first[0]:+.3g}{behind(row.unit)}"
 
 
-def _given_result(text: str) -> dict[str, Any] | None:
+def _given_result(text: str) -> Json | None:
     """None for a value: what no file is called, and begins with a number."""
     value = not os.path.exists(text) and text.lstrip(" +-−(.")[:1].isdigit()
     return None if value else _result(Path(text))
@@ -461,7 +462,7 @@ def _listed(names: Sequence[str]) -> str:
     )
 
 
-def _result(path: Path) -> dict[str, Any]:
+def _result(path: Path) -> Json:
     """Raises InputError where there is no result."""
     file = path / "result.json" if os.path.isdir(path) else path
     data = read_file(file, at_most=_LARGEST)

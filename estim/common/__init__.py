@@ -13,6 +13,7 @@ from estim.common.errors import (
     shorten,
 )
 from estim.common.escaping import (
+    Json,
     Markdown,
     as_csv,
     as_json,

@@ -17,7 +17,7 @@ import json
 import math
 import re
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, TypeAlias
 from urllib.parse import quote
 
 _SPECIAL = re.compile(
@@ -41,6 +41,10 @@ _BLOCK = re.compile(
 LETTERS = "0-9A-Za-zÀ-ɏΑ-ω"
 # what `estim.common.labels` makes of one
 _MATH = re.compile(rf"(\$_\{{\\mathrm\{{(?:[{LETTERS}]|\\_)+\}}\}}\$)")
+
+
+Json: TypeAlias = dict[str, Any]
+"""An object of JSON, as a file of results has it: `as_json` writes it, `json_of` reads it."""
 
 
 class Markdown(str):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from estim.common import (
     PROBABILITIES,
     FigureChoice,
     Files,
+    Json,
     PhraseTable,
     decide,
     number,
@@ -92,7 +92,7 @@ def calibration_report(
     )
 
 
-def calibration_record(campaign: Campaign, c: Calibration) -> dict[str, Any]:
+def calibration_record(campaign: Campaign, c: Calibration) -> Json:
     """Every number of a calibration, as `calibration.json` has it."""
     found = findings(c)
     numbers = {}
@@ -128,7 +128,7 @@ def calibration_record(campaign: Campaign, c: Calibration) -> dict[str, Any]:
     }
 
 
-def _part(c: Calibration, record: Mapping[str, Any]) -> Mapping[str, object]:
+def _part(c: Calibration, record: Json) -> Mapping[str, object]:
     """What the template says of one calibration."""
     engines = [
         phrase("{count} by {how}", count=count, how=_ENGINES[how])

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from estim.arrays import FloatArray, sds_of
 from estim.common import (
     FigureChoice,
     Files,
+    Json,
     PhraseTable,
     behind,
     bracketed,
@@ -66,7 +66,7 @@ _INTERVALS_DRAWN = {
 }
 
 
-def measurement_result(propagation: Propagation, *, seed: int) -> dict[str, Any]:
+def measurement_result(propagation: Propagation, *, seed: int) -> Json:
     """Everything of `estim propagate`, as `result.json` has it; the report prints from it."""
     model, linear = propagation.model, propagation.linear
     meanings = [meaning for quantity in model.quantities for meaning in quantity.meanings]
@@ -110,7 +110,7 @@ def measurement_result(propagation: Propagation, *, seed: int) -> dict[str, Any]
     }
 
 
-def _output(propagation: Propagation, i: int) -> dict[str, Any]:
+def _output(propagation: Propagation, i: int) -> Json:
     """One measurand."""
     output, budget = propagation.model.outputs[i], propagation.budgets[i]
     checked, drawn = propagation.validation, propagation.sampled

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from estim.checks import INFLUENTIAL
 from estim.common import (
     FigureChoice,
     Files,
+    Json,
     PhraseTable,
     bracketed,
     later,
@@ -244,7 +244,7 @@ def _shown(rows: Sequence[ComparedModel]) -> ComparedModel:
     return by_name.get("unmodelled-force") or by_name.get("as-stated") or rows[0]
 
 
-def _summary(row: ComparedModel) -> dict[str, Any]:
+def _summary(row: ComparedModel) -> Json:
     analysis, status = row.analysis, row.analysis.diagnosis.status
     posterior = dict(zip(analysis.fit.names, analysis.summaries, strict=True))
     return {
@@ -270,7 +270,7 @@ def _summary(row: ComparedModel) -> dict[str, Any]:
     }
 
 
-def _predicted(one: Predicted) -> dict[str, Any]:
+def _predicted(one: Predicted) -> Json:
     low, middle, high = np.quantile(one.again, [0.025, 0.5, 0.975], method="nearest")
     return {
         "run": one.run,
@@ -321,7 +321,7 @@ def _predicted_table(rows: Sequence[ComparedModel]) -> list[tuple[str, str, list
 
 
 def values_figure(
-    rows: Sequence[Mapping[str, Any]], common: Sequence[Parameter], recommended: str = ""
+    rows: Sequence[Json], common: Sequence[Parameter], recommended: str = ""
 ) -> Figure:
     """68 and 95 % intervals of each quantity under each model; those of a model that is not ok in
     grey, dashed.

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from estim.common import (
     FigureChoice,
     Files,
+    Json,
     Status,
     bracketed,
     decide,
@@ -71,7 +71,7 @@ def plan_answers(plan: Plan) -> list[str]:
     )
 
 
-def plan_record(plan: Plan) -> dict[str, Any]:
+def plan_record(plan: Plan) -> Json:
     """Every number of a plan, as `plan.json` has it."""
     status, reasons = plan_status(plan)
     names = [p.name for p in plan.targets]

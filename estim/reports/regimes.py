@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -16,6 +15,7 @@ from estim.common import (
     FigureChoice,
     Files,
     InputError,
+    Json,
     Notation,
     PhraseTable,
     decide,
@@ -76,7 +76,7 @@ _ENDS = {
 }
 
 
-def map_result(campaign: Campaign, maps: Sequence[BodyMap], *, seed: int) -> dict[str, Any]:
+def map_result(campaign: Campaign, maps: Sequence[BodyMap], *, seed: int) -> Json:
     """Everything of `estim map`, as `result.json` has it; the report prints from it.
 
     Angles in rad, distances in m; null where there is none.
@@ -140,7 +140,7 @@ def map_lines(found: BodyMap) -> list[str]:
     return [place_words(found, place) for place in found.runs]
 
 
-def _body(found: BodyMap) -> dict[str, Any]:
+def _body(found: BodyMap) -> Json:
     return {
         "ramp_end": found.end.length,  # from the release
         "ramp_end_origin": found.end.origin,
@@ -159,7 +159,7 @@ def _tilts(found: BodyMap) -> FloatArray:
     return np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step / _DEGREES
 
 
-def _tilt(found: BodyMap, phi: float) -> dict[str, Any]:
+def _tilt(found: BodyMap, phi: float) -> Json:
     """What the body does at one tilt."""
 
     def at(border: FloatArray, places: FloatArray) -> dict[str, float]:
@@ -205,7 +205,7 @@ def _spread(quantiles: FloatArray) -> dict[str, float]:
     }
 
 
-def _run(found: BodyMap, place: RunPlace) -> dict[str, Any]:
+def _run(found: BodyMap, place: RunPlace) -> Json:
     """Where a run lies and what follows."""
     return {
         "phi": place.phi[0],

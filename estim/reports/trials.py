@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from estim.common import (
     QUANTILES,
     FigureChoice,
     Files,
+    Json,
     Notation,
     PhraseTable,
     Quantity,
@@ -52,7 +52,7 @@ UNKNOWN_LABELS = {name: notation.label(unit) for name, (unit, _, notation) in UN
 
 def trials_result(
     campaign: Campaign, analysis: TrialsAnalysis, *, line: LineAnalysis | None = None
-) -> dict[str, Any]:
+) -> Json:
     """Everything of trials of release, as `trials.json` has it; the report prints from it.  Where
     the status is not ok, what it does not allow is null or empty.
 
@@ -110,7 +110,7 @@ def _shown_prior(analysis: TrialsAnalysis, name: str) -> str:
     }.get(name) or analysis.posterior.priors[name].describe()
 
 
-def _ways(analysis: TrialsAnalysis, line: LineAnalysis | None) -> dict[str, dict[str, Any]]:
+def _ways(analysis: TrialsAnalysis, line: LineAnalysis | None) -> dict[str, Json]:
     """gamma by each way; e_n against the stated value, e_n_trials against gamma of all trials (null
     for those that share trials with it).
     """
@@ -159,7 +159,7 @@ def _apart(analysis: TrialsAnalysis) -> list[float] | None:
 
 def trials_section(
     campaign: Campaign, analysis: TrialsAnalysis, *, line: LineAnalysis | None
-) -> tuple[Drawers, dict[str, Any]]:
+) -> tuple[Drawers, Json]:
     """Figures, and the record that the section of a report prints, which is `trials.json`."""
     drawers: Drawers = {"figures/trials.png": partial(starts_figure, analysis)}
     if analysis.status.ok:
