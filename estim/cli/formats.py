@@ -8,7 +8,7 @@ from importlib import import_module
 
 import click
 
-from estim.common import Files, InputError
+from estim.common import InputError
 
 _KEY = "estim.formats"
 _BROWSER = "or print report.html with a browser"
@@ -60,13 +60,3 @@ def chosen() -> tuple[str, ...]:
     """The formats that the command under way was asked for."""
     context = click.get_current_context(silent=True)
     return () if context is None else tuple(dict.fromkeys(context.meta.get(_KEY, ())))
-
-
-def in_formats(files: Files) -> Files:
-    """`files` of a report and the report in every format asked for."""
-    formats = chosen()
-    if not formats:
-        return dict(files)
-    from estim.reports.formats import with_formats
-
-    return with_formats(files, formats)

@@ -135,11 +135,6 @@ def map_report(
     )
 
 
-def map_lines(found: BodyMap) -> list[str]:
-    """A line a run for a terminal."""
-    return [place_words(found, place) for place in found.runs]
-
-
 def _body(found: BodyMap) -> Json:
     return {
         "ramp_end": found.end.length,  # from the release
