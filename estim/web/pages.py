@@ -154,7 +154,12 @@ class Pages:
         async with request.form(max_files=0) as form:
             ids = dict.fromkeys(map(str, form.getlist("ids")))
         known = self._store.uploads.records
-        parts = [known[at] for at in ids if at in known and _may_be_part(known[at])]
+        # each of them one table
+        parts = [
+            upload
+            for at in ids
+            if (upload := known.get(at)) and not (upload.parts or upload.file.endswith(".toml"))
+        ]
         try:
             if not 2 <= len(parts) <= MOST_FILES:
                 words = phrase("Tick two files or more, at most {most}.", most=MOST_FILES)
@@ -527,11 +532,6 @@ def _picture(data: bytes | None) -> Response:
     if not data:
         raise HTTPException(404)
     return Response(data, media_type="image/png", headers={"Cache-Control": "private"})
-
-
-def _may_be_part(upload: Upload) -> bool:
-    """Whether it is one table, which may be asked about together with others."""
-    return not upload.parts and not upload.file.endswith(".toml")
 
 
 def _ticked(upload: Upload, fields: Mapping[str, str]) -> list[str]:

@@ -80,7 +80,8 @@ def arguments_of(
 
     Raises InputError where nothing was asked.
     """
-    end = ["--format", "html", "--out", "report", *_language()]
+    end = ["--format", "html", "--out", "report"]
+    end += [] if language() == "en" else ["--lang", language()]
     if not file:
         values = lines_of(fields.get("values", ""))
         # without a value the formula would be the name of a file
@@ -169,10 +170,6 @@ def field_of(option: str, asked: str) -> str:
 def command_line(arguments: Iterable[str]) -> str:
     """What a person types for the same answer."""
     return shlex.join(["estim", *arguments])
-
-
-def _language() -> list[str]:
-    return [] if language() == "en" else ["--lang", language()]
 
 
 def lines_of(text: str) -> list[str]:
