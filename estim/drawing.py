@@ -188,10 +188,10 @@ def tick_texts(ticks: FloatArray) -> list[str]:
     return [signed(text) for text in texts]
 
 
-def new_figure(height: float, width: float = WIDTH) -> Figure:
+def new_figure(height: float) -> Figure:
     from matplotlib import figure
 
-    return figure.Figure(figsize=(width, height), layout="constrained", facecolor="white")
+    return figure.Figure(figsize=(WIDTH, height), layout="constrained", facecolor="white")
 
 
 def grid(

@@ -19,6 +19,7 @@ from estim.common.escaping import (
     as_json,
     code,
     destination,
+    is_nested_deeper,
     json_of,
     markdown,
     mathtext,

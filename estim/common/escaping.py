@@ -170,18 +170,22 @@ def json_of(data: bytes) -> Any:
         value = json.loads(data.decode(), object_pairs_hook=once, parse_constant=no_number)
     except RecursionError:
         raise ValueError("is nested too deeply") from None
-    level = [value]
-    for _ in range(100):  # levels of JSON
-        level = [
-            item
-            for node in level
-            for item in (
-                node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
-            )
-        ]
-    if level:
+    if is_nested_deeper(value, 100):
         raise ValueError("is nested too deeply")
     return value
+
+
+def is_nested_deeper(tree: object, most: int) -> bool:
+    """Whether tables and lists stand in each other so that `most` levels do not hold all of it."""
+    level = [tree]
+    for _ in range(most):
+        inner = (
+            node.values() if isinstance(node, dict) else node
+            for node in level
+            if isinstance(node, dict | list)
+        )
+        level = [item for items in inner for item in items]
+    return bool(level)
 
 
 def mathtext(text: str) -> str:

@@ -29,7 +29,7 @@ from estim.pipeline import Analysis
 from estim.reports.consistency import consistency_text, forest_figure
 from estim.reports.copying import copies_of
 from estim.reports.corner_figures import corner_figure, corner_words, trace_figure
-from estim.reports.counts import counted_runs, counts_figure, counts_text
+from estim.reports.counts import counts_figure, counts_text
 from estim.reports.curve_figures import (
     MOST_DRAWN,
     abscissas_figure,
@@ -116,7 +116,7 @@ def report_and_result(
     drawers: Drawers = {"figures/phase.png": partial(phase_figure, analysis)}
     if any(run.numbered for run in analysis.problem.runs):
         drawers["figures/abscissas.png"] = partial(abscissas_figure, analysis)
-    if counted_runs(analysis.problem.runs):
+    if any(run.noise.counted is not None for run in analysis.problem.runs):
         drawers["figures/counts.png"] = partial(counts_figure, analysis.fit, analysis.goodness)
     drawn = images(
         drawers,
