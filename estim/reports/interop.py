@@ -205,8 +205,20 @@ def _said(analysis: Analysis) -> dict[str, Any]:
 
 def _groups(analysis: Analysis) -> dict[str, Group]:
     order = time_halves_order(*analysis.chain.draws.shape[1:3])
+    attributes = _said(analysis) | {
+        "title": one_line(analysis.title),
+        "reasons": "\n".join(analysis.diagnosis.reasons),
+        "seed": analysis.seed,
+        "sampling": analysis.chain.convergence.message,
+        "draws": phrase(
+            "chain: ensemble of walkers; draw: first half, then second half of the steps, each "
+            "walker by walker"
+        ),
+    }
+    for package, number in software_versions().items():
+        attributes[f"version_{package.replace('-', '_')}"] = number
     groups = {
-        "/": _empty(analysis),
+        "/": Group(attributes=attributes),
         "/posterior": _posterior(analysis, order),
         "/sample_stats": _sample_stats(analysis, order),
         "/prior": _prior(analysis),
@@ -216,30 +228,6 @@ def _groups(analysis: Analysis) -> dict[str, Group]:
     if analysis.problem.n_obs <= 10_000:  # points
         groups["/log_likelihood"] = _log_likelihood(analysis, order)
     return groups
-
-
-def _empty(analysis: Analysis) -> Group:
-    attributes = _said(analysis) | {
-        "title": one_line(analysis.title),
-        "reasons": "\n".join(analysis.diagnosis.reasons),
-    }
-    versions = {
-        f"version_{package.replace('-', '_')}": number
-        for package, number in software_versions().items()
-    }
-    draws = phrase(
-        "chain: ensemble of walkers; draw: first half, then second half of the steps, each "
-        "walker by walker"
-    )
-    return Group(
-        attributes={
-            **attributes,
-            "seed": analysis.seed,
-            "sampling": analysis.chain.convergence.message,
-            "draws": draws,
-            **versions,
-        }
-    )
 
 
 def _coordinates(

@@ -60,7 +60,15 @@ class ResultPair:
 def compare_results(first: Json, second: Json) -> ResultPair:
     """Two `result.json` of any kind, decoded."""
     a, b = ({one.name: one for one in estimates(record)} for record in (first, second))
-    units = {name: _units_in(b[name].unit, a[name].unit) for name in a if name in b}
+    # how many of the unit of the first one of the second is; None where that is not known
+    units = {
+        name: 1.0
+        if unit == one.unit or same_numbers(unit, one.unit)
+        else in_unit(1.0, unit, one.unit)
+        for name, one in a.items()
+        if name in b
+        for unit in [b[name].unit]
+    }
     both = [
         Moved(name, a[name].unit, a[name].value, (size * b[name].value[0], size * b[name].value[1]))
         for name, size in units.items()
@@ -82,13 +90,6 @@ def compare_results(first: Json, second: Json) -> ResultPair:
     ]
     inputs = (*_inputs(first, second), *unlike)
     return ResultPair(inputs, tuple(both), tuple(others), lost, gained)
-
-
-def _units_in(unit: str, wanted: str) -> float | None:
-    """How many of the unit `wanted` one of `unit` is; None where that is not known."""
-    if unit == wanted or same_numbers(unit, wanted):
-        return 1.0
-    return in_unit(1.0, unit, wanted)
 
 
 def only_estimate(record: Json) -> tuple[Quantity, str, float]:
