@@ -19,7 +19,6 @@ from estim.common import (
     bracketed,
     gravest,
     interval,
-    later,
     phrase,
     rounded,
 )
@@ -50,20 +49,24 @@ _LAWS = PhraseTable(
         "exact": "exact",
     }
 )
-_BY_DRAWS = {
-    "symmetric": later(
-        "{what}: {best} the probabilistically symmetric {percent} coverage interval {ends}, by "
-        "propagation of distributions ({n} Monte Carlo trials, JCGM 101)."
-    ),
-    "shortest": later(
-        "{what}: {best} the shortest {percent} coverage interval {ends}, by "
-        "propagation of distributions ({n} Monte Carlo trials, JCGM 101)."
-    ),
-}
-_INTERVALS_DRAWN = {
-    "symmetric": later("{percent} interval of the draws, symmetric"),
-    "shortest": later("{percent} interval of the draws, shortest"),
-}
+_BY_DRAWS = PhraseTable(
+    {
+        "symmetric": (
+            "{what}: {best} the probabilistically symmetric {percent} coverage interval {ends}, by "
+            "propagation of distributions ({n} Monte Carlo trials, JCGM 101)."
+        ),
+        "shortest": (
+            "{what}: {best} the shortest {percent} coverage interval {ends}, by "
+            "propagation of distributions ({n} Monte Carlo trials, JCGM 101)."
+        ),
+    }
+)
+_INTERVALS_DRAWN = PhraseTable(
+    {
+        "symmetric": "{percent} interval of the draws, symmetric",
+        "shortest": "{percent} interval of the draws, shortest",
+    }
+)
 
 
 def measurement_result(propagation: Propagation, *, seed: int) -> Json:
@@ -221,8 +224,7 @@ def statement(propagation: Propagation, i: int) -> str:
                 name=output.name,
             )
         )
-        told = phrase(
-            _BY_DRAWS[propagation.model.interval],
+        told = _BY_DRAWS[propagation.model.interval].format(
             what=what,
             best=best,
             percent=percent,
@@ -356,7 +358,7 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
             label=phrase("draws (Monte Carlo)"),
         )
         interval = propagation.interval
-        label = phrase(_INTERVALS_DRAWN[propagation.model.interval], percent=percent)
+        label = _INTERVALS_DRAWN[propagation.model.interval].format(percent=percent)
         for end in (interval.low[i], interval.high[i]):
             ax.axvline(float(end), color=BLUE, lw=1.4, label=label)
     if gum.u > 0.0 and math.isfinite(gum.value):

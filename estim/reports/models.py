@@ -53,23 +53,25 @@ _WORTH = (
     (3.0, later("positive")),
     (5.0, later("strong")),
 )
-_GROUNDS = {
-    Ground.ROOM: later(
-        "it allows for an unmodelled deviation, and no model with an effect that it does "
-        "not contain has higher {what}"
-    ),
-    Ground.UNDECIDED: later(
-        "{best} has higher {what}{odds}, but these data do not distinguish it from every "
-        "model without its additional effect"
-    ),
-    Ground.SHOWN: later(
-        "it contains an additional effect that the default model does not contain, and the "
-        "data distinguish it from "
-        "every model without this effect"
-    ),
-    Ground.BEST: later("of the models with status ok it has the highest {what}"),
-    Ground.NONE: later("no model has status ok"),
-}
+_GROUNDS = PhraseTable(
+    {
+        Ground.ROOM: (
+            "it allows for an unmodelled deviation, and no model with an effect that it does "
+            "not contain has higher {what}"
+        ),
+        Ground.UNDECIDED: (
+            "{best} has higher {what}{odds}, but these data do not distinguish it from every "
+            "model without its additional effect"
+        ),
+        Ground.SHOWN: (
+            "it contains an additional effect that the default model does not contain, and the "
+            "data distinguish it from "
+            "every model without this effect"
+        ),
+        Ground.BEST: "of the models with status ok it has the highest {what}",
+        Ground.NONE: "no model has status ok",
+    }
+)
 _LACKS = PhraseTable(
     {
         NoEvidence.NOT_COMPUTED: "not computed for so many unknowns",
@@ -153,11 +155,8 @@ def ground_words(comparison: ModelComparison) -> str:
     odds = ""
     if comparison.by_evidence and rival is not None and default is not None:
         odds = f", {odds_words(log_odds(rival, default))}"
-    return phrase(
-        _GROUNDS[comparison.ground],
-        best="" if rival is None else rival.model.name,
-        what=what,
-        odds=odds,
+    return _GROUNDS[comparison.ground].format(
+        best="" if rival is None else rival.model.name, what=what, odds=odds
     )
 
 

@@ -675,13 +675,16 @@ def _left_out(result: Result) -> str:
     lines = [line for missing in blank.values() for line in missing]
     if not lines:
         return ""
-    if len(result.runs) > 1:
-        words = later("rows excluded because a value is missing: {n} ({runs})")
-    elif len(lines) == 1:
-        words = later("1 row was excluded because a value is missing (line {lines})")
-    else:
-        words = later("{n} rows were excluded because a value is missing (lines {lines})")
-    return phrase(words, n=len(lines), runs=listed(list(blank)), lines=line_numbers(lines))
+    return phrase(
+        "rows excluded because a value is missing: {n} ({runs})"
+        if len(result.runs) > 1
+        else "1 row was excluded because a value is missing (line {lines})"
+        if len(lines) == 1
+        else "{n} rows were excluded because a value is missing (lines {lines})",
+        n=len(lines),
+        runs=listed(list(blank)),
+        lines=line_numbers(lines),
+    )
 
 
 def _without_a_value(estimates: Sequence[Estimate]) -> str:
@@ -715,8 +718,11 @@ def _warnings(result: Result) -> str:
         (far, later("{n} likely outlier"), later("{n} likely outliers")),
     )
     counts = [phrase(one if k == 1 else several, n=k) for k, one, several in counted if k]
-    words = later("{counts}: see the section on data and noise")
-    return phrase(words, counts=", ".join(counts)) if counts else ""
+    return (
+        phrase("{counts}: see the section on data and noise", counts=", ".join(counts))
+        if counts
+        else ""
+    )
 
 
 def sensitivity_words(results: Sequence[Result]) -> str:
