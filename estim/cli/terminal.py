@@ -281,7 +281,7 @@ def finished_pieces(folder: Path, *, resume: bool) -> Iterator[PieceStore]:
     line that says whether anything was finished.  Raises EstimError, before anything is computed,
     where another process is at work there, or nothing can be written.
     """
-    store = PieceStore(folder / ".checkpoint", within=folder)
+    store = PieceStore(folder / ".checkpoint")
     with held(store.folder / ".lock", within=folder):
         count = len(store.names())
         if resume:
