@@ -140,9 +140,8 @@ def _read(file: Path) -> tuple[Columns, Sequence[str]]:
             raise
         tracks = error.quoted.split(", ")
         imported = import_track(file, Choices(tracks[0]))
-    units = {"t": "s", "x": "m", "y": "m", "x_m": "m"}
-    track = track_columns(imported, list(units)).columns
-    return Columns(track, units, (*imported.facts, *imported.warnings)), tracks
+    track = track_columns(imported, ("t", "x", "y", "x_m"))
+    return Columns(track.columns, track.units, (*imported.facts, *imported.warnings)), tracks
 
 
 def _start(file: Path, fields: Mapping[str, str]) -> tuple[dict[str, float], bytes]:
@@ -162,9 +161,11 @@ def _start(file: Path, fields: Mapping[str, str]) -> tuple[dict[str, float], byt
     linear = [
         p.name
         for p in problem.parameters
-        if isinstance(p.prior, Flat) and p.prior.start_stated and p.name not in choices.start
+        if isinstance(p.prior, Flat)
+        and p.prior.start_stated
+        and p.name not in choices.start
+        and p.name in run.curve_parameters
     ]
-    linear = [name for name in linear if name in run.curve_parameters]
     if linear:
         local = run.curve.local(run.x, run.bind(values))
         gradient = [np.broadcast_to(local.gradient[name], local.value.shape)[0] for name in linear]
