@@ -31,9 +31,15 @@ from estim.reading.dialect import (
     shown_delimiter,
 )
 from estim.reading.source import read_source
-from estim.reading.table import NOTE, Layout, facts_of, line_numbers, numbered_lines, split_cells
-
-Lines = list[tuple[int, str]]
+from estim.reading.table import (
+    NOTE,
+    Layout,
+    Lines,
+    facts_of,
+    line_numbers,
+    numbered_lines,
+    split_cells,
+)
 
 _ONE_COLUMN = ";"  # stands in no row then
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+", re.ASCII)

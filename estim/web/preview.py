@@ -17,7 +17,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import EstimError, InputError, as_json, read_file, spoken, write_whole
-from estim.web.question import options_of
+from estim.web.question import Fields, options_of
 
 if TYPE_CHECKING:
     from estim.curve_fitting import Columns
@@ -144,7 +144,7 @@ def _read(file: Path) -> tuple[Columns, Sequence[str]]:
     return Columns(track.columns, track.units, (*imported.facts, *imported.warnings)), tracks
 
 
-def _start(file: Path, fields: Mapping[str, str]) -> tuple[dict[str, float], bytes]:
+def _start(file: Path, fields: Fields) -> tuple[dict[str, float], bytes]:
     """Parameters of a curve at its start, and the picture.  What nobody stated and the curve is
     linear in, it has no start of its own: it is solved for.  Raises InputError.
     """

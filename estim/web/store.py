@@ -34,6 +34,7 @@ from estim.common import (
     write_whole,
 )
 from estim.reading import read_suffixes
+from estim.web.question import Fields
 
 MOST_BYTES = 20 * 1024**2  # of one request
 MOST_FILES = 20  # in one request
@@ -56,7 +57,7 @@ class Upload:
     given: str
     file: str
     names: tuple[str, ...]
-    asked: Mapping[str, str] = field(default_factory=dict)
+    asked: Fields = field(default_factory=dict)
     parts: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -70,7 +71,7 @@ class Batch:
 
     id: str
     given: str
-    fields: Mapping[str, str]
+    fields: Fields
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,7 @@ class Answer:
     id: str
     upload: str
     given: str
-    fields: Mapping[str, str]
+    fields: Fields
     arguments: tuple[str, ...]
     state: str = "running"
     code: int | None = None
@@ -201,7 +202,7 @@ class Store:
     def begin(
         self,
         upload: Upload | None,
-        fields: Mapping[str, str],
+        fields: Fields,
         arguments: list[str],
         *,
         batch: str,
@@ -219,7 +220,7 @@ class Store:
             answer, {name: self.uploads.read(at, name) or b"" for name in names}
         )
 
-    def set_batch(self, fields: Mapping[str, str], title: str) -> Batch:
+    def set_batch(self, fields: Fields, title: str) -> Batch:
         """A new batch of the question about a curve that `fields` hold."""
         asked = {name: text for name, text in fields.items() if name != "title"}
         shown = shorten(title or fields["formula"], 120)
