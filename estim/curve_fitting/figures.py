@@ -20,6 +20,7 @@ from estim.drawing import (
     PALE,
     Axes,
     Figure,
+    fill,
     handed_out,
     logarithmic,
 )
@@ -165,16 +166,10 @@ def curve_figure(
             scatter = np.sqrt(counts.law.variance(at_points, counts.trials))
             at = run.x if counts.bins is None else counts.bins.ravel()
             scatter = scatter if counts.bins is None else np.repeat(scatter, 2)
-            lower.fill_between(
-                at, -scatter, scatter, color=GREY, alpha=0.25, lw=0, label=phrase("± sd of a count")
-            )
+            fill(lower, at, -scatter, scatter, GREY, 0.25, label=phrase("± sd of a count"))
         elif not bars and np.any(sd > 0.0):
-            lower.fill_between(
-                run.x, -sd, sd, color=GREY, alpha=0.25, lw=0, label=phrase("± u of a reading")
-            )
-        lower.fill_between(
-            curve.x, curve.low - curve.value, curve.high - curve.value, color=BLUE, alpha=0.3, lw=0
-        )
+            fill(lower, run.x, -sd, sd, GREY, 0.25, label=phrase("± u of a reading"))
+        fill(lower, curve.x, curve.low - curve.value, curve.high - curve.value, BLUE, 0.3)
         lower.axhline(0.0, color=BLUE, lw=1.2)
         lower.errorbar(run.x, run.y - at_points, yerr=errors["yerr"], **style, zorder=5)
         if lower.get_legend_handles_labels()[0]:
@@ -189,7 +184,7 @@ def _draw_curve(ax: Axes, curve: Prediction, inner: Prediction) -> None:
     if np.any(np.isfinite(curve.low)):
         for band, alpha, p in ((curve, 0.22, 95), (inner, 0.40, 68)):
             label = phrase("the curve, {p:.0f} %", p=p)
-            ax.fill_between(band.x, band.low, band.high, color=BLUE, alpha=alpha, lw=0, label=label)
+            fill(ax, band.x, band.low, band.high, BLUE, alpha, label=label)
     ax.plot(curve.x, curve.value, color=BLUE, lw=1.3, label=phrase("best curve"))
 
 

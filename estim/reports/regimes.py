@@ -243,17 +243,13 @@ def regime_figure(found: BodyMap, line: ThetaMinSeries | None) -> Figure:
 
 
 def _frame(ax: Axes, found: BodyMap) -> None:
+    from matplotlib.ticker import MultipleLocator
+
     along = phrase("tilt φ (°), uphill positive" if found.downhill else "tilt φ (°)")
     ax.set(xlabel=along, ylabel=phrase("angle of release θ₀ (°)"))
     ax.set_xlim(found.phi[0] * _DEGREES, found.phi[-1] * _DEGREES)
     ax.set_ylim(*(end * _DEGREES for end in found.theta0_range))
-    ax.yaxis.set_ticks(
-        np.arange(
-            np.ceil(found.theta0_range[0] * _DEGREES / 30.0),
-            found.theta0_range[1] * _DEGREES / 30.0 + 1e-9,
-        )
-        * 30.0
-    )
+    ax.yaxis.set_major_locator(MultipleLocator(30.0))
     ax.set_title(found.body)
 
 
