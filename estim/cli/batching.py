@@ -142,10 +142,11 @@ def batch(
     for row in rows:
         if row.error:
             say(f"error: {row.run}: {row.error}" if row.run else f"error: {row.error}", err=True)
-    values = {"n": len(rows), "what": batch_line(rows)}
     say(
-        phrase("{n} runs: {what}", **values)
-        if len(rows) != 1
-        else phrase("{n} run: {what}", **values)
+        phrase(
+            "{n} runs: {what}" if len(rows) != 1 else "{n} run: {what}",
+            n=len(rows),
+            what=batch_line(rows),
+        )
     )
     finish(place, all(row.status == "ok" for row in rows))

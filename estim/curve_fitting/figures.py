@@ -144,12 +144,8 @@ def curve_figure(
             "elinewidth": 0.9,
             "capsize": 0,
         }
-        label = (
-            phrase("counts")
-            if counts is not None
-            else phrase("data ± u")
-            if bars and np.any(sd > 0.0)
-            else phrase("data")
+        label = phrase(
+            "counts" if counts is not None else "data ± u" if bars and np.any(sd > 0.0) else "data"
         )
         upper.errorbar(run.x, run.y, **errors, **style, label=label, zorder=5 if bars else 1.9)
         upper.set(ylabel=run.y_label)

@@ -70,10 +70,8 @@ def counts_figure(fit: Fit, goodness: Sequence[Goodness]) -> Figure:
 
 def _draw_counts(ax: Axes, run: Observations, mean: FloatArray, counted: Counted) -> None:
     law, edges = counted.law, counted.bins
-    lies = (
-        later("range of a count, {p:.0f} %")
-        if law.word == "counts"
-        else later("range of a fraction, {p:.0f} %")
+    lies = later(
+        "range of a count, {p:.0f} %" if law.word == "counts" else "range of a fraction, {p:.0f} %"
     )
     ends = {level: _interval(law, mean, counted.trials, level) for level in PROBABILITIES}
     if edges is None:

@@ -208,9 +208,13 @@ def _idle(plan: Plan, i: int) -> str:
     if twice is None or twice.ratio[i] < 0.9:
         return ""
     gain = 100.0 * (1.0 - twice.ratio[i])
-    if gain < 0.5:
-        return phrase("; {what} would not reduce it", what=twice.change.words)
-    return phrase("; {what} would reduce it by {gain:.0f} %", what=twice.change.words, gain=gain)
+    return phrase(
+        "; {what} would not reduce it"
+        if gain < 0.5
+        else "; {what} would reduce it by {gain:.0f} %",
+        what=twice.change.words,
+        gain=gain,
+    )
 
 
 def _size(p: Parameter, u: float) -> str:

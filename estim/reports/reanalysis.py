@@ -283,12 +283,8 @@ def _band_words(result: Json, names: Collection[str]) -> str:
 
 
 def _how_many(body: Json) -> str:
-    n = len(body["runs_in_order"])
-    return (
-        phrase("{n} runs", n=n)
-        if n > 1
-        else phrase("the run {name}", name=body["runs_in_order"][0])
-    )
+    runs = body["runs_in_order"]
+    return phrase("{n} runs" if len(runs) > 1 else "the run {name}", n=len(runs), name=runs[0])
 
 
 def _energies(body: Json) -> str:

@@ -256,12 +256,13 @@ def _frame(ax: Axes, found: BodyMap) -> None:
 def _zones(ax: Axes, found: BodyMap) -> None:
     """What the body does, by colour; where it does not start as asked, the background."""
     ax.set_facecolor(_STILL)
-    if not found.uphill:
-        still = phrase("starts uphill instead, or does not move")
-    elif found.downhill:
-        still = phrase("starts in the other direction")
-    else:
-        still = phrase("rolls down, or does not move")
+    still = phrase(
+        "starts uphill instead, or does not move"
+        if not found.uphill
+        else "starts in the other direction"
+        if found.downhill
+        else "rolls down, or does not move"
+    )
     ax.fill([], [], color=_STILL, label=still)
     phi, lowest, highest, on, passes = (
         found.phi * _DEGREES,
@@ -447,16 +448,16 @@ def _end_words(place: RunPlace) -> str:
 
 def _recording_words(place: RunPlace, *, as_it_may: bool) -> str:
     if place.turned:
-        words = (
-            later("its recording turns back at {at:.3g} m, which is compatible ({chance})")
+        words = later(
+            "its recording turns back at {at:.3g} m, which is compatible ({chance})"
             if as_it_may
-            else later("its recording turns back at {at:.3g} m")
+            else "its recording turns back at {at:.3g} m"
         )
     else:
-        words = (
-            later("its recording extends to {at:.3g} m, which is compatible ({chance})")
+        words = later(
+            "its recording extends to {at:.3g} m, which is compatible ({chance})"
             if as_it_may
-            else later("its recording extends to {at:.3g} m")
+            else "its recording extends to {at:.3g} m"
         )
     return phrase(words, at=place.farthest, chance=sure(place.agrees))
 

@@ -377,7 +377,7 @@ def _value(text: str) -> float:
 
 def _last_digit(text: str) -> float:
     digits, _, power = text.partition("e")
-    decimals = len(re.split(r"[.,]", digits)[1]) if re.search(r"[.,]", digits) else 0
+    decimals = len(digits.replace(",", ".").partition(".")[2])
     return 10.0 ** (max(min(int(power or 0), 300), -300) - decimals)
 
 
