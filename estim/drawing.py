@@ -96,7 +96,7 @@ def as_png(figure: Figure) -> bytes:
 
 
 def handed_out(
-    figure: Figure | None, draw: Callable[[Figure], None], height: float, ax: Axes | None = None
+    figure: Figure | None, draw: Callable[[Figure], None], height: float, ax: Axes | None
 ) -> Figure:
     """What a user gets: `draw` on the user's own figure, or on its axes `ax`, in the user's style,
     or on a new one, which a notebook shows by itself.

@@ -43,7 +43,7 @@ def with_origin(files: Files, part: str) -> tuple[Files, Origin]:
     return with_formats(signed, chosen()), origin
 
 
-def origin_of(part: str = "") -> Origin:
+def origin_of(part: str) -> Origin:
     """The command under way, what it has read so far, and the versions; without outputs."""
     context = click.get_current_context()
     versions = (

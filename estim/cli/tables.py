@@ -227,8 +227,8 @@ def load_or_make(
     file: Path,
     said: Mapping[str, Any],
     out: Path | None,
-    runs: Sequence[str] = (),
-    others: Sequence[Path] = (),
+    runs: Sequence[str],
+    others: Sequence[Path],
 ) -> tuple[Campaign, Path]:
     """The campaign in `file`, with the tables of `runs`, or the one that fits a formula to the
     table `file` and to `others`; and the folder of its report.

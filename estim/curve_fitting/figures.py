@@ -114,7 +114,7 @@ def curve_figure(
     sd_x: FloatArray,
     title: str,
     figure: Figure | None,
-    ax: Axes | None = None,
+    ax: Axes | None,
 ) -> Figure:
     """Points with their errors, the curve with its bands, and the residuals in the unit of y; on
     axes of the user's own without the residuals.

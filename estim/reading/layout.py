@@ -21,7 +21,6 @@ from estim.reading.cells import (
     looks_like_a_number,
 )
 from estim.reading.dialect import (
-    PLAIN,
     Dialect,
     bare_name,
     is_column,
@@ -72,7 +71,7 @@ _NAMED_BY_A_NUMBER = re.compile(
 
 
 @in_its_file
-def read_layout(path: Path, dialect: Dialect = PLAIN, *, needed: Sequence[str] = ()) -> Layout:
+def read_layout(path: Path, dialect: Dialect, *, needed: Sequence[str] = ()) -> Layout:
     """How the table at `path` is laid out.  needed : names of columns that tell the header from
     other lines.  Raises InputError, also where the columns have no names.
     """
@@ -340,7 +339,7 @@ def _is_numeric(rows: Sequence[Row], column: int) -> bool:
     return any(numbers) and 2 * sum(numbers) >= len(numbers)
 
 
-def value_columns(layout: Layout, errors: Sequence[str | None] = ()) -> tuple[str, ...]:
+def value_columns(layout: Layout, errors: Sequence[str | None]) -> tuple[str, ...]:
     """The columns of numbers that are not called as uncertainties, nor named as such in
     `errors`.
     """

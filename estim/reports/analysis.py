@@ -95,9 +95,9 @@ def report_and_result(
     campaign: Subject,
     analysis: Analysis,
     *,
-    figures: FigureChoice = "main",
+    figures: FigureChoice,
     profiles: bool = True,
-    sections: Sequence[str] = (),
+    sections: Sequence[str],
 ) -> tuple[Files, Result]:
     """The files of `analysis_report`, and the record that they show."""
     added = sections_called(sections)  # their versions are in the record

@@ -40,7 +40,7 @@ def full_files(
     return with_formats(analysis_report(campaign, analysis, figures=figures), formats)
 
 
-def batch_report(rows: Sequence[Row], *, figures: FigureChoice = "main") -> Files:
+def batch_report(rows: Sequence[Row], *, figures: FigureChoice) -> Files:
     """`report.md`, `summary.csv`, `summary.json` and, where there is something to draw,
     `figures/overview.png`.
     """

@@ -58,11 +58,7 @@ def unlike_fit(problem: Problem, with_usual_errors: Problem) -> str:
 
 
 def calibration_report(
-    campaign: Campaign,
-    calibrations: Sequence[Calibration],
-    *,
-    unlike: str = "",
-    figures: FigureChoice = "main",
+    campaign: Campaign, calibrations: Sequence[Calibration], *, unlike: str, figures: FigureChoice
 ) -> Files:
     """The files of one or two calibrations (ranks, coverage) of the same runs.
 

@@ -20,7 +20,7 @@ _DATA = PhraseTable({"positions": "positions", "speeds": "speeds"})
 
 
 def compare_report(
-    campaign: Campaign, compared: Sequence[Refit], *, seed: int, figures: FigureChoice = "main"
+    campaign: Campaign, compared: Sequence[Refit], *, seed: int, figures: FigureChoice
 ) -> Files:
     """The files of a comparison, next to which each model's own report may stand in a folder of its
     name.

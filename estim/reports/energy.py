@@ -134,7 +134,7 @@ def energy_report(
     drifts: Sequence[Drift],
     *,
     seed: int,
-    figures: FigureChoice = "main",
+    figures: FigureChoice,
 ) -> Files:
     """`report.md`, `result.json` and `figures/energy.png`.
 

@@ -281,9 +281,7 @@ def expanded_statement(
     )
 
 
-def measurement_report(
-    propagation: Propagation, *, seed: int, figures: FigureChoice = "main"
-) -> Files:
+def measurement_report(propagation: Propagation, *, seed: int, figures: FigureChoice) -> Files:
     """`report.md`, `result.json` and the figures."""
     result = measurement_result(propagation, seed=seed)
     drawers: Drawers = {"figures/distribution.png": partial(distribution_figure, propagation)}

@@ -88,7 +88,7 @@ _FAR = 0.02  # of the data sets beyond what is drawn, on either side
 
 
 def models_report(
-    campaign: Campaign, comparison: ModelComparison, *, seed: int, figures: FigureChoice = "main"
+    campaign: Campaign, comparison: ModelComparison, *, seed: int, figures: FigureChoice
 ) -> Files:
     """The files of a comparison of models."""
     rows, problem = comparison.rows, comparison.rows[0].analysis.problem

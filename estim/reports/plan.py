@@ -115,7 +115,7 @@ def plan_record(plan: Plan) -> Json:
     }
 
 
-def plan_report(plan: Plan, *, figures: FigureChoice = "main") -> Files:
+def plan_report(plan: Plan, *, figures: FigureChoice) -> Files:
     """`report.md`, `plan.json` and the figures."""
     record, options = plan_record(plan), shown_options(plan.options)
     drawers: Drawers = (

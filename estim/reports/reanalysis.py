@@ -127,7 +127,7 @@ def _body(r: Reanalysis, body: BodyAnalysis) -> Json:
     }
 
 
-def reanalysis_report(r: Reanalysis, *, figures: FigureChoice = "main") -> Files:
+def reanalysis_report(r: Reanalysis, *, figures: FigureChoice) -> Files:
     """`report.md`, `result.json` and `figures/*.png`."""
     result = reanalysis_result(r)
     drawn: Drawers = {}

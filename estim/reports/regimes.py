@@ -105,7 +105,7 @@ def map_report(
     line: ThetaMinSeries | None,
     *,
     seed: int,
-    figures: FigureChoice = "main",
+    figures: FigureChoice,
 ) -> Files:
     """`report.md`, `result.json` and the figures of each body.  line : measured least angles, of
     one body.

@@ -112,7 +112,7 @@ def _coefficients(line: StraightLine) -> dict[str, tuple[str, str, float, float]
     }
 
 
-def straight_line_report(line: StraightLine, *, figures: FigureChoice = "main") -> Files:
+def straight_line_report(line: StraightLine, *, figures: FigureChoice) -> Files:
     """`report.md`, `result.json` and `figures/line.png`."""
     result = straight_line_result(line)
 

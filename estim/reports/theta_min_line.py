@@ -173,7 +173,7 @@ def line_report(
     analysis: LineAnalysis,
     *,
     trials: TrialsAnalysis | None = None,
-    figures: FigureChoice = "main",
+    figures: FigureChoice,
 ) -> Files:
     """`report.md`, `result.json` and `figures/line.png`; with `trials` their section, `trials.json`
     and figures too.

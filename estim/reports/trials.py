@@ -51,7 +51,7 @@ UNKNOWN_LABELS = {name: notation.label(unit) for name, (unit, _, notation) in UN
 
 
 def trials_result(
-    campaign: Campaign, analysis: TrialsAnalysis, *, line: LineAnalysis | None = None
+    campaign: Campaign, analysis: TrialsAnalysis, *, line: LineAnalysis | None
 ) -> Json:
     """Everything of trials of release, as `trials.json` has it; the report prints from it.  Where
     the status is not ok, what it does not allow is null or empty.
@@ -167,9 +167,7 @@ def trials_section(
     return drawers, trials_result(campaign, analysis, line=line)
 
 
-def trials_report(
-    campaign: Campaign, analysis: TrialsAnalysis, *, figures: FigureChoice = "main"
-) -> Files:
+def trials_report(campaign: Campaign, analysis: TrialsAnalysis, *, figures: FigureChoice) -> Files:
     """`report.md`, `trials.json` and the figures of trials by themselves."""
     drawers, result = trials_section(campaign, analysis, line=None)
     return page(

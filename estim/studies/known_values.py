@@ -50,7 +50,7 @@ class KnownValues:
 
 
 def known_values(
-    campaign: Campaign, names: Sequence[str], *, seed: int, fitted: FittedValues | None = None
+    campaign: Campaign, names: Sequence[str], *, seed: int, fitted: FittedValues | None
 ) -> KnownValues:
     """Draws of the parameters of the runs `names`: from their priors, and from a fit for those that
     it has.

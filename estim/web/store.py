@@ -170,7 +170,7 @@ class Store:
                 raise InputError(words)
         campaign = next((name for name in files if name.lower().endswith(".toml")), None)
         if campaign is None:
-            by = f"{shorten(who, 60)}: " if who else ""
+            by = f"{shorten(who)}: " if who else ""
             return [self._kept(by + name, {_stored(name): data}) for name, data in files.items()]
         if who is not None:
             raise InputError(

@@ -20,7 +20,7 @@ _EARLIER_WORDS = "that is not the release, from which the phase curve counts x"
 _SPEEDS_MADE = later("speeds are made from the positions")
 
 
-def suspicions(track: Track, ramp: Ramp, *, from_row: int = 0) -> tuple[str, ...]:
+def suspicions(track: Track, ramp: Ramp, *, from_row: int) -> tuple[str, ...]:
     """Sentences about what does not look right in `track`, from its row `from_row` (the release)
     on.
     """
