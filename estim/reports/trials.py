@@ -372,7 +372,7 @@ def _chances(analysis: TrialsAnalysis, phi: float, inside: FloatArray, end: str)
     """
     posterior, names = analysis.posterior, analysis.chain.names
     draws = analysis.chain.thinned(300)
-    values = {name: draws[:, i] for i, name in enumerate(names)}
+    values = dict(zip(names, draws.T, strict=True))
     starts = effective_start(values, end, posterior.true_tilts(phi), posterior.resistance)
     zero = (
         draws[:, [names.index("zero_theta")]] * (1.0 if end == LOW else -1.0)
