@@ -96,7 +96,7 @@ def as_png(figure: Figure) -> bytes:
 
 
 def handed_out(
-    figure: Figure | None, draw: Callable[[Figure], None], height: float, ax: Axes | None = None
+    figure: Figure | None, draw: Callable[[Figure], None], height: float, ax: Axes | None
 ) -> Figure:
     """What a user gets: `draw` on the user's own figure, or on its axes `ax`, in the user's style,
     or on a new one, which a notebook shows by itself.
@@ -195,10 +195,10 @@ def tick_texts(ticks: FloatArray) -> list[str]:
     return [signed(text) for text in texts]
 
 
-def new_figure(height: float, width: float = WIDTH) -> Figure:
+def new_figure(height: float) -> Figure:
     from matplotlib import figure
 
-    return figure.Figure(figsize=(width, height), layout="constrained", facecolor="white")
+    return figure.Figure(figsize=(WIDTH, height), layout="constrained", facecolor="white")
 
 
 def grid(

@@ -278,7 +278,7 @@ def test_missing_package_is_one_line_with_the_command_to_get_it(
     monkeypatch.setattr(interop, "find_spec", lambda name: None if name == package else True)
     with pytest.raises(InputError, match=re.escape(f"'{package}' is not installed: {command}")):
         verb(analysis)
-    assert interop.can_write_netcdf() == (package != "h5netcdf")
+    assert interop.can_write_netcdf() == (package == "pandas")
 
 
 def run_fit(campaign: Path, out: Path, *more: str) -> Result:

@@ -72,7 +72,7 @@ def kept(store: PieceStore, name: str = "a") -> Record | None:
 
 
 def test_a_piece_comes_back_as_it_was(tmp_path: Path) -> None:
-    store = PieceStore(tmp_path / "kept", tmp_path, (1, "seed"))
+    store = PieceStore(tmp_path / "kept", (1, "seed"))
     assert kept(store) is None
     store.piece("a", Record, record)
     found, made = kept(store), record()
@@ -87,7 +87,7 @@ def test_a_piece_comes_back_as_it_was(tmp_path: Path) -> None:
 def test_whatever_decides_a_piece_decides_whether_it_is_found(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    store = PieceStore(tmp_path, None, (1, "seed")).given(QUICK)
+    store = PieceStore(tmp_path, (1, "seed")).given(QUICK)
     store.piece("a", Record, record)
     assert kept(PieceStore(tmp_path).given(1, "seed", Target(ess=300.0))) is not None
     for inputs in ((2, "seed", QUICK), (1, "seed", replace(QUICK, max_step=1)), (1, "seed"), ()):

@@ -9,14 +9,15 @@ import json
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path, PurePosixPath
-from typing import Any
 
 import msgspec
 
 from estim.batch.units import Unit
 from estim.common import (
     EstimError,
+    Files,
     InputError,
+    Json,
     Label,
     as_json,
     json_of,
@@ -102,7 +103,7 @@ def row_of(
     )
 
 
-def _values(record: Mapping[str, Any], labels: Mapping[str, Label]) -> dict[str, Value]:
+def _values(record: Json, labels: Mapping[str, Label]) -> dict[str, Value]:
     found: dict[str, Value] = {}
     for name, p in record["parameters"].items():
         if p["mean"] is not None and p["sd"] is not None:
@@ -125,7 +126,7 @@ def failed(unit: Unit, error: str, seconds: float = 0.0) -> Row:
     return Row(campaign, unit.run, unit.place, error=error, seconds=seconds)
 
 
-def keep(folder: Path, row: Row, files: Mapping[str, bytes]) -> None:
+def keep(folder: Path, row: Row, files: Files) -> None:
     """Write what was made of a run, with its row, in place of what an earlier batch made of it.
 
     Raises EstimError where a file of somebody else is in the way.

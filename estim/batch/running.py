@@ -5,7 +5,7 @@ made them.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,6 +17,7 @@ from estim.batch.units import Unit
 from estim.campaign import Campaign, load_campaign
 from estim.common import (
     EstimError,
+    Files,
     InputError,
     inputs_read,
     key_of,
@@ -32,7 +33,7 @@ from estim.sampling import Target
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-Report = Callable[[Campaign, Analysis], Mapping[str, bytes]]
+Report = Callable[[Campaign, Analysis], Files]
 """What is written of an analysis, path -> bytes; `result.json` among it.  A function that can
 be pickled.
 """

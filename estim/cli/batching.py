@@ -13,7 +13,7 @@ import click
 
 from estim.cli.formats import chosen
 from estim.cli.options import FOLDER, JOBS, PATH, STEPS, report_options
-from estim.cli.origin import note_of_others
+from estim.cli.origin import inputs_so_far
 from estim.cli.terminal import finish, pieces, reserve_output, say, write_report
 from estim.common import EstimError, FigureChoice, InputError, held, phrase
 
@@ -137,15 +137,16 @@ def batch(
             progress=lambda done: progress(done, len(units)),
         )
     for row in rows:
-        note_of_others(row.inputs)
+        inputs_so_far().update(row.inputs)  # read by other processes
     write_report(place, batch_report(rows, figures=figures) | batch_times(rows), within=out)
     for row in rows:
         if row.error:
             say(f"error: {row.run}: {row.error}" if row.run else f"error: {row.error}", err=True)
-    values = {"n": len(rows), "what": batch_line(rows)}
     say(
-        phrase("{n} runs: {what}", **values)
-        if len(rows) != 1
-        else phrase("{n} run: {what}", **values)
+        phrase(
+            "{n} runs: {what}" if len(rows) != 1 else "{n} run: {what}",
+            n=len(rows),
+            what=batch_line(rows),
+        )
     )
     finish(place, all(row.status == "ok" for row in rows))

@@ -4,7 +4,6 @@ command that writes a report has it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from importlib import import_module
 
 import click
@@ -61,13 +60,3 @@ def chosen() -> tuple[str, ...]:
     """The formats that the command under way was asked for."""
     context = click.get_current_context(silent=True)
     return () if context is None else tuple(dict.fromkeys(context.meta.get(_KEY, ())))
-
-
-def in_formats(files: Mapping[str, bytes]) -> dict[str, bytes]:
-    """`files` of a report and the report in every format asked for."""
-    formats = chosen()
-    if not formats:
-        return dict(files)
-    from estim.reports.formats import with_formats
-
-    return with_formats(files, formats)

@@ -6,11 +6,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import click
 
-from estim.common import as_json, json_of
+from estim.common import Files, Json, as_json, json_of
 
 _KEY = "estim.json"
 
@@ -23,9 +22,9 @@ class Answer:
 
     lines: list[str] = field(default_factory=list)
     files: list[str] = field(default_factory=list)
-    results: dict[str, bytes] = field(default_factory=dict)
+    results: Files = field(default_factory=dict)
 
-    def record(self, command: str, code: int) -> dict[str, Any]:
+    def record(self, command: str, code: int) -> Json:
         """All of it; each value that has an uncertainty once more as one of `estimates`, whatever
         the result.
         """
@@ -60,7 +59,7 @@ def found(name: str, result: object) -> None:
         kept.results[name] = as_json(result)
 
 
-def written(folder: Path, files: dict[str, bytes]) -> None:
+def written(folder: Path, files: Files) -> None:
     """Keeps what was written, for --json."""
     if (kept := answer()) is not None:
         paths = {(folder / name).as_posix(): data for name, data in files.items()}

@@ -56,7 +56,7 @@ def map_motions(
     """
     from estim.campaign import load_campaign
     from estim.line import read_theta_min
-    from estim.reports.regimes import map_lines, map_report
+    from estim.reports.regimes import map_report, place_words
     from estim.studies.regimes import map_bodies
     from estim.words import tell
 
@@ -70,8 +70,8 @@ def map_motions(
     write_report(folder, map_report(loaded, maps, line, seed=seed, figures=figures))
     for body_map in maps:
         conclude(body_map.body, decide(body_map.findings), map(tell, body_map.findings))
-        for sentence in map_lines(body_map):
-            say(f"  {sentence}")
+        for place in body_map.runs:
+            say(f"  {place_words(body_map, place)}")
     ok = decide(finding for body_map in maps for finding in body_map.findings).ok
     finish(folder, ok, loaded.source.files_outside(line=line is not None))
 

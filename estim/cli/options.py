@@ -64,6 +64,8 @@ FIGURES = click.option(
     help="The main figures of a report, all of them (of a fit also residuals, joint posterior, "
     "profiles, uncertainty budget and chains), or none.  Figures take a second or more.",
 )
+Command = Callable[..., Any]
+
 JOBS = click.option(
     "--jobs",
     type=click.IntRange(min=1),
@@ -78,7 +80,7 @@ RESUME = click.option(
 )
 
 
-def report_options(command: Callable[..., Any]) -> Callable[..., Any]:
+def report_options(command: Command) -> Command:
     """The options of every command that writes a report with figures."""
     return SEED(FIGURES(FORMAT(LANG(command))))
 

@@ -6,13 +6,12 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Mapping
 
 import click
 
-from estim.cli.formats import chosen, in_formats
+from estim.cli.formats import chosen
 from estim.cli.origin_record import SCHEMA, Origin
-from estim.common import code, language, phrase, plain
+from estim.common import Files, code, language, phrase, plain
 from estim.versions import engine_versions, version
 
 _KEPT = {"formats": chosen, "lang": language}  # options that the command does not take itself
@@ -21,19 +20,16 @@ OF_THE_MOMENT = frozenset(
 )  # options that change no number
 
 
-def _read_so_far() -> dict[str, str]:
+def inputs_so_far() -> dict[str, str]:
     """Inputs that the command under way has read, which the group of all commands keeps."""
     inputs: dict[str, str] = click.get_current_context().find_root().obj
     return inputs
 
 
-def note_of_others(inputs: Mapping[str, str]) -> None:
-    """Adds what other processes have read for the command under way."""
-    _read_so_far().update(inputs)
-
-
-def with_origin(files: Mapping[str, bytes], part: str) -> tuple[dict[str, bytes], Origin]:
+def with_origin(files: Files, part: str) -> tuple[Files, Origin]:
     """`files` of a report and the formats asked for; and how they were made."""
+    from estim.reports.formats import with_formats
+
     origin = origin_of(part)
     command = code(shlex.join(["estim", *origin.command]))
     sentence = phrase(
@@ -41,15 +37,13 @@ def with_origin(files: Mapping[str, bytes], part: str) -> tuple[dict[str, bytes]
         command=command,
     )
     line = f"\n---\n\n{sentence}\n"
-    return in_formats(
-        {
-            name: data + line.encode() if name == "report.md" else data
-            for name, data in files.items()
-        }
-    ), origin
+    signed = {
+        name: data + line.encode() if name == "report.md" else data for name, data in files.items()
+    }
+    return with_formats(signed, chosen()), origin
 
 
-def origin_of(part: str = "") -> Origin:
+def origin_of(part: str) -> Origin:
     """The command under way, what it has read so far, and the versions; without outputs."""
     context = click.get_current_context()
     versions = (
@@ -57,7 +51,7 @@ def origin_of(part: str = "") -> Origin:
         | engine_versions()
         | {"matplotlib": version("matplotlib")}
     )
-    inputs = {plain(path): digest for path, digest in sorted(_read_so_far().items())}
+    inputs = {plain(path): digest for path, digest in sorted(inputs_so_far().items())}
     return Origin(SCHEMA, [plain(text) for text in _arguments(context)], part, inputs, {}, versions)
 
 

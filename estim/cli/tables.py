@@ -4,14 +4,14 @@ curve (`estim fit data.csv --formula ...`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from estim.cli.options import out_folder
+from estim.cli.options import Command, out_folder
 from estim.common import KINDS, InputError
 
 if TYPE_CHECKING:
@@ -194,23 +194,21 @@ _CURVE = (
 )
 
 
-def dialect_options(command: Callable[..., Any]) -> Callable[..., Any]:
+def dialect_options(command: Command) -> Command:
     """Adds the options of `_DIALECT`; the command takes what they say as `dialect`, a mapping for
     `dialect_of_options`.
     """
     return _gathered(command, _DIALECT, "dialect")
 
 
-def curve_options(command: Callable[..., Any]) -> Callable[..., Any]:
+def curve_options(command: Command) -> Command:
     """Adds all options that stand for a campaign; the command takes what they say as `said`, a
     mapping for `load_or_make`.
     """
     return _gathered(command, (*_CURVE, *_DIALECT), "said")
 
 
-def _gathered(
-    command: Callable[..., Any], options: tuple[Callable[..., Any], ...], name: str
-) -> Callable[..., Any]:
+def _gathered(command: Command, options: tuple[Command, ...], name: str) -> Command:
     @wraps(command)
     def gathering(**given: Any) -> Any:
         return command(
@@ -218,7 +216,7 @@ def _gathered(
             **{name: {key: given[key] for key in names}},
         )
 
-    whole: Callable[..., Any] = gathering
+    whole: Command = gathering
     for option in reversed(options):
         whole = option(whole)
     names = {parameter.name for parameter in whole.__click_params__[-len(options) :]}  # type: ignore[attr-defined]
@@ -229,8 +227,8 @@ def load_or_make(
     file: Path,
     said: Mapping[str, Any],
     out: Path | None,
-    runs: Sequence[str] = (),
-    others: Sequence[Path] = (),
+    runs: Sequence[str],
+    others: Sequence[Path],
 ) -> tuple[Campaign, Path]:
     """The campaign in `file`, with the tables of `runs`, or the one that fits a formula to the
     table `file` and to `others`; and the folder of its report.

@@ -7,7 +7,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import replace
 from hashlib import sha256
@@ -23,6 +23,7 @@ from estim.cli.origin_record import ORIGIN, written_before
 from estim.cli.output_streams import outlets
 from estim.common import (
     EstimError,
+    Files,
     InputError,
     Interrupted,
     NumericalError,
@@ -194,7 +195,7 @@ def progress_bar(what: str) -> Iterator[Progress]:
         yield show
 
 
-def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
+def write_files(folder: Path, files: Files) -> None:
     """Write every file whole.  Raises EstimError, with nothing written, where another file of that
     name is there already.
     """
@@ -226,7 +227,7 @@ def reserve_output(
 
 
 def write_report(
-    folder: Path, files: Mapping[str, bytes], *, within: Path | None = None, manifest: str = ORIGIN
+    folder: Path, files: Files, *, within: Path | None = None, manifest: str = ORIGIN
 ) -> None:
     """Write a report whole, and how it was made (the file `manifest`), in place of the report that
     was there, of which nothing stays.
@@ -280,7 +281,7 @@ def finished_pieces(folder: Path, *, resume: bool) -> Iterator[PieceStore]:
     line that says whether anything was finished.  Raises EstimError, before anything is computed,
     where another process is at work there, or nothing can be written.
     """
-    store = PieceStore(folder / ".checkpoint", within=folder)
+    store = PieceStore(folder / ".checkpoint")
     with held(store.folder / ".lock", within=folder):
         count = len(store.names())
         if resume:

@@ -26,6 +26,7 @@ from estim.cli.terminal import NOT_OK, say
 from estim.common import (
     EstimError,
     InputError,
+    Json,
     behind,
     format_rounded,
     json_of,
@@ -387,7 +388,7 @@ def diff(first: str, second: str, r: float | None) -> None:
     standard deviations of the first.  Of two values, one of which may be the result that has only
     one, it tells the difference, its uncertainty and E_n (ISO 13528).
     """
-    one, other = (_given_result(text) for text in (first, second))
+    one, other = map(_result, (first, second))
     if one is None or other is None:
         from estim.means import compare_values
 
@@ -449,21 +450,19 @@ def _shift(row: Moved) -> str:
     return f"{row.second[0] - row.first[0]:+.3g}{behind(row.unit)}"
 
 
-def _given_result(text: str) -> dict[str, Any] | None:
-    """None for a value: what no file is called, and begins with a number."""
-    value = not os.path.exists(text) and text.lstrip(" +-−(.")[:1].isdigit()
-    return None if value else _result(Path(text))
-
-
 def _listed(names: Sequence[str]) -> str:
     return ", ".join(names[:_TOLD]) + (
         f" and {len(names) - _TOLD} more" if len(names) > _TOLD else ""
     )
 
 
-def _result(path: Path) -> dict[str, Any]:
-    """Raises InputError where there is no result."""
-    file = path / "result.json" if os.path.isdir(path) else path
+def _result(text: str) -> Json | None:
+    """None for a value: what no file is called, and begins with a number.  Raises InputError where
+    there is no result.
+    """
+    if not os.path.exists(text) and text.lstrip(" +-−(.")[:1].isdigit():
+        return None
+    file = Path(text) / "result.json" if os.path.isdir(text) else Path(text)
     data = read_file(file, at_most=_LARGEST)
     if data is None:
         raise InputError("cannot be found", field="result", value=str(file))

@@ -14,11 +14,13 @@ from estim.common.errors import (
     shorten,
 )
 from estim.common.escaping import (
+    Json,
     Markdown,
     as_csv,
     as_json,
     code,
     destination,
+    is_nested_deeper,
     json_of,
     markdown,
     mathtext,
@@ -90,6 +92,7 @@ from estim.common.quantity_text import (
 )
 from estim.common.statuses import PROBABILITIES, QUANTILES, Amount, Finding, decide, gravest, wrong
 from estim.common.storage import (
+    Files,
     held,
     inputs_read,
     names_in,

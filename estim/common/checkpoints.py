@@ -40,13 +40,11 @@ def key_of(*inputs: object) -> str:
 class PieceStore:
     """Where pieces are kept.
 
-    folder : of these files; others in it stay.
-    within : the folder above that a person named; below it no symbolic link is followed (None: the
-        one above `folder`).  inputs : what all pieces depend on, as of `key_of`.
+    folder : of these files; others in it stay.  No symbolic link is followed below the one above.
+    inputs : what all pieces depend on, as of `key_of`.
     """
 
     folder: Path
-    within: Path | None = None
     inputs: tuple[object, ...] = ()
 
     def given(self, *inputs: object) -> PieceStore:
@@ -59,26 +57,26 @@ class PieceStore:
         """
         key = key_of(*self.inputs, name)
         path = self.folder / f"{key}.piece"
-        result = _decoded(read_file(path, at_most=_LARGEST, within=self._root), key, kind)
+        result = _decoded(read_file(path, at_most=_LARGEST, within=self.folder.parent), key, kind)
         if result is None:
             import msgspec  # late, as the command line needs none to say what its options are
 
             result = compute()
             content = msgspec.msgpack.encode(result, enc_hook=_plain)
-            write_whole(path, _digest(key, content) + content, within=self._root)
+            write_whole(path, _digest(key, content) + content, within=self.folder.parent)
         return result
 
     def names(self) -> list[str]:
         """The files of pieces, finished or not."""
-        return [name for name in names_in(self.folder, within=self._root) if _OWN.fullmatch(name)]
+        return [
+            name
+            for name in names_in(self.folder, within=self.folder.parent)
+            if _OWN.fullmatch(name)
+        ]
 
     def clear(self) -> None:
         """Remove every piece.  Raises EstimError where that cannot be done."""
-        remove_files(self.folder, self.names(), within=self._root)
-
-    @property
-    def _root(self) -> Path:
-        return self.folder.parent if self.within is None else self.within
+        remove_files(self.folder, self.names(), within=self.folder.parent)
 
 
 def _digest(key: str, content: bytes) -> bytes:

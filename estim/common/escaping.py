@@ -17,7 +17,7 @@ import json
 import math
 import re
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, TypeAlias
 from urllib.parse import quote
 
 _SPECIAL = re.compile(
@@ -41,6 +41,10 @@ _BLOCK = re.compile(
 LETTERS = "0-9A-Za-zÀ-ɏΑ-ω"
 # what `estim.common.labels` makes of one
 _MATH = re.compile(rf"(\$_\{{\\mathrm\{{(?:[{LETTERS}]|\\_)+\}}\}}\$)")
+
+
+Json: TypeAlias = dict[str, Any]
+"""An object of JSON, as a file of results has it: `as_json` writes it, `json_of` reads it."""
 
 
 class Markdown(str):
@@ -166,18 +170,22 @@ def json_of(data: bytes) -> Any:
         value = json.loads(data.decode(), object_pairs_hook=once, parse_constant=no_number)
     except RecursionError:
         raise ValueError("is nested too deeply") from None
-    level = [value]
-    for _ in range(100):  # levels of JSON
-        level = [
-            item
-            for node in level
-            for item in (
-                node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
-            )
-        ]
-    if level:
+    if is_nested_deeper(value, 100):
         raise ValueError("is nested too deeply")
     return value
+
+
+def is_nested_deeper(tree: object, most: int) -> bool:
+    """Whether tables and lists stand in each other so that `most` levels do not hold all of it."""
+    level = [tree]
+    for _ in range(most):
+        inner = (
+            node.values() if isinstance(node, dict) else node
+            for node in level
+            if isinstance(node, dict | list)
+        )
+        level = [item for items in inner for item in items]
+    return bool(level)
 
 
 def mathtext(text: str) -> str:

@@ -93,54 +93,28 @@ Kind = StrEnum(
 )
 """What a finding says.  Kinds without a status of their own are notes, outcomes and reasons."""
 
-_KINDS = {
+_LEADING = {
     Status.NOT_CONVERGED: (
-        Kind.FIT_UNSETTLED,
-        Kind.STEP_UNSETTLED,
-        Kind.ROUNDING,
-        Kind.VALUE_OUTSIDE,
-        Kind.BETTER_ELSEWHERE,
-        Kind.CHAIN_SHORT,
-        Kind.WALKERS_STUCK,
+        "FIT_UNSETTLED STEP_UNSETTLED ROUNDING VALUE_OUTSIDE BETTER_ELSEWHERE "
+        "CHAIN_SHORT WALKERS_STUCK"
     ),
-    Status.METHODS_DISAGREE: (Kind.METHODS_DIFFER, Kind.SLOPES_DIFFER),
-    Status.CONTRADICTION: (Kind.STATED_DISAGREE, Kind.RUNS_AGAINST_STATED, Kind.RUN_OFF_MAP),
-    Status.MULTIMODAL: (Kind.SEVERAL_SOLUTIONS,),
+    Status.METHODS_DISAGREE: "METHODS_DIFFER SLOPES_DIFFER",
+    Status.CONTRADICTION: "STATED_DISAGREE RUNS_AGAINST_STATED RUN_OFF_MAP",
+    Status.MULTIMODAL: "SEVERAL_SOLUTIONS",
     Status.NOT_IDENTIFIED: (
-        Kind.DIRECTION_FLAT,
-        Kind.SINGULAR,
-        Kind.UNDETERMINED,
-        Kind.HARDLY_HELD,
-        Kind.STEPS_OPEN,
-        Kind.OPEN_SIDE,
-        Kind.LINE_NOT_RISING,
-        Kind.TRIALS_SILENT,
+        "DIRECTION_FLAT SINGULAR UNDETERMINED HARDLY_HELD STEPS_OPEN OPEN_SIDE "
+        "LINE_NOT_RISING TRIALS_SILENT"
     ),
     Status.POOR_FIT: (
-        Kind.RESIDUALS_ZERO,
-        Kind.RESIDUALS_TOO_LARGE,
-        Kind.RESIDUALS_NOT_RANDOM,
-        Kind.CURVE_LACKS,
-        Kind.CHI2_TOO_LARGE,
-        Kind.SCATTER_TOO_LARGE,
-        Kind.COUNTS_SCATTER,
-        Kind.DEVIATION_TOO_LARGE,
-        Kind.DEVIATION_TOO_SLOW,
-        Kind.FORCE_TOO_LARGE,
-        Kind.FORCE_NOT_LINEAR,
-        Kind.SPEEDS_NOT_LINEAR,
-        Kind.NOISE_TOO_LARGE,
-        Kind.OUTLIERS_CROWD,
-        Kind.FRAMES_CROWD,
-        Kind.RUNS_DISAGREE,
-        Kind.RUN_DISAGREES,
-        Kind.RUNS_TIED,
-        Kind.STATED_AND_CURVE,
-        Kind.GAMMA_TOO_LARGE,
-        Kind.POINTS_SCATTER,
-        Kind.TRIALS_SCATTER,
+        "RESIDUALS_ZERO RESIDUALS_TOO_LARGE RESIDUALS_NOT_RANDOM CURVE_LACKS "
+        "CHI2_TOO_LARGE SCATTER_TOO_LARGE COUNTS_SCATTER DEVIATION_TOO_LARGE "
+        "DEVIATION_TOO_SLOW FORCE_TOO_LARGE FORCE_NOT_LINEAR SPEEDS_NOT_LINEAR "
+        "NOISE_TOO_LARGE OUTLIERS_CROWD FRAMES_CROWD RUNS_DISAGREE RUN_DISAGREES "
+        "RUNS_TIED STATED_AND_CURVE GAMMA_TOO_LARGE POINTS_SCATTER TRIALS_SCATTER"
     ),
-    Status.AT_BOUND: (Kind.PRESSED_EDGE, Kind.PRESSED_LIMIT),
-    Status.NOT_CALIBRATED: (Kind.RANKS_UNEVEN, Kind.COVERAGE_OFF, Kind.TRIALS_FAILED),
-}
-LEADS_TO = MappingProxyType({kind: status for status, kinds in _KINDS.items() for kind in kinds})
+    Status.AT_BOUND: "PRESSED_EDGE PRESSED_LIMIT",
+    Status.NOT_CALIBRATED: "RANKS_UNEVEN COVERAGE_OFF TRIALS_FAILED",
+}  # a status -> names of the kinds that lead to it
+LEADS_TO = MappingProxyType(
+    {Kind[name]: status for status, names in _LEADING.items() for name in names.split()}
+)

@@ -16,7 +16,7 @@ from hashlib import sha256
 from pathlib import Path, PurePosixPath
 
 from estim.common.errors import EstimError, InputError
-from estim.common.storage import names_in, read_file, remove_empty, remove_files, write_whole
+from estim.common.storage import Files, names_in, read_file, remove_empty, remove_files, write_whole
 
 REPORT_FILES = ("report.md", "report.html", "report.pdf", "draws.nc")
 """What would pass for a part of any report that is written beside it."""
@@ -92,7 +92,7 @@ def require_room(
 
 def replace_own(
     folder: Path,
-    files: Mapping[str, bytes],
+    files: Files,
     digests: Mapping[str, str],
     manifest: str,
     record: Callable[[Mapping[str, str]], bytes],

@@ -23,6 +23,7 @@ from collections.abc import Iterable, Iterator
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 from estim.common.errors import EstimError
 from estim.versions import USED
@@ -34,6 +35,9 @@ _RELATIVE = os.open in os.supports_dir_fd
 _NO_LINK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 _FOLDER = os.O_RDONLY | getattr(os, "O_DIRECTORY", 0) | getattr(os, "O_CLOEXEC", 0)
 _NOT_WAITING = getattr(os, "O_NONBLOCK", 0)  # a named pipe would keep its reader waiting
+
+Files: TypeAlias = dict[str, bytes]
+"""Path -> bytes of a file, where several are made or read together."""
 
 TEMPORARY = r"\.{}\.[0-9a-z_]{{8}}"
 """Pattern of the name under which a file is written: what a kill can leave behind.  To be

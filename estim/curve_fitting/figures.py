@@ -20,6 +20,7 @@ from estim.drawing import (
     PALE,
     Axes,
     Figure,
+    fill,
     handed_out,
     logarithmic,
 )
@@ -113,7 +114,7 @@ def curve_figure(
     sd_x: FloatArray,
     title: str,
     figure: Figure | None,
-    ax: Axes | None = None,
+    ax: Axes | None,
 ) -> Figure:
     """Points with their errors, the curve with its bands, and the residuals in the unit of y; on
     axes of the user's own without the residuals.
@@ -143,12 +144,8 @@ def curve_figure(
             "elinewidth": 0.9,
             "capsize": 0,
         }
-        label = (
-            phrase("counts")
-            if counts is not None
-            else phrase("data ± u")
-            if bars and np.any(sd > 0.0)
-            else phrase("data")
+        label = phrase(
+            "counts" if counts is not None else "data ± u" if bars and np.any(sd > 0.0) else "data"
         )
         upper.errorbar(run.x, run.y, **errors, **style, label=label, zorder=5 if bars else 1.9)
         upper.set(ylabel=run.y_label)
@@ -165,16 +162,10 @@ def curve_figure(
             scatter = np.sqrt(counts.law.variance(at_points, counts.trials))
             at = run.x if counts.bins is None else counts.bins.ravel()
             scatter = scatter if counts.bins is None else np.repeat(scatter, 2)
-            lower.fill_between(
-                at, -scatter, scatter, color=GREY, alpha=0.25, lw=0, label=phrase("± sd of a count")
-            )
+            fill(lower, at, -scatter, scatter, GREY, 0.25, label=phrase("± sd of a count"))
         elif not bars and np.any(sd > 0.0):
-            lower.fill_between(
-                run.x, -sd, sd, color=GREY, alpha=0.25, lw=0, label=phrase("± u of a reading")
-            )
-        lower.fill_between(
-            curve.x, curve.low - curve.value, curve.high - curve.value, color=BLUE, alpha=0.3, lw=0
-        )
+            fill(lower, run.x, -sd, sd, GREY, 0.25, label=phrase("± u of a reading"))
+        fill(lower, curve.x, curve.low - curve.value, curve.high - curve.value, BLUE, 0.3)
         lower.axhline(0.0, color=BLUE, lw=1.2)
         lower.errorbar(run.x, run.y - at_points, yerr=errors["yerr"], **style, zorder=5)
         if lower.get_legend_handles_labels()[0]:
@@ -189,7 +180,7 @@ def _draw_curve(ax: Axes, curve: Prediction, inner: Prediction) -> None:
     if np.any(np.isfinite(curve.low)):
         for band, alpha, p in ((curve, 0.22, 95), (inner, 0.40, 68)):
             label = phrase("the curve, {p:.0f} %", p=p)
-            ax.fill_between(band.x, band.low, band.high, color=BLUE, alpha=alpha, lw=0, label=label)
+            fill(ax, band.x, band.low, band.high, BLUE, alpha, label=label)
     ax.plot(curve.x, curve.value, color=BLUE, lw=1.3, label=phrase("best curve"))
 
 

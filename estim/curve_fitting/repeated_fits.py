@@ -122,11 +122,12 @@ def fit_many(
         fixed=fixed,
         n_start=1 if start else None,
     )
-    run, priors = first.held.problem.runs[0], [p.prior for p in first.held.problem.parameters]
+    problem = first.held.problem
+    run, priors = problem.runs[0], [p.prior for p in problem.parameters]
 
     def residuals(values: FloatArray, which: Indices) -> FloatArray:
-        named = {name: values[:, [i]] for i, name in enumerate(first.names)}
-        return (run.curve.value(points[which], run.bind(named)) - sets[which]) / errors[which]
+        named = run.bind(problem.named(values))
+        return (run.curve.value(points[which], named) - sets[which]) / errors[which]
 
     begin = np.array([{**first.values, **(start or {})}[name] for name in first.names])
     low, high = np.array([p.low for p in priors]), np.array([p.high for p in priors])

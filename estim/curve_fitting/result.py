@@ -368,8 +368,7 @@ class CurveFit:
 
         Raises InputError where `ufloats` does, and where the registry does not know a unit.
         """
-        units = {p.name: p.unit for p in self.problem.parameters}
-        units |= {name: found.unit for name, found in self.derived.items()}
+        units = self._units | {name: found.unit for name, found in self.derived.items()}
         known = {}
         for name, value in self.ufloats().items():
             try:
@@ -383,7 +382,7 @@ class CurveFit:
         """The result as numbers, texts, lists and mappings, which `json.dumps` takes: a number that
         there is not is None.
         """
-        units = {p.name: p.unit for p in self.problem.parameters}
+        units = self._units
         parameters = {
             name: {
                 "value": self.values[name],
@@ -424,7 +423,7 @@ class CurveFit:
             from pandas import DataFrame
         except ImportError:
             raise InputError('needs pandas: pip install "estim[arviz]"', field="to_frame") from None
-        units = {p.name: p.unit for p in self.problem.parameters}
+        units = self._units
         rows = {
             name: {"value": self.values[name], "sd": self.sds[name]}
             | {
@@ -515,6 +514,10 @@ class CurveFit:
     def _log_likelihood(self) -> float:
         return float(self.fit.posterior.log_likelihood(self.fit.values[None, :])[0])
 
+    @property
+    def _units(self) -> dict[str, str]:
+        return {p.name: p.unit for p in self.problem.parameters}
+
     @cached_property
     def _sizes(self) -> ErrorSizes:
         if self.sigma is None or self.deviation is not None:
@@ -588,8 +591,8 @@ class CurveFit:
             zip(self.held.names, self._sizes.degrees_of_freedom(shares).tolist(), strict=True)
         )
         least, anywhere = min(dofs.values(), default=math.inf), (-math.inf, math.inf)
-        priors = {p.name: p.prior for p in self.problem.parameters}
-        return [
+        priors, units = {p.name: p.prior for p in self.problem.parameters}, self._units
+        rows = [
             (
                 name,
                 shown_value(
@@ -597,27 +600,30 @@ class CurveFit:
                     self.sds[name],
                     self.intervals[name],
                     (priors[name].low, priors[name].high),
-                    unit=_unit(self.problem, name),
+                    unit=_shown(units[name]),
                     few=dofs[name] <= FEW,
                     ok=self.status.ok,
                 ),
             )
             for name in self.names
-        ] + [
-            (name, (relation, f"{text} ({_derived_words(d)})"))
-            for name, d in self.derived.items()
-            for relation, text in [
-                shown_value(
-                    d.value,
-                    d.sd,
-                    d.interval,
-                    anywhere,
-                    unit=_shown(d.unit),
-                    few=least <= FEW,
-                    ok=self.status.ok,
-                )
-            ]
         ]
+        for name, d in self.derived.items():
+            relation, text = shown_value(
+                d.value,
+                d.sd,
+                d.interval,
+                anywhere,
+                unit=_shown(d.unit),
+                few=least <= FEW,
+                ok=self.status.ok,
+            )
+            how = phrase(
+                "derived, linear"
+                if math.isfinite(d.interval[0.95][0])
+                else "derived; sample_curve can provide one"
+            )
+            rows.append((name, (relation, f"{text} ({how})")))
+        return rows
 
     def _summary(self) -> str:
         if self.problem.own_density:
@@ -644,18 +650,6 @@ def unnamed(findings: Iterable[Finding], fit: Fit) -> tuple[Finding, ...]:
     """The findings, without the name that the points of `fit` have where nobody gave them one."""
     several = len(fit.problem.runs) > 1
     return tuple(finding if several else replace(finding, run="") for finding in findings)
-
-
-def _derived_words(found: LinearDerived) -> str:
-    return (
-        phrase("derived, linear")
-        if math.isfinite(found.interval[0.95][0])
-        else phrase("derived; sample_curve can provide one")
-    )
-
-
-def _unit(problem: Problem, name: str) -> str:
-    return _shown(next(p.unit for p in problem.parameters if p.name == name))
 
 
 def _shown(unit: str) -> str:

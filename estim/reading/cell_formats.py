@@ -150,7 +150,7 @@ def _last_digits(value: str, digits: str, power: str) -> str:
     if "." in digits or "," in digits:
         return digits + power
     mantissa, _, exponent = value.lower().partition("e")
-    decimals = len(re.split("[.,]", mantissa)[1]) if re.search("[.,]", mantissa) else 0
+    decimals = len(mantissa.replace(",", ".").partition(".")[2])
     return f"{digits}e{int(exponent or 0) + int(power[1:] or 0) - decimals}"
 
 

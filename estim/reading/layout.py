@@ -21,7 +21,6 @@ from estim.reading.cells import (
     looks_like_a_number,
 )
 from estim.reading.dialect import (
-    PLAIN,
     Dialect,
     bare_name,
     is_column,
@@ -31,9 +30,15 @@ from estim.reading.dialect import (
     shown_delimiter,
 )
 from estim.reading.source import read_source
-from estim.reading.table import NOTE, Layout, facts_of, line_numbers, numbered_lines, split_cells
-
-Lines = list[tuple[int, str]]
+from estim.reading.table import (
+    NOTE,
+    Layout,
+    Lines,
+    facts_of,
+    line_numbers,
+    numbered_lines,
+    split_cells,
+)
 
 _ONE_COLUMN = ";"  # stands in no row then
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(\s*(±|\+/?-)\s*\d+(,\d+)?|\(\d+(,\d+)?\))?", re.ASCII)
@@ -78,7 +83,7 @@ _NAMED_BY_A_NUMBER = re.compile(  # 10 periods (s), 2θ (°), 1/T (1/K), 1/T
 
 
 @in_its_file
-def read_layout(path: Path, dialect: Dialect = PLAIN, *, needed: Sequence[str] = ()) -> Layout:
+def read_layout(path: Path, dialect: Dialect, *, needed: Sequence[str] = ()) -> Layout:
     """How the table at `path` is laid out.  needed : names of columns that tell the header from
     other lines.  Raises InputError, also where the columns have no names.
     """
@@ -354,7 +359,7 @@ def _is_numeric(rows: Sequence[Row], column: int) -> bool:
     return any(numbers) and 2 * sum(numbers) >= len(numbers)
 
 
-def value_columns(layout: Layout, errors: Sequence[str | None] = ()) -> tuple[str, ...]:
+def value_columns(layout: Layout, errors: Sequence[str | None]) -> tuple[str, ...]:
     """The columns of numbers that are not called as uncertainties, nor named as such in
     `errors`.
     """

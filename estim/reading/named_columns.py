@@ -205,12 +205,10 @@ def _named(row: Row, place: int, layout: Layout) -> tuple[int, int] | None:
 
 
 def _left_out(name: str, lines: Sequence[int]) -> str:
-    if len(lines) == 1:
-        return phrase(
-            "1 row without a value of '{name}' was excluded (line {line})", name=name, line=lines[0]
-        )
     return phrase(
-        "{n} rows without a value of '{name}' were excluded (lines {lines})",
+        "1 row without a value of '{name}' was excluded (line {lines})"
+        if len(lines) == 1
+        else "{n} rows without a value of '{name}' were excluded (lines {lines})",
         n=len(lines),
         name=name,
         lines=line_numbers(lines),

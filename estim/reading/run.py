@@ -19,7 +19,7 @@ from estim.common import InputError, Quantity
 from estim.reading.dialect import PLAIN, Dialect
 from estim.reading.named_columns import read_known_columns
 from estim.reading.source import reader_of
-from estim.reading.table import Table
+from estim.reading.table import UNITS, Table
 from estim.reading.tracker.importing import (
     Choices,
     head_of_export_file,
@@ -31,7 +31,7 @@ from estim.reading.tracker.importing import (
 from estim.reading.tracker.plausibility import odd_intervals
 from estim.reading.tracker.track import LEAST_STEP, MOST
 
-COLUMNS = ("t_s", "x_m", "v_m_s", "theta_rad", "omega_rad_s", "sigma_x_m", "sigma_v_m_s")
+COLUMNS = tuple(UNITS)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

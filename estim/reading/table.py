@@ -21,6 +21,9 @@ from estim.reading.cells import Row
 from estim.reading.dialect import Dialect
 from estim.reading.input_file import line_after_comment, lines_of
 
+Lines = list[tuple[int, str]]
+"""Lines of a file, each with its number."""
+
 _TRUE_MINUS = re.compile(r"\(?−[\d.,].*|[\d.,]+[eE]−\d.*")
 _OTHER_NAMES = {
     "time (s)": "t_s",
@@ -158,7 +161,7 @@ def require_unit(
     raise InputError(rule, field=u, value=units[u], file=file, line=line)
 
 
-def facts_of(rows: Sequence[tuple[int, str]], header_line: int) -> tuple[str, ...]:
+def facts_of(rows: Lines, header_line: int) -> tuple[str, ...]:
     """What the head of a file that `estim import` made says of where it comes from."""
     head = [line for number, line in rows if number < header_line]
     if not head or head[0].strip() != IMPORTED:
@@ -166,7 +169,7 @@ def facts_of(rows: Sequence[tuple[int, str]], header_line: int) -> tuple[str, ..
     return tuple(line.lstrip("# ").strip() for line in head[1:] if not line.startswith(NOTE))
 
 
-def numbered_lines(text: str) -> list[tuple[int, str]]:
+def numbered_lines(text: str) -> Lines:
     """The lines that are not blank, each with its number.  Raises InputError where there are too
     many, or one is too long.
     """

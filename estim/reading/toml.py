@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 from unicodedata import normalize
 
-from estim.common import InputError
+from estim.common import InputError, is_nested_deeper
 
 KeyPath = tuple[str | int, ...]
 """Where something stands: keys of tables, and numbers in lists."""
@@ -84,7 +84,7 @@ def parse_toml(text: str, file: str) -> tuple[dict[str, Any], Places]:
             )
     try:
         tree = tomllib.loads(text)
-        if _depth(tree) > _MAX_DEPTH:
+        if is_nested_deeper(tree, _MAX_DEPTH):
             raise RecursionError
         return tree, Places(file, locate_keys(text))
     except tomllib.TOMLDecodeError as error:
@@ -104,19 +104,6 @@ def parse_toml(text: str, file: str) -> tuple[dict[str, Any], Places]:
         raise InputError("is not valid TOML", quoted=str(error), file=file, field="file") from None
     except RecursionError:
         raise InputError("is nested too deeply", file=file, field="file") from None
-
-
-def _depth(tree: object) -> int:
-    """How deep tables and arrays are nested, counted level by level."""
-    level, depth = [tree], 0
-    while level and depth <= _MAX_DEPTH:
-        inner = (
-            value.values() if isinstance(value, dict) else value
-            for value in level
-            if isinstance(value, dict | list)
-        )
-        level, depth = [value for values in inner for value in values], depth + 1
-    return depth
 
 
 def locate_keys(text: str) -> dict[KeyPath, int]:

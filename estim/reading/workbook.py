@@ -11,15 +11,15 @@ from __future__ import annotations
 import csv
 import io
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from datetime import date, datetime, time, timedelta
 from pathlib import PurePosixPath
 
-from estim.common import InputError, listed
+from estim.common import Files, InputError, listed
 from estim.reading.archive import opened, unpacked
 from estim.reading.cells import looks_like_a_number
 from estim.reading.dialect import Dialect, column_number
-from estim.reading.markup import walk
+from estim.reading.markup import Attributes, walk
 
 _MAX_CELLS = 4_000_000
 _MAX_BYTES = 128 * 1024**2  # of all parts, unpacked
@@ -63,9 +63,9 @@ def sheet_text(data: bytes, dialect: Dialect) -> tuple[str, str, tuple[str, ...]
     raise InputError("has no sheet with rows of numbers", field="workbook", quoted=listed(names))
 
 
-def _parts(data: bytes) -> dict[str, bytes]:
+def _parts(data: bytes) -> Files:
     """The members of a workbook that tables may need, by name.  Raises InputError."""
-    parts, size = dict[str, bytes](), 0
+    parts, size = Files(), 0
     with opened(data) as archive:
         for info in archive.infolist():
             if info.filename.endswith((".xml", ".rels", "mimetype")):
@@ -80,7 +80,7 @@ def _parts(data: bytes) -> dict[str, bytes]:
     return parts
 
 
-def _stored(parts: Mapping[str, bytes]) -> bytes:
+def _stored(parts: Files) -> bytes:
     """An archive of these parts, as they were unpacked here."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
@@ -110,13 +110,13 @@ class _Sheet:
                 self.uncomputed |= {(row, at): text for at in range(self.column, ends[1])}
 
 
-def _uncomputed_of_xlsx(parts: Mapping[str, bytes], index: int) -> Cells:
+def _uncomputed_of_xlsx(parts: Files, index: int) -> Cells:
     """Row and column of each cell of sheet number `index` that has an error or a formula without a
     value -> the text of the error, or = and the formula.
     """
     sheets, targets = list[str](), dict[str, str]()
 
-    def of_book(tag: str, said: Mapping[str, str], _: str) -> None:
+    def of_book(tag: str, said: Attributes, _: str) -> None:
         if tag == "sheet":
             sheets.append(next(said[key] for key in said if key.endswith(":id")))
         elif tag == "Relationship":
@@ -130,7 +130,7 @@ def _uncomputed_of_xlsx(parts: Mapping[str, bytes], index: int) -> Cells:
         raise InputError("is not in the workbook", field="sheet", value=target)
     sheet, texts = _Sheet(), dict[str, str]()
 
-    def begun(tag: str, said: Mapping[str, str], _: int) -> None:
+    def begun(tag: str, said: Attributes, _: int) -> None:
         if tag == "row":
             sheet.row, sheet.column = int(said.get("r", sheet.row + 2)) - 1, -1
         elif tag == "c":
@@ -138,7 +138,7 @@ def _uncomputed_of_xlsx(parts: Mapping[str, bytes], index: int) -> Cells:
             place = said.get("r", "").rstrip("0123456789")
             sheet.column = column_number(place) if place else sheet.column + 1
 
-    def ended(tag: str, said: Mapping[str, str], text: str) -> None:
+    def ended(tag: str, said: Attributes, text: str) -> None:
         texts[tag] = text
         if tag == "c":
             error = texts.get("v") if said.get("t") == "e" else None
@@ -154,7 +154,7 @@ def _uncomputed_of_ods(content: bytes) -> dict[str, Cells]:
     found, sheet, texts = dict[str, Cells](), _Sheet(), list[str]()
     pending: list[tuple[int, int, str | None]] = []
 
-    def begun(tag: str, said: Mapping[str, str], _: int) -> None:
+    def begun(tag: str, said: Attributes, _: int) -> None:
         nonlocal sheet
         if tag == "table":
             sheet = _Sheet()
@@ -165,7 +165,7 @@ def _uncomputed_of_ods(content: bytes) -> dict[str, Cells]:
         elif tag in ("table-cell", "covered-table-cell"):
             texts.clear()
 
-    def ended(tag: str, said: Mapping[str, str], text: str) -> None:
+    def ended(tag: str, said: Attributes, text: str) -> None:
         if tag == "p":
             texts.append(text)
         elif tag in ("table-cell", "covered-table-cell"):

@@ -14,6 +14,7 @@ from estim.campaign import Campaign
 from estim.checks import P_CONFLICT, P_POOR_FIT, P_TOLD
 from estim.common import (
     FigureChoice,
+    Files,
     Label,
     Notation,
     as_json,
@@ -28,7 +29,7 @@ from estim.pipeline import Analysis
 from estim.reports.consistency import consistency_text, forest_figure
 from estim.reports.copying import copies_of
 from estim.reports.corner_figures import corner_figure, corner_words, trace_figure
-from estim.reports.counts import counted_runs, counts_figure, counts_text
+from estim.reports.counts import counts_figure, counts_text
 from estim.reports.curve_figures import (
     MOST_DRAWN,
     abscissas_figure,
@@ -94,10 +95,10 @@ def report_and_result(
     campaign: Subject,
     analysis: Analysis,
     *,
-    figures: FigureChoice = "main",
+    figures: FigureChoice,
     profiles: bool = True,
-    sections: Sequence[str] = (),
-) -> tuple[dict[str, bytes], Result]:
+    sections: Sequence[str],
+) -> tuple[Files, Result]:
     """The files of `analysis_report`, and the record that they show."""
     added = sections_called(sections)  # their versions are in the record
     determination = determine(analysis, profiles=profiles)
@@ -115,7 +116,7 @@ def report_and_result(
     drawers: Drawers = {"figures/phase.png": partial(phase_figure, analysis)}
     if any(run.numbered for run in analysis.problem.runs):
         drawers["figures/abscissas.png"] = partial(abscissas_figure, analysis)
-    if counted_runs(analysis.problem.runs):
+    if any(run.noise.counted is not None for run in analysis.problem.runs):
         drawers["figures/counts.png"] = partial(counts_figure, analysis.fit, analysis.goodness)
     drawn = images(
         drawers,
@@ -281,7 +282,7 @@ def complete_runs(results: Iterable[Result]) -> dict[str, list[str]]:
 
 def index_report(
     campaign: Campaign, results: Mapping[str, Result], explanations: Sequence[Explanation] = ()
-) -> dict[str, bytes]:
+) -> Files:
     """`report.md` that leads to the reports of runs fit one by one, each in a folder of its name.
 
     explanations : of what may be missing, of those runs of which it was asked.

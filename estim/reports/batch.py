@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from estim.batch import Row, Spread, odd_runs, spreads
-from estim.common import FigureChoice, as_csv, as_json, phrase
+from estim.common import FigureChoice, Files, as_csv, as_json, phrase
 from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, grid, whole_ticks
 from estim.pipeline import Analysis
 from estim.reports.analysis import analysis_report
@@ -24,7 +24,7 @@ _LISTED = 100  # rows of a table that people read
 _NAMED = 6  # texts in a panel
 
 
-def lean_files(campaign: Subject, analysis: Analysis) -> dict[str, bytes]:
+def lean_files(campaign: Subject, analysis: Analysis) -> Files:
     """`result.json` alone, which is all that the table of a batch needs."""
     return {"result.json": as_json(result_of(campaign, analysis))}
 
@@ -35,12 +35,12 @@ def full_files(
     *,
     figures: FigureChoice = "main",
     formats: Sequence[str] = (),
-) -> dict[str, bytes]:
+) -> Files:
     """The whole report of a run."""
     return with_formats(analysis_report(campaign, analysis, figures=figures), formats)
 
 
-def batch_report(rows: Sequence[Row], *, figures: FigureChoice = "main") -> dict[str, bytes]:
+def batch_report(rows: Sequence[Row], *, figures: FigureChoice) -> Files:
     """`report.md`, `summary.csv`, `summary.json` and, where there is something to draw,
     `figures/overview.png`.
     """
@@ -69,7 +69,7 @@ def batch_report(rows: Sequence[Row], *, figures: FigureChoice = "main") -> dict
     ) | {"summary.csv": _csv(rows, quantities)}
 
 
-def batch_times(rows: Sequence[Row]) -> dict[str, bytes]:
+def batch_times(rows: Sequence[Row]) -> Files:
     """`times.csv`: seconds of one processor for each run.  It is no part of the report, which says
     what follows from the inputs.
     """

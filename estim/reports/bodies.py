@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from estim.campaign import OUTPUTS, CampaignFile
-from estim.common import as_json, behind, format_quantity, number
+from estim.common import Files, Json, as_json, behind, format_quantity, number
 from estim.reports.pages import numbered
 from estim.reports.rendering import render
 from estim.reports.result import provenance_of
@@ -17,10 +14,10 @@ from estim.studies.bodies import BodyProperties
 _LEAST_SHARE = 0.5  # %, of what is told of a budget
 
 
-def body_result(source: CampaignFile, weighing: BodyProperties, *, seed: int) -> dict[str, Any]:
+def body_result(source: CampaignFile, weighing: BodyProperties, *, seed: int) -> Json:
     """Bodies given by their parts, as `result.json` has them; the report prints from it."""
     linear, drawn = weighing.linear, weighing.sampled
-    bodies: dict[str, Any] = {
+    bodies: Json = {
         body.name: {"parts": [part for part, _ in body.parts], "values": {}}
         for body in weighing.bodies
     }
@@ -61,7 +58,7 @@ def body_result(source: CampaignFile, weighing: BodyProperties, *, seed: int) ->
     }
 
 
-def body_report(source: CampaignFile, weighing: BodyProperties, *, seed: int) -> dict[str, bytes]:
+def body_report(source: CampaignFile, weighing: BodyProperties, *, seed: int) -> Files:
     """`report.md` and `result.json`."""
     result = body_result(source, weighing, seed=seed)
     text = render(
@@ -94,7 +91,7 @@ def body_lines(weighing: BodyProperties) -> list[str]:
     return [f"{body}: {', '.join(values)}" for body, values in lines.items()]
 
 
-def _telling_inputs(body: Mapping[str, Any]) -> list[str]:
+def _telling_inputs(body: Json) -> list[str]:
     """The inputs that have a share worth telling in the variance of some quantity, the largest
     first.
     """

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -23,6 +22,8 @@ from estim.campaign import Campaign
 from estim.common import (
     PROBABILITIES,
     FigureChoice,
+    Files,
+    Json,
     PhraseTable,
     decide,
     number,
@@ -57,12 +58,8 @@ def unlike_fit(problem: Problem, with_usual_errors: Problem) -> str:
 
 
 def calibration_report(
-    campaign: Campaign,
-    calibrations: Sequence[Calibration],
-    *,
-    unlike: str = "",
-    figures: FigureChoice = "main",
-) -> dict[str, bytes]:
+    campaign: Campaign, calibrations: Sequence[Calibration], *, unlike: str, figures: FigureChoice
+) -> Files:
     """The files of one or two calibrations (ranks, coverage) of the same runs.
 
     unlike : how the analysis differs from that of `estim fit`, "" where it does not.
@@ -91,7 +88,7 @@ def calibration_report(
     )
 
 
-def calibration_record(campaign: Campaign, c: Calibration) -> dict[str, Any]:
+def calibration_record(campaign: Campaign, c: Calibration) -> Json:
     """Every number of a calibration, as `calibration.json` has it."""
     found = findings(c)
     numbers = {}
@@ -127,7 +124,7 @@ def calibration_record(campaign: Campaign, c: Calibration) -> dict[str, Any]:
     }
 
 
-def _part(c: Calibration, record: Mapping[str, Any]) -> Mapping[str, object]:
+def _part(c: Calibration, record: Json) -> Mapping[str, object]:
     """What the template says of one calibration."""
     engines = [
         phrase("{count} by {how}", count=count, how=_ENGINES[how])

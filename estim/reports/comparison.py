@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL
-from estim.common import FigureChoice, PhraseTable, number, phrase, significant
+from estim.common import FigureChoice, Files, Json, PhraseTable, number, phrase, significant
 from estim.problem import Parameter
 from estim.reports.models import values_figure
 from estim.reports.pages import page
@@ -21,8 +20,8 @@ _DATA = PhraseTable({"positions": "positions", "speeds": "speeds"})
 
 
 def compare_report(
-    campaign: Campaign, compared: Sequence[Refit], *, seed: int, figures: FigureChoice = "main"
-) -> dict[str, bytes]:
+    campaign: Campaign, compared: Sequence[Refit], *, seed: int, figures: FigureChoice
+) -> Files:
     """The files of a comparison, next to which each model's own report may stand in a folder of its
     name.
     """
@@ -55,7 +54,7 @@ def compare_report(
     )
 
 
-def _verdict(rows: Sequence[Mapping[str, Any]], common: Sequence[Parameter]) -> str:
+def _verdict(rows: Sequence[Json], common: Sequence[Parameter]) -> str:
     """Whether it matters for the estimates which of the models with status ok is taken, in one
     sentence.
     """
@@ -82,7 +81,7 @@ def folder_of(name: str) -> str:
     return name.replace(", ", "-").replace(" ", "-")
 
 
-def _summary(c: Refit, common: Sequence[Parameter]) -> dict[str, Any]:
+def _summary(c: Refit, common: Sequence[Parameter]) -> Json:
     analysis, certificate = c.analysis, c.analysis.certificate
     posterior = {p.name: analysis.summaries[analysis.problem.names.index(p.name)] for p in common}
     evidence = certificate if certificate is not None and certificate.reliable else None

@@ -99,12 +99,16 @@ def corner_figure(analysis: Analysis, truth: Mapping[str, float] = MappingProxyT
             if i == j:
                 _draw_marginal(ax, column)
             else:
-                _draw_contours(
-                    ax,
-                    density_of(
-                        column.draws, row.draws, [(column.low, column.high), (row.low, row.high)]
-                    ),
-                )
+                limits = [(column.low, column.high), (row.low, row.high)]
+                density = density_of(column.draws, row.draws, limits)
+                ax.contourf(  # what holds 95 % pale, and 68 %
+                    density.x,
+                    density.y,
+                    density.z.T,
+                    levels=[*density.levels, 1.01 * float(density.z.max())],
+                    colors=[PALE, BLUE],
+                    antialiased=True,
+                ).set(edgecolor=BLUE, linewidth=1.0)
                 ax.set_ylim(row.low, row.high)
                 _mark_true(ax.axhline, row)
             _mark_true(ax.axvline, column)
@@ -202,19 +206,6 @@ def _draw_marginal(ax: Axes, column: Column) -> None:
         ax.plot(x, y, color=ORANGE, lw=1.4)
         top = max(top, min(1.08 * float(y.max()), 2.0 * top))
     ax.set_ylim(0.0, top)
-
-
-def _draw_contours(ax: Axes, density: Density) -> None:
-    """Fill the regions that hold 95 % (pale) and 68 %, each with its line."""
-    drawn = ax.contourf(
-        density.x,
-        density.y,
-        density.z.T,
-        levels=[*density.levels, 1.01 * float(density.z.max())],
-        colors=[PALE, BLUE],
-        antialiased=True,
-    )
-    drawn.set(edgecolor=BLUE, linewidth=1.0)
 
 
 def _mark_true(line: Callable[..., Line2D], column: Column) -> None:

@@ -18,18 +18,13 @@ from estim.reports.rendering import render
 _FEW = 5.0  # expected events below which a bin says little by itself
 
 
-def counted_runs(runs: Sequence[Observations]) -> list[Observations]:
-    """Those of `runs` whose y were counted."""
-    return [run for run in runs if run.noise.counted is not None]
-
-
 def counts_text(fit: Fit, pictures: Collection[str]) -> str:
     """The section of a report about the counts; "" where nothing was counted."""
     rows, single = [], False
     for run in fit.problem.runs:
         if (counted := run.noise.counted) is None:
             continue
-        mean, trials, single = _expected(fit, run), counted.trials, single or counted.single
+        mean, trials, single = run.drawn(fit.named), counted.trials, single or counted.single
         scarce = np.minimum(mean, 1.0 - mean) if math.isfinite(counted.law.ceiling) else mean
         few, empty = int(np.sum(trials * scarce < _FEW)), int(np.sum(run.y == 0.0))
         rows.append(
@@ -61,7 +56,7 @@ def counts_figure(fit: Fit, goodness: Sequence[Goodness]) -> Figure:
     figure = new_figure(4.4 * len(pairs))
     axes = figure.subplots(2 * len(pairs), 1, height_ratios=[3, 1] * len(pairs))
     for (run, good, counted), top, below in zip(pairs, axes[::2], axes[1::2], strict=True):
-        _draw_counts(top, run, _expected(fit, run), counted)
+        _draw_counts(top, run, run.drawn(fit.named), counted)
         top.set(title=run.name, ylabel=run.y_label, ylim=(0.0, None))
         top.legend(loc="best")
         top.tick_params(labelbottom=False)
@@ -75,10 +70,8 @@ def counts_figure(fit: Fit, goodness: Sequence[Goodness]) -> Figure:
 
 def _draw_counts(ax: Axes, run: Observations, mean: FloatArray, counted: Counted) -> None:
     law, edges = counted.law, counted.bins
-    lies = (
-        later("range of a count, {p:.0f} %")
-        if law.word == "counts"
-        else later("range of a fraction, {p:.0f} %")
+    lies = later(
+        "range of a count, {p:.0f} %" if law.word == "counts" else "range of a fraction, {p:.0f} %"
     )
     ends = {level: _interval(law, mean, counted.trials, level) for level in PROBABILITIES}
     if edges is None:
@@ -107,11 +100,6 @@ def _draw_counts(ax: Axes, run: Observations, mean: FloatArray, counted: Counted
         fill(ax, x, low, high, BLUE, shade, label=phrase(lies, p=100 * level))
     ax.plot(x, np.repeat(mean, 2), color=BLUE, lw=1.2, label=phrase("expectation of the curve"))
     ax.plot(run.x, run.y, "o", color=INK, ms=2.5, zorder=5, clip_on=False)
-
-
-def _expected(fit: Fit, run: Observations) -> FloatArray:
-    """(n_obs,) at the fit."""
-    return run.drawn(fit.named)
 
 
 def _interval(

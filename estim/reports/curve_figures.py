@@ -187,10 +187,8 @@ def _draw_bands(ax: Axes, bands: Bands, new: str = "", *, less: FloatArray | flo
     """A new reading, and the curve, all `less` something; with names where a `new` reading has
     one.
     """
-    curve = (
-        later("the curve including the force, {p:.0f} %")
-        if bands.completed
-        else later("the curve, {p:.0f} %")
+    curve = later(
+        "the curve including the force, {p:.0f} %" if bands.completed else "the curve, {p:.0f} %"
     )
     for intervals, p, colour, alpha in (
         (bands.predictive, 0.95, GREY, 0.22),
@@ -401,7 +399,7 @@ def draw_residuals(ax: Axes, residuals: Residuals, bands: Bands | None) -> None:
     symbol = _symbol(run)
     ax.set(
         xlabel=run.x_label,
-        ylabel=(phrase("{symbol} − fit", symbol=symbol) if symbol else phrase("data − fit"))
+        ylabel=phrase("{symbol} − fit" if symbol else "data − fit", symbol=symbol)
         + bracketed(run.y_unit),
     )
 
@@ -454,7 +452,7 @@ def together_figure(problem: Problem, goodness: Sequence[Goodness]) -> Figure:
         _overlay(right, runs, [by_run[run.name].whitened for run in runs])
         left.set_ylabel(phrase("data − curve") + bracketed(runs[0].y_unit))
         right.set_ylabel(phrase("residual in standard deviations"))
-        left.set_title(phrase("{n} runs", n=len(runs)) if len(runs) > 1 else phrase("1 run"))
+        left.set_title(phrase("{n} runs" if len(runs) > 1 else "1 run", n=len(runs)))
         right.set_title(phrase("remaining residual"))
         legend_below(part)
     return figure

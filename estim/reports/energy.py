@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from estim.campaign import Campaign
 from estim.common import (
     FigureChoice,
+    Files,
+    Json,
     Quantity,
     format_p,
     gravest,
@@ -29,7 +30,7 @@ from estim.studies.energy import Drift, EnergyRecord, energy_status
 _ANYTHING = 1.0  # standard uncertainty of a ratio that says nothing
 
 
-def summarise_energy(e: EnergyRecord) -> dict[str, Any]:
+def summarise_energy(e: EnergyRecord) -> Json:
     """Energy along one run, as files have it: relative to the energy at release (as in the paper)
     and to the largest kinetic energy; null where there is none.
     """
@@ -44,13 +45,13 @@ def summarise_energy(e: EnergyRecord) -> dict[str, Any]:
     }
 
 
-def summarise_drift(drift: Drift) -> dict[str, Any]:
+def summarise_drift(drift: Drift) -> Json:
     """The test for a loss of energy, as files have it."""
     names = ("free", "determined", "seen", "narrowing", "gain", "p_value", "limit")
     return {name: getattr(drift, name) for name in names}
 
 
-def drift_words(drift: Mapping[str, Any]) -> str:
+def drift_words(drift: Json) -> str:
     """What the data say on a loss of energy, in words."""
     if not drift["free"]:
         return phrase(
@@ -81,7 +82,7 @@ def drift_words(drift: Mapping[str, Any]) -> str:
     )
 
 
-def energy_words(drift: Mapping[str, Any]) -> str:
+def energy_words(drift: Json) -> str:
     """The same in a few words."""
     if not drift["free"]:
         return phrase("a loss cannot be detected, because the rolling resistance was held fixed")
@@ -107,7 +108,7 @@ def percent(ratio: Quantity) -> str:
     return with_unit(shown(ratio, 100.0), "%") if ratio.u <= _ANYTHING else "n/a"
 
 
-def average_words(energies: Mapping[str, Mapping[str, Any]]) -> str:
+def average_words(energies: Mapping[str, Json]) -> str:
     """How far the energies are from that at release on average, in words: as shares of it, or of
     the largest kinetic energy where it may be 0.
     """
@@ -133,8 +134,8 @@ def energy_report(
     drifts: Sequence[Drift],
     *,
     seed: int,
-    figures: FigureChoice = "main",
-) -> dict[str, bytes]:
+    figures: FigureChoice,
+) -> Files:
     """`report.md`, `result.json` and `figures/energy.png`.
 
     records : in the order of the analyses' runs.

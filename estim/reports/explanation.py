@@ -11,6 +11,7 @@ import msgspec
 
 from estim.checks import P_FLOOR
 from estim.common import (
+    Label,
     Markdown,
     behind,
     code,
@@ -21,6 +22,7 @@ from estim.common import (
     number,
     phrase,
     signed,
+    with_unit,
 )
 from estim.explanation import FOUND, TIED, Candidate, CauseOfRuns, Estimated, Explanation, verdict
 from estim.reports.records import Record
@@ -150,8 +152,7 @@ def runs_text(causes: Sequence[CauseOfRuns]) -> Markdown:
             signed(f"{cause.gain:.0f}"),
             phrase("{n} of {total}", n=len(cause.found_in), total=cause.n_run),
             ", ".join(
-                f"{m.label.symbol.partition('[')[0]} = "
-                f"{_quantity(m.value, m.sd, m.label.factor, m.label.unit)}"
+                f"{m.label.symbol.partition('[')[0]} = {_shown(m.value, m.sd, m.label)}"
                 for m in cause.means
             ),
             "n/a" if math.isnan(cause.p) else format_p(cause.p),
@@ -167,7 +168,7 @@ def _values(one: Candidate) -> str:
 
 def _value(n: Estimated) -> str:
     if n.sd > 0.0:
-        return f"{n.label.symbol} = {_quantity(n.value, n.sd, n.label.factor, n.label.unit)}"
+        return f"{n.label.symbol} = {_shown(n.value, n.sd, n.label)}"
     return phrase(
         "{symbol} about {value}{unit}",
         symbol=n.label.symbol,
@@ -176,9 +177,8 @@ def _value(n: Estimated) -> str:
     )
 
 
-def _quantity(value: float, sd: float, factor: float, unit: str) -> str:
-    text = format_quantity(value * factor, sd * factor)
-    return text if unit == "1" else f"({text}) {unit}"
+def _shown(value: float, sd: float, label: Label) -> str:
+    return with_unit(format_quantity(value * label.factor, sd * label.factor), label.unit)
 
 
 def _left(one: Candidate) -> str:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
+
+from estim.common import Files
 
 
-def with_formats(files: Mapping[str, bytes], formats: Iterable[str]) -> dict[str, bytes]:
+def with_formats(files: Files, formats: Iterable[str]) -> Files:
     """`files` of a report (path -> bytes) and, in each of `formats` ("html", "pdf"), `report.html`
     or `report.pdf` of its `report.md`.
     """

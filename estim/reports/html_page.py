@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 import struct
 from base64 import b64encode
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from html import escape, unescape
 from importlib.resources import files as package_files
 from itertools import count
@@ -20,7 +20,7 @@ from urllib.parse import unquote
 
 from markdown_it import MarkdownIt
 
-from estim.common import language, phrase, unescaped
+from estim.common import Files, language, phrase, unescaped
 from estim.reports.rendering import FENCED
 
 _POLICY = (
@@ -67,7 +67,7 @@ _ALONE = re.compile(r"<p>(<img [^>]*>)</p>\n(?:<p><em>((?:(?!</?em>).)*)</em></p
 _TABLE = re.compile(r"(?:<p><em>((?:(?!</?em>).)*)</em></p>\n)?<table>(.*?)</table>", re.DOTALL)
 
 
-def html_page(files: Mapping[str, bytes], *, paper: bool = False) -> bytes:
+def html_page(files: Files, *, paper: bool = False) -> bytes:
     """`report.html` of the files of a report (path -> bytes; `report.md` and the figures that it
     shows), in the language that is spoken.
 
@@ -156,7 +156,7 @@ def _text(html: str) -> str:
     return unescape(re.sub(r"<[^>]*>", "", html))
 
 
-def _dressed(html: str, pictures: Mapping[str, bytes]) -> str:
+def _dressed(html: str, pictures: Files) -> str:
     """HTML of markdown-it with images in it (an image alone is a figure, the italics below it its
     caption; so are those above a table), tables that scroll, and links to other reports that lead
     to their pages.
@@ -205,7 +205,7 @@ def _dressed(html: str, pictures: Mapping[str, bytes]) -> str:
     return html
 
 
-def pdf_page(files: Mapping[str, bytes]) -> bytes:
+def pdf_page(files: Files) -> bytes:
     """`report.pdf` of the files of a report (path -> bytes).  ImportError without the extra
     `pdf`.
     """

@@ -22,12 +22,9 @@ independent one.)  The coordinates `step` and `walker` tell where a draw comes f
 
 from __future__ import annotations
 
-import io
 import math
-from collections.abc import Mapping
 from importlib.util import find_spec
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
@@ -43,10 +40,8 @@ if TYPE_CHECKING:
     import xarray
 
 HOW_TO_GET = 'pip install "estim[arviz]"'
-_NETCDF = ("h5netcdf", "h5py")
+_NETCDF = ("xarray", "h5netcdf", "h5py")
 _PRIOR_DRAWS = 4000
-Variable = tuple[tuple[str, ...], FloatArray, Mapping[str, str]]
-"""Dimensions, values, attributes."""
 
 
 def can_write_netcdf() -> bool:
@@ -82,9 +77,9 @@ def to_datatree(analysis: Analysis) -> xarray.DataTree:
     ['a', 'b']
     """
     _require("xarray")
-    from xarray import Dataset, DataTree
+    from xarray import DataTree
 
-    return DataTree.from_dict({path: Dataset(*group) for path, group in _groups(analysis).items()})
+    return DataTree.from_dict(_groups(analysis))
 
 
 def to_netcdf(analysis: Analysis) -> bytes:
@@ -98,7 +93,7 @@ def to_netcdf(analysis: Analysis) -> bytes:
     b'HDF'
     """
     _require(*_NETCDF)
-    return as_netcdf(_groups(analysis))
+    return bytes(to_datatree(analysis).to_netcdf(engine="h5netcdf"))
 
 
 def to_frame(analysis: Analysis) -> pd.DataFrame:
@@ -204,148 +199,103 @@ def _said(analysis: Analysis) -> dict[str, Any]:
     }
 
 
-def _groups(analysis: Analysis) -> dict[str, Group]:
-    order = time_halves_order(*analysis.chain.draws.shape[1:3])
+def _groups(analysis: Analysis) -> dict[str, xarray.Dataset]:
+    from xarray import Dataset
+
+    chain, runs = analysis.chain, analysis.problem.runs
+    n_ensemble, n_step, n_walker, n_par = chain.draws.shape
+    order, by_draw = time_halves_order(n_step, n_walker), ("chain", "draw")
+    draws = chain.draws.reshape(n_ensemble, -1, n_par)[:, order]
+    log_density = chain.log_density.reshape(n_ensemble, -1)[:, order]
+    places = {
+        "chain": np.arange(n_ensemble),
+        "draw": np.arange(order.size),
+        "step": ("draw", order // n_walker),
+        "walker": ("draw", order % n_walker),
+    }
+    posterior = {
+        _variable(p.name, "parameter"): (by_draw, draws[..., i], _about(p.unit, p.meaning))
+        for i, p in enumerate(analysis.problem.parameters)
+    }
+    accepted = _about("1", phrase("fraction of accepted moves"))
+    height = _about("1", phrase("log posterior density up to the evidence"))
+    statistics = {
+        "lp": (by_draw, log_density, height),
+        "acceptance": ("chain", chain.acceptance, accepted),
+    }
+    observed = {
+        _variable(run.name, "run"): (_dim(run.name), run.y, _about(run.y_unit, run.y_name))
+        for run in runs
+    }
+    constant = {}
+    for run in runs:
+        constant[f"x[{run.name}]"] = (_dim(run.name), run.x, _about(run.x_unit, run.x_name))
+        if run.t is not None:
+            constant[f"t[{run.name}]"] = (_dim(run.name), run.t, _about("s", phrase("time")))
     groups = {
-        "/": _empty(analysis),
-        "/posterior": _posterior(analysis, order),
-        "/sample_stats": _sample_stats(analysis, order),
+        "/": Dataset(attrs=_attributes(analysis)),
+        "/posterior": Dataset(posterior, places),
+        "/sample_stats": Dataset(statistics, places),
         "/prior": _prior(analysis),
-        "/observed_data": _observed_data(analysis),
-        "/constant_data": _constant_data(analysis),
+        "/observed_data": Dataset(observed),
+        "/constant_data": Dataset(constant),
     }
     if analysis.problem.n_obs <= 10_000:  # points
-        groups["/log_likelihood"] = _log_likelihood(analysis, order)
+        groups["/log_likelihood"] = _log_likelihood(analysis, draws)
     return groups
 
 
-def _empty(analysis: Analysis) -> Group:
+def _attributes(analysis: Analysis) -> dict[str, Any]:
     attributes = _said(analysis) | {
         "title": one_line(analysis.title),
         "reasons": "\n".join(analysis.diagnosis.reasons),
-    }
-    versions = {
-        f"version_{package.replace('-', '_')}": number
-        for package, number in software_versions().items()
-    }
-    draws = phrase(
-        "chain: ensemble of walkers; draw: first half, then second half of the steps, each "
-        "walker by walker"
-    )
-    return Group(
-        attributes={
-            **attributes,
-            "seed": analysis.seed,
-            "sampling": analysis.chain.convergence.message,
-            "draws": draws,
-            **versions,
-        }
-    )
-
-
-def _coordinates(
-    analysis: Analysis, order: NDArray[np.intp]
-) -> dict[str, tuple[tuple[str, ...], NDArray[np.intp]]]:
-    n_ensemble, _, n_walker, _ = analysis.chain.draws.shape
-    return {
-        "chain": (("chain",), np.arange(n_ensemble)),
-        "draw": (("draw",), np.arange(order.size)),
-        "step": (("draw",), order // n_walker),
-        "walker": (("draw",), order % n_walker),
-    }
-
-
-def _posterior(analysis: Analysis, order: NDArray[np.intp]) -> Group:
-    chain = analysis.chain
-    draws = chain.draws.reshape(chain.draws.shape[0], -1, len(chain.names))[:, order]
-    variables = {
-        _variable(p.name, "parameter"): (
-            ("chain", "draw"),
-            draws[..., i],
-            _about(p.unit, p.meaning),
-        )
-        for i, p in enumerate(analysis.problem.parameters)
-    }
-    return Group(variables, _coordinates(analysis, order))
-
-
-def _sample_stats(analysis: Analysis, order: NDArray[np.intp]) -> Group:
-    chain = analysis.chain
-    log_density = chain.log_density.reshape(len(chain.log_density), -1)[:, order]
-    variables = {
-        "lp": (
-            ("chain", "draw"),
-            log_density,
-            _about("1", phrase("log posterior density up to the evidence")),
-        ),
-        "acceptance": (
-            ("chain",),
-            chain.acceptance,
-            _about("1", phrase("fraction of accepted moves")),
+        "seed": analysis.seed,
+        "sampling": analysis.chain.convergence.message,
+        "draws": phrase(
+            "chain: ensemble of walkers; draw: first half, then second half of the steps, each "
+            "walker by walker"
         ),
     }
-    return Group(variables, _coordinates(analysis, order))
+    for package, number in software_versions().items():
+        attributes[f"version_{package.replace('-', '_')}"] = number
+    return attributes
 
 
-def _log_likelihood(analysis: Analysis, order: NDArray[np.intp]) -> Group:
-    chain = analysis.chain
-    draws = chain.draws.reshape(n_chain := len(chain.draws), -1, len(chain.names))
+def _log_likelihood(analysis: Analysis, draws: FloatArray) -> xarray.Dataset:
+    """draws : (n_ensemble, n_draw, n_par)."""
+    from xarray import Dataset
+
+    n_chain, n_all, n_par = draws.shape
     # of the log likelihood of every point: draws, and draws times points
     n_draw = min(2000, max(400, 600_000 // analysis.problem.n_obs))
-    indices = np.unique(np.linspace(0, order.size - 1, max(1, n_draw // n_chain)).astype(int))
-    pointwise = analysis.fit.posterior.pointwise(
-        draws[:, order[indices]].reshape(-1, draws.shape[-1])
-    )
-    meaning = phrase("log density of a point given the other points of its run")
+    indices = np.unique(np.linspace(0, n_all - 1, max(1, n_draw // n_chain)).astype(int))
+    pointwise = analysis.fit.posterior.pointwise(draws[:, indices].reshape(-1, n_par))
+    about = _about("1", phrase("log density of a point given the other points of its run"))
     variables = {
         _variable(run.name, "run"): (
             ("chain", "draw", _dim(run.name)),
             terms.reshape(n_chain, indices.size, -1),
-            _about("1", meaning),
+            about,
         )
         for run, terms in zip(analysis.problem.runs, pointwise, strict=True)
     }
-    return Group(
-        variables, {"chain": (("chain",), np.arange(n_chain)), "draw": (("draw",), indices)}
-    )
+    return Dataset(variables, {"chain": np.arange(n_chain), "draw": indices})
 
 
-def _prior(analysis: Analysis) -> Group:
+def _prior(analysis: Analysis) -> xarray.Dataset:
+    from xarray import Dataset
+
     rng = stream(analysis.seed, Stream.PRIOR)
     variables, improper = {}, []
     for p in analysis.problem.parameters:
         if math.isfinite(p.prior.sd):
             about = _about(p.unit, p.meaning) | {"prior": p.prior.describe()}
-            variables[_variable(p.name, "parameter")] = (
-                ("chain", "draw"),
-                p.prior.draw(rng, _PRIOR_DRAWS)[None],
-                about,
-            )
+            drawn = p.prior.draw(rng, _PRIOR_DRAWS)[None]
+            variables[_variable(p.name, "parameter")] = (("chain", "draw"), drawn, about)
         else:
             improper.append(p.name)
-    coordinates = {
-        "chain": (("chain",), np.zeros(1, dtype=int)),
-        "draw": (("draw",), np.arange(_PRIOR_DRAWS)),
-    }
-    return Group(variables, coordinates, {"improper": ", ".join(improper)})
-
-
-def _observed_data(analysis: Analysis) -> Group:
-    return Group(
-        {
-            _variable(run.name, "run"): ((_dim(run.name),), run.y, _about(run.y_unit, run.y_name))
-            for run in analysis.problem.runs
-        }
-    )
-
-
-def _constant_data(analysis: Analysis) -> Group:
-    variables = {}
-    for run in analysis.problem.runs:
-        variables[f"x[{run.name}]"] = ((_dim(run.name),), run.x, _about(run.x_unit, run.x_name))
-        if run.t is not None:
-            variables[f"t[{run.name}]"] = ((_dim(run.name),), run.t, _about("s", phrase("time")))
-    return Group(variables)
+    places = {"chain": np.zeros(1, dtype=int), "draw": np.arange(_PRIOR_DRAWS)}
+    return Dataset(variables, places, {"improper": ", ".join(improper)})
 
 
 def _variable(name: str, what: str) -> str:
@@ -361,54 +311,3 @@ def _dim(run: str) -> str:
 
 def _about(unit: str, meaning: str) -> dict[str, str]:
     return {"units": one_line(unit), "long_name": one_line(meaning)}  # HDF5 takes no null character
-
-
-class Group(NamedTuple):
-    """variables : name -> `Variable`.  coordinates : name -> dimensions and whole numbers.
-    attributes : texts and whole numbers.
-    """
-
-    variables: Mapping[str, Variable] = MappingProxyType({})
-    coordinates: Mapping[str, tuple[tuple[str, ...], Any]] = MappingProxyType({})
-    attributes: Mapping[str, str | int] = MappingProxyType({})
-
-
-def as_netcdf(groups: Mapping[str, Group]) -> bytes:
-    """The groups, path -> `Group` ("/" is the file itself), as the bytes of a file.
-
-    By the CF conventions: a coordinate of one dimension bears its name, variables name the others
-    in their attribute `coordinates`.
-    """
-    import h5netcdf
-
-    buffer = io.BytesIO()
-    with h5netcdf.File(buffer, "w") as file:
-        for path, group in groups.items():
-            _write(file if path == "/" else file.create_group(path), group)
-    return buffer.getvalue()
-
-
-def _write(place: Any, group: Group) -> None:
-    for name, value in group.attributes.items():
-        place.attrs[name] = value if isinstance(value, str) else np.atleast_1d(value)
-    everything = [
-        (dims, np.asarray(values))
-        for dims, values, *_ in (*group.coordinates.values(), *group.variables.values())
-    ]
-    place.dimensions = {
-        dim: size
-        for dims, values in everything
-        for dim, size in zip(dims, values.shape, strict=True)
-    }
-    for name, (dims, values) in group.coordinates.items():
-        place.create_variable(name, dims, data=np.asarray(values, dtype=np.int64))
-    for name, (dims, values, about) in group.variables.items():
-        variable = place.create_variable(name, dims, data=values, fillvalue=np.nan)
-        variable.attrs.update(about)
-        along = [
-            other
-            for other, (axes, _) in group.coordinates.items()
-            if axes != (other,) and set(axes) <= set(dims)
-        ]
-        if along:
-            variable.attrs["coordinates"] = " ".join(along)

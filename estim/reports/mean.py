@@ -9,6 +9,7 @@ import numpy as np
 
 from estim.common import (
     FigureChoice,
+    Files,
     behind,
     bracketed,
     interval,
@@ -58,7 +59,7 @@ def mean_statement(found: TableMean) -> str:
     )
 
 
-def mean_report(found: TableMean, *, seed: int, figures: FigureChoice = "main") -> dict[str, bytes]:
+def mean_report(found: TableMean, *, seed: int, figures: FigureChoice) -> Files:
     """`report.md`, `result.json` and `figures/mean.png`."""
     mean, groups = found.mean, found.mean.groups
     shown = mean.shown()
@@ -151,5 +152,5 @@ def mean_figure(found: TableMean) -> Figure:
         xlabel=phrase("number of the value" if mean.groups is None else "group"),
     )
     ax.ticklabel_format(axis="y", useOffset=False)
-    legend_below(figure, ncols=3)
+    legend_below(figure)
     return figure

@@ -6,19 +6,19 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from estim.arrays import FloatArray, sds_of
 from estim.common import (
     FigureChoice,
+    Files,
+    Json,
     PhraseTable,
     behind,
     bracketed,
     gravest,
     interval,
-    later,
     phrase,
     rounded,
 )
@@ -49,23 +49,27 @@ _LAWS = PhraseTable(
         "exact": "exact",
     }
 )
-_BY_DRAWS = {
-    "symmetric": later(
-        "{what}: {best} the probabilistically symmetric {percent} coverage interval {ends}, by "
-        "propagation of distributions ({n} Monte Carlo trials, JCGM 101)."
-    ),
-    "shortest": later(
-        "{what}: {best} the shortest {percent} coverage interval {ends}, by "
-        "propagation of distributions ({n} Monte Carlo trials, JCGM 101)."
-    ),
-}
-_INTERVALS_DRAWN = {
-    "symmetric": later("{percent} interval of the draws, symmetric"),
-    "shortest": later("{percent} interval of the draws, shortest"),
-}
+_BY_DRAWS = PhraseTable(
+    {
+        "symmetric": (
+            "{what}: {best} the probabilistically symmetric {percent} coverage interval {ends}, by "
+            "propagation of distributions ({n} Monte Carlo trials, JCGM 101)."
+        ),
+        "shortest": (
+            "{what}: {best} the shortest {percent} coverage interval {ends}, by "
+            "propagation of distributions ({n} Monte Carlo trials, JCGM 101)."
+        ),
+    }
+)
+_INTERVALS_DRAWN = PhraseTable(
+    {
+        "symmetric": "{percent} interval of the draws, symmetric",
+        "shortest": "{percent} interval of the draws, shortest",
+    }
+)
 
 
-def measurement_result(propagation: Propagation, *, seed: int) -> dict[str, Any]:
+def measurement_result(propagation: Propagation, *, seed: int) -> Json:
     """Everything of `estim propagate`, as `result.json` has it; the report prints from it."""
     model, linear = propagation.model, propagation.linear
     meanings = [meaning for quantity in model.quantities for meaning in quantity.meanings]
@@ -109,7 +113,7 @@ def measurement_result(propagation: Propagation, *, seed: int) -> dict[str, Any]
     }
 
 
-def _output(propagation: Propagation, i: int) -> dict[str, Any]:
+def _output(propagation: Propagation, i: int) -> Json:
     """One measurand."""
     output, budget = propagation.model.outputs[i], propagation.budgets[i]
     checked, drawn = propagation.validation, propagation.sampled
@@ -220,8 +224,7 @@ def statement(propagation: Propagation, i: int) -> str:
                 name=output.name,
             )
         )
-        told = phrase(
-            _BY_DRAWS[propagation.model.interval],
+        told = _BY_DRAWS[propagation.model.interval].format(
             what=what,
             best=best,
             percent=percent,
@@ -280,9 +283,7 @@ def expanded_statement(
     )
 
 
-def measurement_report(
-    propagation: Propagation, *, seed: int, figures: FigureChoice = "main"
-) -> dict[str, bytes]:
+def measurement_report(propagation: Propagation, *, seed: int, figures: FigureChoice) -> Files:
     """`report.md`, `result.json` and the figures."""
     result = measurement_result(propagation, seed=seed)
     drawers: Drawers = {"figures/distribution.png": partial(distribution_figure, propagation)}
@@ -357,7 +358,7 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
             label=phrase("draws (Monte Carlo)"),
         )
         interval = propagation.interval
-        label = phrase(_INTERVALS_DRAWN[propagation.model.interval], percent=percent)
+        label = _INTERVALS_DRAWN[propagation.model.interval].format(percent=percent)
         for end in (interval.low[i], interval.high[i]):
             ax.axvline(float(end), color=BLUE, lw=1.4, label=label)
     if gum.u > 0.0 and math.isfinite(gum.value):

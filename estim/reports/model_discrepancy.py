@@ -67,14 +67,8 @@ class ForceSummary(Band):
     noise_words: str | None  # where the readings scatter plainly otherwise than stated
 
 
-def deviations(analysis: Analysis) -> dict[str, ForceSummary] | None:
-    """Run, or body of runs that share one -> its unmodelled force; None where none was asked
-    for.
-    """
-    return {force.run: _summary(analysis, force) for force in analysis.fit.forces} or None
-
-
-def _summary(analysis: Analysis, found: FoundForce) -> ForceSummary:
+def force_summary(analysis: Analysis, found: FoundForce) -> ForceSummary:
+    """The record of an unmodelled force."""
     force, problem, noise = found.force, analysis.problem, noise_finding(found)
     sds = dict(zip(problem.names, np.std(analysis.chain.flat, axis=0).tolist(), strict=True))
     ok = analysis.diagnosis.ok
@@ -220,14 +214,8 @@ class DeviationSummary(Band):
     words: str
 
 
-def curve_deviations(analysis: Analysis) -> dict[str, DeviationSummary] | None:
-    """Run -> what its curve lacks; None where that was not asked for."""
-    return {
-        deviation.run: _curve_summary(analysis, deviation) for deviation in analysis.fit.deviations
-    } or None
-
-
-def _curve_summary(analysis: Analysis, found: FoundDeviation) -> DeviationSummary:
+def deviation_summary(analysis: Analysis, found: FoundDeviation) -> DeviationSummary:
+    """The record of what the curve of a run lacks."""
     problem, visible = analysis.problem, found.visible
     run = next(run for run in problem.runs if run.name == found.run)
     return DeviationSummary(

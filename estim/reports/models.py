@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -13,6 +12,8 @@ from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL
 from estim.common import (
     FigureChoice,
+    Files,
+    Json,
     PhraseTable,
     bracketed,
     later,
@@ -52,23 +53,25 @@ _WORTH = (
     (3.0, later("positive")),
     (5.0, later("strong")),
 )
-_GROUNDS = {
-    Ground.ROOM: later(
-        "it allows for an unmodelled deviation, and no model with an effect that it does "
-        "not contain has higher {what}"
-    ),
-    Ground.UNDECIDED: later(
-        "{best} has higher {what}{odds}, but these data do not distinguish it from every "
-        "model without its additional effect"
-    ),
-    Ground.SHOWN: later(
-        "it contains an additional effect that the default model does not contain, and the "
-        "data distinguish it from "
-        "every model without this effect"
-    ),
-    Ground.BEST: later("of the models with status ok it has the highest {what}"),
-    Ground.NONE: later("no model has status ok"),
-}
+_GROUNDS = PhraseTable(
+    {
+        Ground.ROOM: (
+            "it allows for an unmodelled deviation, and no model with an effect that it does "
+            "not contain has higher {what}"
+        ),
+        Ground.UNDECIDED: (
+            "{best} has higher {what}{odds}, but these data do not distinguish it from every "
+            "model without its additional effect"
+        ),
+        Ground.SHOWN: (
+            "it contains an additional effect that the default model does not contain, and the "
+            "data distinguish it from "
+            "every model without this effect"
+        ),
+        Ground.BEST: "of the models with status ok it has the highest {what}",
+        Ground.NONE: "no model has status ok",
+    }
+)
 _LACKS = PhraseTable(
     {
         NoEvidence.NOT_COMPUTED: "not computed for so many unknowns",
@@ -85,8 +88,8 @@ _FAR = 0.02  # of the data sets beyond what is drawn, on either side
 
 
 def models_report(
-    campaign: Campaign, comparison: ModelComparison, *, seed: int, figures: FigureChoice = "main"
-) -> dict[str, bytes]:
+    campaign: Campaign, comparison: ModelComparison, *, seed: int, figures: FigureChoice
+) -> Files:
     """The files of a comparison of models."""
     rows, problem = comparison.rows, comparison.rows[0].analysis.problem
     # the quantities of interest
@@ -152,11 +155,8 @@ def ground_words(comparison: ModelComparison) -> str:
     odds = ""
     if comparison.by_evidence and rival is not None and default is not None:
         odds = f", {odds_words(log_odds(rival, default))}"
-    return phrase(
-        _GROUNDS[comparison.ground],
-        best="" if rival is None else rival.model.name,
-        what=what,
-        odds=odds,
+    return _GROUNDS[comparison.ground].format(
+        best="" if rival is None else rival.model.name, what=what, odds=odds
     )
 
 
@@ -243,7 +243,7 @@ def _shown(rows: Sequence[ComparedModel]) -> ComparedModel:
     return by_name.get("unmodelled-force") or by_name.get("as-stated") or rows[0]
 
 
-def _summary(row: ComparedModel) -> dict[str, Any]:
+def _summary(row: ComparedModel) -> Json:
     analysis, status = row.analysis, row.analysis.diagnosis.status
     posterior = dict(zip(analysis.fit.names, analysis.summaries, strict=True))
     return {
@@ -269,7 +269,7 @@ def _summary(row: ComparedModel) -> dict[str, Any]:
     }
 
 
-def _predicted(one: Predicted) -> dict[str, Any]:
+def _predicted(one: Predicted) -> Json:
     low, middle, high = np.quantile(one.again, [0.025, 0.5, 0.975], method="nearest")
     return {
         "run": one.run,
@@ -320,7 +320,7 @@ def _predicted_table(rows: Sequence[ComparedModel]) -> list[tuple[str, str, list
 
 
 def values_figure(
-    rows: Sequence[Mapping[str, Any]], common: Sequence[Parameter], recommended: str = ""
+    rows: Sequence[Json], common: Sequence[Parameter], recommended: str = ""
 ) -> Figure:
     """68 and 95 % intervals of each quantity under each model; those of a model that is not ok in
     grey, dashed.

@@ -13,6 +13,8 @@ from urllib.parse import unquote
 from estim.common import (
     FIGURE_CHOICES,
     FigureChoice,
+    Files,
+    InputError,
     Markdown,
     as_csv,
     as_json,
@@ -101,7 +103,7 @@ def page(
     kind: str = "",
     opened: Collection[str] = (),
     **values: object,
-) -> dict[str, bytes]:
+) -> Files:
     """The figures that are `wanted`, `report.md` of a template filled with `values`, and the JSON
     of `records`, path -> bytes.
 
@@ -115,7 +117,7 @@ def page(
 
 def images(
     drawers: Drawers, *, wanted: FigureChoice, further: Drawers | None = None, kind: str = ""
-) -> dict[str, bytes]:
+) -> Files:
     """The figures that are `wanted`, path -> PNG.
 
     drawers, further : of the main figures, and of those that are drawn where all are wanted.
@@ -134,9 +136,7 @@ def finished(text: str) -> str:
     return numbered(unbroken(text))
 
 
-def with_campaign(
-    files: Mapping[str, bytes], text: str, *, file: str, command: str
-) -> dict[str, bytes]:
+def with_campaign(files: Files, text: str, *, file: str, command: str) -> Files:
     """The files of a report with the TOML `text` at its end, as they are where that is empty.
 
     text : no line of it begins with a grave accent, and all of it is printable.
@@ -150,9 +150,9 @@ def with_campaign(
     return {**files, "report.md": files["report.md"].rstrip() + b"\n\n" + section.encode()}
 
 
-def shortened(text: str) -> dict[str, bytes]:
+def shortened(text: str) -> Files:
     """`report.md` of a report in Markdown, and the files with what was taken out of it."""
-    files: dict[str, bytes] = {}
+    files: Files = {}
 
     def kept(found: re.Match[str]) -> str:
         block = found[0]
@@ -167,7 +167,7 @@ def shortened(text: str) -> dict[str, bytes]:
     return {"report.md": _CODE_TABLE_OR_LIST.sub(kept, text).encode(), **files}
 
 
-def _name(files: dict[str, bytes], before: str, kind: str) -> str:
+def _name(files: Files, before: str, kind: str) -> str:
     """A path that is still free, after the last heading."""
     heading = (
         unicodedata.normalize("NFKD", before.rpartition("\n#")[2].partition("\n")[0].lower())
@@ -182,7 +182,7 @@ def _name(files: dict[str, bytes], before: str, kind: str) -> str:
     return next(name for name in names if name not in files)
 
 
-def _table(block: str, path: str, files: dict[str, bytes]) -> str:
+def _table(block: str, path: str, files: Files) -> str:
     cells = [_CELLS.split(row)[1:-1] for row in block.splitlines()]
     n_row, n_column = len(cells) - 2, len(cells[0])
     if n_row <= MOST_ROWS and n_column <= MOST_COLUMNS:
@@ -204,7 +204,7 @@ def _table(block: str, path: str, files: dict[str, bytes]) -> str:
     )
 
 
-def _list(block: str, path: str, files: dict[str, bytes]) -> str:
+def _list(block: str, path: str, files: Files) -> str:
     points = [match.start() for match in re.finditer(r"^- ", block, re.MULTILINE)]
     if len(points) <= MOST_POINTS:
         return block

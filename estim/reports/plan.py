@@ -4,11 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
-from estim.common import FigureChoice, Status, bracketed, decide, format_quantity, phrase, with_unit
+from estim.common import (
+    FigureChoice,
+    Files,
+    Json,
+    Status,
+    bracketed,
+    decide,
+    format_quantity,
+    phrase,
+    with_unit,
+)
 from estim.drawing import (
     COLOURS,
     GREY,
@@ -62,7 +71,7 @@ def plan_answers(plan: Plan) -> list[str]:
     )
 
 
-def plan_record(plan: Plan) -> dict[str, Any]:
+def plan_record(plan: Plan) -> Json:
     """Every number of a plan, as `plan.json` has it."""
     status, reasons = plan_status(plan)
     names = [p.name for p in plan.targets]
@@ -106,7 +115,7 @@ def plan_record(plan: Plan) -> dict[str, Any]:
     }
 
 
-def plan_report(plan: Plan, *, figures: FigureChoice = "main") -> dict[str, bytes]:
+def plan_report(plan: Plan, *, figures: FigureChoice) -> Files:
     """`report.md`, `plan.json` and the figures."""
     record, options = plan_record(plan), shown_options(plan.options)
     drawers: Drawers = (
@@ -200,9 +209,13 @@ def _idle(plan: Plan, i: int) -> str:
     if twice is None or twice.ratio[i] < 0.9:
         return ""
     gain = 100.0 * (1.0 - twice.ratio[i])
-    if gain < 0.5:
-        return phrase("; {what} would not reduce it", what=twice.change.words)
-    return phrase("; {what} would reduce it by {gain:.0f} %", what=twice.change.words, gain=gain)
+    return phrase(
+        "; {what} would not reduce it"
+        if gain < 0.5
+        else "; {what} would reduce it by {gain:.0f} %",
+        what=twice.change.words,
+        gain=gain,
+    )
 
 
 def _size(p: Parameter, u: float) -> str:

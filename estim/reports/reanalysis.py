@@ -6,7 +6,6 @@ import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -15,6 +14,8 @@ from estim.campaign import gamma_origin
 from estim.checks import Estimate, not_measured, result_table, screen_lines
 from estim.common import (
     FigureChoice,
+    Files,
+    Json,
     Quantity,
     format_rounded,
     later,
@@ -56,7 +57,7 @@ from estim.studies.limits import Narrowing
 from estim.studies.reanalysis import BodyAnalysis, Reanalysis
 
 
-def reanalysis_result(r: Reanalysis) -> dict[str, Any]:
+def reanalysis_result(r: Reanalysis) -> Json:
     """Everything of a reanalysis, as `result.json` has it; the report prints from it."""
     return {
         "schema": "estim-reanalysis/1",
@@ -85,7 +86,7 @@ def reanalysis_result(r: Reanalysis) -> dict[str, Any]:
     }
 
 
-def _body(r: Reanalysis, body: BodyAnalysis) -> dict[str, Any]:
+def _body(r: Reanalysis, body: BodyAnalysis) -> Json:
     table, ok = body.narrowing, body.joint.diagnosis.ok
     return {
         "gamma_masses": body.gamma_masses,
@@ -126,7 +127,7 @@ def _body(r: Reanalysis, body: BodyAnalysis) -> dict[str, Any]:
     }
 
 
-def reanalysis_report(r: Reanalysis, *, figures: FigureChoice = "main") -> dict[str, bytes]:
+def reanalysis_report(r: Reanalysis, *, figures: FigureChoice) -> Files:
     """`report.md`, `result.json` and `figures/*.png`."""
     result = reanalysis_result(r)
     drawn: Drawers = {}
@@ -260,7 +261,7 @@ def _shared(joint: Analysis, truth: Mapping[str, float]) -> list[Estimate]:
     ]
 
 
-def _band_words(result: Mapping[str, Any], names: Collection[str]) -> str:
+def _band_words(result: Json, names: Collection[str]) -> str:
     """Whose band the propagated one of these bodies is, and what it is made of beside the inputs
     that the campaign states.
     """
@@ -281,16 +282,12 @@ def _band_words(result: Mapping[str, Any], names: Collection[str]) -> str:
     return "; ".join([phrase("stated inputs, 68 %"), *others])
 
 
-def _how_many(body: dict[str, Any]) -> str:
-    n = len(body["runs_in_order"])
-    return (
-        phrase("{n} runs", n=n)
-        if n > 1
-        else phrase("the run {name}", name=body["runs_in_order"][0])
-    )
+def _how_many(body: Json) -> str:
+    runs = body["runs_in_order"]
+    return phrase("{n} runs" if len(runs) > 1 else "the run {name}", n=len(runs), name=runs[0])
 
 
-def _energies(body: dict[str, Any]) -> str:
+def _energies(body: Json) -> str:
     """What the runs of a body say of a loss of energy."""
     averages = (
         f". {average_words(body['energies'])}".rstrip(".") if body["drift"]["determined"] else ""
@@ -298,7 +295,7 @@ def _energies(body: dict[str, Any]) -> str:
     return energy_words(body["drift"]) + averages
 
 
-def _narrowing(result: Mapping[str, Any]) -> str:
+def _narrowing(result: Json) -> str:
     """How wide the bands of the curves are beside those of the stated inputs, as part of a
     caption.
     """
@@ -313,7 +310,7 @@ def _narrowing(result: Mapping[str, Any]) -> str:
     return phrase(", {shares} as wide", shares=f"{least}–{most}")
 
 
-def _story(result: Mapping[str, Any], bodies: Mapping[str, dict[str, Any]]) -> list[str]:
+def _story(result: Json, bodies: Mapping[str, Json]) -> list[str]:
     """What to know about the comparison with the paper and with the truth.  bodies : those whose
     status is ok.
     """
@@ -364,7 +361,7 @@ def _story(result: Mapping[str, Any], bodies: Mapping[str, dict[str, Any]]) -> l
     return told
 
 
-def _energy_beside(bodies: Collection[dict[str, Any]]) -> str:
+def _energy_beside(bodies: Collection[Json]) -> str:
     """How far the energy changes relative to that at release; "" where that may be 0 in all
     runs.
     """
@@ -394,7 +391,7 @@ def _energy_beside(bodies: Collection[dict[str, Any]]) -> str:
     )
 
 
-def _line_beside(line: Mapping[str, Any] | None) -> str:
+def _line_beside(line: Json | None) -> str:
     """How the measured theta_min lie to the theory; "" where nothing can be said."""
     if line is None or (above := line["above_theory"]) is None:
         return ""
@@ -414,7 +411,7 @@ def _line_beside(line: Mapping[str, Any] | None) -> str:
     )
 
 
-def _pull_of_gamma(name: str, body: dict[str, Any]) -> str:
+def _pull_of_gamma(name: str, body: Json) -> str:
     """How far the stated gamma is from the true one, where that is known and kappa follows it."""
     together = _correlated(name, body)
     # two parameters that are one unknown in effect
@@ -426,7 +423,7 @@ def _pull_of_gamma(name: str, body: dict[str, Any]) -> str:
     return signed(f"{(body['gamma_masses'].value - true) / body['gamma_masses'].u:+.1f}")
 
 
-def _all_ok(result: Mapping[str, Any]) -> str:
+def _all_ok(result: Json) -> str:
     """'ok (8 runs, 2 joint fits, line)': what all the results are."""
     counted = (
         (len(result["runs"]), later("{n} run"), later("{n} runs")),
@@ -453,7 +450,7 @@ def _lefts(screens: Mapping[str, Screen]) -> str:
     )
 
 
-def _symbols(body: dict[str, Any]) -> str:
+def _symbols(body: Json) -> str:
     """'c_rr: coefficient of rolling resistance; R: radius of the disk': each symbol once."""
     labels = body["joint"].labels.bare
     meanings = {
@@ -462,7 +459,7 @@ def _symbols(body: dict[str, Any]) -> str:
     return "; ".join(f"{symbol}: {meaning}" for symbol, meaning in meanings.items())
 
 
-def _correlated(name: str, body: dict[str, Any]) -> float | None:
+def _correlated(name: str, body: Json) -> float | None:
     """Correlation of gamma and kappa of a body; None where one of them is not free."""
     correlation, pair = body["joint"].correlation, (f"gamma[{name}]", f"kappa[{name}]")
     if not {*pair} <= {*correlation.names}:
@@ -479,7 +476,7 @@ def _gathered(words: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
     return names
 
 
-def _troubles(result: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _troubles(result: Json) -> list[tuple[str, str]]:
     """What is not ok, and why."""
     reasons = {f"run {name}": run.reasons for name, run in result["runs"].items()}
     reasons |= {
@@ -502,7 +499,7 @@ def called(what: str) -> str:
     return phrase("line")
 
 
-def _limit_words(body: dict[str, Any]) -> list[str]:
+def _limit_words(body: Json) -> list[str]:
     """What limits each shared parameter, in words."""
     sentences = []
     for name, limits in ((name, limits) for name, limits in body["limits"].items() if limits):

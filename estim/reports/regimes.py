@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -14,7 +13,9 @@ from estim.arrays import FloatArray
 from estim.campaign import Campaign
 from estim.common import (
     FigureChoice,
+    Files,
     InputError,
+    Json,
     Notation,
     PhraseTable,
     decide,
@@ -75,7 +76,7 @@ _ENDS = {
 }
 
 
-def map_result(campaign: Campaign, maps: Sequence[BodyMap], *, seed: int) -> dict[str, Any]:
+def map_result(campaign: Campaign, maps: Sequence[BodyMap], *, seed: int) -> Json:
     """Everything of `estim map`, as `result.json` has it; the report prints from it.
 
     Angles in rad, distances in m; null where there is none.
@@ -104,8 +105,8 @@ def map_report(
     line: ThetaMinSeries | None,
     *,
     seed: int,
-    figures: FigureChoice = "main",
-) -> dict[str, bytes]:
+    figures: FigureChoice,
+) -> Files:
     """`report.md`, `result.json` and the figures of each body.  line : measured least angles, of
     one body.
     """
@@ -134,12 +135,7 @@ def map_report(
     )
 
 
-def map_lines(found: BodyMap) -> list[str]:
-    """A line a run for a terminal."""
-    return [place_words(found, place) for place in found.runs]
-
-
-def _body(found: BodyMap) -> dict[str, Any]:
+def _body(found: BodyMap) -> Json:
     return {
         "ramp_end": found.end.length,  # from the release
         "ramp_end_origin": found.end.origin,
@@ -158,7 +154,7 @@ def _tilts(found: BodyMap) -> FloatArray:
     return np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step / _DEGREES
 
 
-def _tilt(found: BodyMap, phi: float) -> dict[str, Any]:
+def _tilt(found: BodyMap, phi: float) -> Json:
     """What the body does at one tilt."""
 
     def at(border: FloatArray, places: FloatArray) -> dict[str, float]:
@@ -204,7 +200,7 @@ def _spread(quantiles: FloatArray) -> dict[str, float]:
     }
 
 
-def _run(found: BodyMap, place: RunPlace) -> dict[str, Any]:
+def _run(found: BodyMap, place: RunPlace) -> Json:
     """Where a run lies and what follows."""
     return {
         "phi": place.phi[0],
@@ -247,29 +243,26 @@ def regime_figure(found: BodyMap, line: ThetaMinSeries | None) -> Figure:
 
 
 def _frame(ax: Axes, found: BodyMap) -> None:
+    from matplotlib.ticker import MultipleLocator
+
     along = phrase("tilt φ (°), uphill positive" if found.downhill else "tilt φ (°)")
     ax.set(xlabel=along, ylabel=phrase("angle of release θ₀ (°)"))
     ax.set_xlim(found.phi[0] * _DEGREES, found.phi[-1] * _DEGREES)
     ax.set_ylim(*(end * _DEGREES for end in found.theta0_range))
-    ax.yaxis.set_ticks(
-        np.arange(
-            np.ceil(found.theta0_range[0] * _DEGREES / 30.0),
-            found.theta0_range[1] * _DEGREES / 30.0 + 1e-9,
-        )
-        * 30.0
-    )
+    ax.yaxis.set_major_locator(MultipleLocator(30.0))
     ax.set_title(found.body)
 
 
 def _zones(ax: Axes, found: BodyMap) -> None:
     """What the body does, by colour; where it does not start as asked, the background."""
     ax.set_facecolor(_STILL)
-    if not found.uphill:
-        still = phrase("starts uphill instead, or does not move")
-    elif found.downhill:
-        still = phrase("starts in the other direction")
-    else:
-        still = phrase("rolls down, or does not move")
+    still = phrase(
+        "starts uphill instead, or does not move"
+        if not found.uphill
+        else "starts in the other direction"
+        if found.downhill
+        else "rolls down, or does not move"
+    )
     ax.fill([], [], color=_STILL, label=still)
     phi, lowest, highest, on, passes = (
         found.phi * _DEGREES,
@@ -456,16 +449,16 @@ def _end_words(place: RunPlace) -> str:
 
 def _recording_words(place: RunPlace, *, as_it_may: bool) -> str:
     if place.turned:
-        words = (
-            later("its recording turns back at {at:.3g} m, which is compatible ({chance})")
+        words = later(
+            "its recording turns back at {at:.3g} m, which is compatible ({chance})"
             if as_it_may
-            else later("its recording turns back at {at:.3g} m")
+            else "its recording turns back at {at:.3g} m"
         )
     else:
-        words = (
-            later("its recording extends to {at:.3g} m, which is compatible ({chance})")
+        words = later(
+            "its recording extends to {at:.3g} m, which is compatible ({chance})"
             if as_it_may
-            else later("its recording extends to {at:.3g} m")
+            else "its recording extends to {at:.3g} m"
         )
     return phrase(words, at=place.farthest, chance=sure(place.agrees))
 

@@ -15,6 +15,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from inspect import cleandoc
+from itertools import islice
 from pathlib import Path
 from typing import TypeAlias
 
@@ -38,7 +39,6 @@ from estim.checks import (
     tolerated_pattern,
 )
 from estim.common import (
-    Finding,
     Kind,
     Label,
     Status,
@@ -71,8 +71,8 @@ from estim.reports.explanation import ExplanationSummary, explanation_summary
 from estim.reports.model_discrepancy import (
     DeviationSummary,
     ForceSummary,
-    curve_deviations,
-    deviations,
+    deviation_summary,
+    force_summary,
 )
 from estim.reports.records import (
     FELT,
@@ -331,8 +331,9 @@ def result_of(
             )
             for i in determination.intervals
         },
-        curve_deviation=curve_deviations(analysis),
-        deviation=deviations(analysis),
+        curve_deviation={found.run: deviation_summary(analysis, found) for found in fit.deviations}
+        or None,
+        deviation={force.run: force_summary(analysis, force) for force in fit.forces} or None,
         explanation=explanation_summary(analysis.explanation),
         rolling=rolling_summaries(analysis),
         turning_point={
@@ -422,6 +423,9 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
         for entry in analysis.diagnosis.remarks
         if entry.kind is Kind.DEVIATION_UNASKED and entry.run in ("", run.name)
     ]
+    # then the best values mean nothing, since others are as good
+    undetermined = (Kind.SINGULAR, Kind.DIRECTION_FLAT, Kind.UNDETERMINED)
+    unknown = any(finding.kind in undetermined for finding in analysis.diagnosis.findings)
     table, derived = campaign.tables[run.name], derived_summaries(analysis, run)
     return RunSummary(
         file=one_line(table.file),
@@ -447,15 +451,8 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
         derived=derived,
         sought=[entry.name for entry in run.sought if entry.name in derived],
         blank=list(table.blank),
-        farthest=None
-        if analysis.diagnosis.ok or _undetermined(analysis.diagnosis.findings)
-        else _farthest(run, goodness),
+        farthest=None if analysis.diagnosis.ok or unknown else _farthest(run, goodness),
     )
-
-
-def _undetermined(findings: Iterable[Finding]) -> bool:
-    """Whether the best values mean nothing, since others are as good."""
-    return any(f.kind in (Kind.SINGULAR, Kind.DIRECTION_FLAT, Kind.UNDETERMINED) for f in findings)
 
 
 def _farthest(run: Observations, goodness: Goodness) -> Farthest | None:
@@ -482,7 +479,7 @@ def first_screen(result: Result) -> Screen:
     runs = ", ".join(result.runs)
     title = f"{result.title}: {runs}" if result.title not in ("", runs) else runs
     if result.status != "ok":
-        return Screen(title, _best(result), minds=_left_out(result))
+        return Screen(title, _best(result), minds=tuple(filter(None, [_left_out(result)])))
     counted = [
         check.p_value
         for run in result.runs.values()
@@ -508,11 +505,8 @@ def first_screen(result: Result) -> Screen:
         )
     )
     noise = [force.noise_words for force in (result.deviation or {}).values() if force.noise_words]
-    minds = [
-        words
-        for words in (_warnings(result), _forces(result), _limits(names, result), *noise)
-        if words
-    ]
+    minds = filter(None, (_warnings(result), _forces(result), _limits(names, result), *noise))
+    missing = filter(None, (_left_out(result), _without_a_value(estimates)))
     return Screen(
         title,
         "",
@@ -522,7 +516,7 @@ def first_screen(result: Result) -> Screen:
         tuple(rows),
         not_measured(estimates),
         listed(elsewhere) if elsewhere else "",
-        (*_left_out(result), *_without_a_value(estimates), *minds[:MOST_MINDS]),
+        (*missing, *islice(minds, MOST_MINDS)),
         sensitivity_words([result]),
     )
 
@@ -675,35 +669,36 @@ def _forces(result: Result) -> str:
     return complete[0] if complete else ""
 
 
-def _left_out(result: Result) -> tuple[str, ...]:
+def _left_out(result: Result) -> str:
     """Which rows have no value, where there are some."""
     blank = {name: run.blank for name, run in result.runs.items() if run.blank}
     lines = [line for missing in blank.values() for line in missing]
     if not lines:
-        return ()
-    if len(result.runs) > 1:
-        words = later("rows excluded because a value is missing: {n} ({runs})")
-    elif len(lines) == 1:
-        words = later("1 row was excluded because a value is missing (line {lines})")
-    else:
-        words = later("{n} rows were excluded because a value is missing (lines {lines})")
-    shown = line_numbers(lines)
-    return (phrase(words, n=len(lines), runs=listed(list(blank)), lines=shown),)
+        return ""
+    return phrase(
+        "rows excluded because a value is missing: {n} ({runs})"
+        if len(result.runs) > 1
+        else "1 row was excluded because a value is missing (line {lines})"
+        if len(lines) == 1
+        else "{n} rows were excluded because a value is missing (lines {lines})",
+        n=len(lines),
+        runs=listed(list(blank)),
+        lines=line_numbers(lines),
+    )
 
 
-def _without_a_value(estimates: Sequence[Estimate]) -> tuple[str, ...]:
+def _without_a_value(estimates: Sequence[Estimate]) -> str:
     """What was asked for, and has no value at some of the draws."""
     # at an edge there is no mean, and every quantile
     symbols = [estimate.label.symbol for estimate in estimates if estimate.summary.median is None]
     if not symbols:
-        return ()
-    sentence = phrase(
+        return ""
+    return phrase(
         "there is no value for some of the draws (a division by zero, a root or logarithm "
         "of a negative "
         "number): {symbols}",
         symbols=listed(symbols),
     )
-    return (sentence,)
 
 
 def _warnings(result: Result) -> str:
@@ -723,8 +718,11 @@ def _warnings(result: Result) -> str:
         (far, later("{n} likely outlier"), later("{n} likely outliers")),
     )
     counts = [phrase(one if k == 1 else several, n=k) for k, one, several in counted if k]
-    words = later("{counts}: see the section on data and noise")
-    return phrase(words, counts=", ".join(counts)) if counts else ""
+    return (
+        phrase("{counts}: see the section on data and noise", counts=", ".join(counts))
+        if counts
+        else ""
+    )
 
 
 def sensitivity_words(results: Sequence[Result]) -> str:

@@ -12,6 +12,8 @@ import numpy as np
 from estim.checks import Estimate, best_words
 from estim.common import (
     FigureChoice,
+    Files,
+    Json,
     Notation,
     PhraseTable,
     Status,
@@ -50,7 +52,7 @@ _METHODS = PhraseTable(
 _ROUNDING = 1e-12  # of a standard error: what is smaller is an error of rounding
 
 
-def straight_line_result(line: StraightLine) -> dict[str, Any]:
+def straight_line_result(line: StraightLine) -> Json:
     """Everything of `estim line FILE.csv`, as `result.json` has it; the report prints from it."""
     fit = line.fit
     return {
@@ -83,7 +85,7 @@ def straight_line_result(line: StraightLine) -> dict[str, Any]:
     }
 
 
-def line_figures(fit: LineFit) -> dict[str, Any]:
+def line_figures(fit: LineFit) -> Json:
     """What a report says of a line: where it lies, how it fits, and its standard errors,
     convention -> u(intercept), u(slope), covariance.
     """
@@ -110,7 +112,7 @@ def _coefficients(line: StraightLine) -> dict[str, tuple[str, str, float, float]
     }
 
 
-def straight_line_report(line: StraightLine, *, figures: FigureChoice = "main") -> dict[str, bytes]:
+def straight_line_report(line: StraightLine, *, figures: FigureChoice) -> Files:
     """`report.md`, `result.json` and `figures/line.png`."""
     result = straight_line_result(line)
 

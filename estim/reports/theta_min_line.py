@@ -16,6 +16,8 @@ from estim.checks import Estimate, result_table, screen_lines
 from estim.common import (
     QUANTILES,
     FigureChoice,
+    Files,
+    Json,
     Notation,
     PhraseTable,
     Quantity,
@@ -53,7 +55,7 @@ _STRENGTHS = (
 )
 
 
-def line_result(campaign: Campaign, analysis: LineAnalysis) -> dict[str, Any]:
+def line_result(campaign: Campaign, analysis: LineAnalysis) -> Json:
     """Everything of a line, as `result.json` has it; the report prints from it.  Where the status
     is not ok, uncertainties and what follows from them are null or empty.
     """
@@ -115,7 +117,7 @@ def line_result(campaign: Campaign, analysis: LineAnalysis) -> dict[str, Any]:
     }
 
 
-def _above_theory(analysis: LineAnalysis, intercept: FloatArray) -> dict[str, Any] | None:
+def _above_theory(analysis: LineAnalysis, intercept: FloatArray) -> Json | None:
     """The measured theta_min beside the theory with gamma as stated; None where no gamma is stated,
     or the body would not climb at the mean tilt.
 
@@ -136,7 +138,7 @@ def _above_theory(analysis: LineAnalysis, intercept: FloatArray) -> dict[str, An
     }
 
 
-def _row(analysis: LineAnalysis, method: str) -> dict[str, Any]:
+def _row(analysis: LineAnalysis, method: str) -> Json:
     """What a method says; of a status that is not ok the best line and how well it fits, without
     any uncertainty.
     """
@@ -171,8 +173,8 @@ def line_report(
     analysis: LineAnalysis,
     *,
     trials: TrialsAnalysis | None = None,
-    figures: FigureChoice = "main",
-) -> dict[str, bytes]:
+    figures: FigureChoice,
+) -> Files:
     """`report.md`, `result.json` and `figures/line.png`; with `trials` their section, `trials.json`
     and figures too.
     """
@@ -209,7 +211,7 @@ def line_lines(campaign: Campaign, analysis: LineAnalysis) -> list[str]:
     return screen_lines([line_estimate(result, campaign.truth)], minds=[resistance])
 
 
-def line_estimate(result: Mapping[str, Any], truth: Mapping[str, float]) -> Estimate:
+def line_estimate(result: Json, truth: Mapping[str, float]) -> Estimate:
     """gamma of a line whose status is ok, beside what was stated.  truth : name -> true value of
     synthetic data, where it is known.
     """

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -15,6 +14,8 @@ from estim.checks import Estimate, screen_lines
 from estim.common import (
     QUANTILES,
     FigureChoice,
+    Files,
+    Json,
     Notation,
     PhraseTable,
     Quantity,
@@ -50,8 +51,8 @@ UNKNOWN_LABELS = {name: notation.label(unit) for name, (unit, _, notation) in UN
 
 
 def trials_result(
-    campaign: Campaign, analysis: TrialsAnalysis, *, line: LineAnalysis | None = None
-) -> dict[str, Any]:
+    campaign: Campaign, analysis: TrialsAnalysis, *, line: LineAnalysis | None
+) -> Json:
     """Everything of trials of release, as `trials.json` has it; the report prints from it.  Where
     the status is not ok, what it does not allow is null or empty.
 
@@ -109,7 +110,7 @@ def _shown_prior(analysis: TrialsAnalysis, name: str) -> str:
     }.get(name) or analysis.posterior.priors[name].describe()
 
 
-def _ways(analysis: TrialsAnalysis, line: LineAnalysis | None) -> dict[str, dict[str, Any]]:
+def _ways(analysis: TrialsAnalysis, line: LineAnalysis | None) -> dict[str, Json]:
     """gamma by each way; e_n against the stated value, e_n_trials against gamma of all trials (null
     for those that share trials with it).
     """
@@ -158,7 +159,7 @@ def _apart(analysis: TrialsAnalysis) -> list[float] | None:
 
 def trials_section(
     campaign: Campaign, analysis: TrialsAnalysis, *, line: LineAnalysis | None
-) -> tuple[Drawers, dict[str, Any]]:
+) -> tuple[Drawers, Json]:
     """Figures, and the record that the section of a report prints, which is `trials.json`."""
     drawers: Drawers = {"figures/trials.png": partial(starts_figure, analysis)}
     if analysis.status.ok:
@@ -166,9 +167,7 @@ def trials_section(
     return drawers, trials_result(campaign, analysis, line=line)
 
 
-def trials_report(
-    campaign: Campaign, analysis: TrialsAnalysis, *, figures: FigureChoice = "main"
-) -> dict[str, bytes]:
+def trials_report(campaign: Campaign, analysis: TrialsAnalysis, *, figures: FigureChoice) -> Files:
     """`report.md`, `trials.json` and the figures of trials by themselves."""
     drawers, result = trials_section(campaign, analysis, line=None)
     return page(
@@ -373,7 +372,7 @@ def _chances(analysis: TrialsAnalysis, phi: float, inside: FloatArray, end: str)
     """
     posterior, names = analysis.posterior, analysis.chain.names
     draws = analysis.chain.thinned(300)
-    values = {name: draws[:, i] for i, name in enumerate(names)}
+    values = dict(zip(names, draws.T, strict=True))
     starts = effective_start(values, end, posterior.true_tilts(phi), posterior.resistance)
     zero = (
         draws[:, [names.index("zero_theta")]] * (1.0 if end == LOW else -1.0)

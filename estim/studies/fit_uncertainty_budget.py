@@ -80,15 +80,6 @@ class Budget:
         return np.square(self.drawn / self.posterior)
 
 
-@dataclass(frozen=True, eq=False)
-class _Quantity:
-    """A quantity with its gradient (n_par,) and its values at the draws (n_draw,)."""
-
-    name: str
-    gradient: FloatArray
-    values: FloatArray
-
-
 def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
     """What the standard deviation of each parameter of the curve, and of what was sought from them,
     is made of; None without a covariance.
@@ -98,12 +89,12 @@ def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
     problem, cov = fit.problem, fit.cov
     if fit.singular or not all_finite(cov) or np.any(np.diag(cov) <= 0.0):
         return None
-    quantities = _quantities(fit, draws)
-    along = cov @ np.column_stack([q.gradient for q in quantities])  # S g
+    names, gradients, values = _quantities(fit, draws)
+    along = cov @ gradients  # S g
     pulls = fit.prior_jacobian  # 1/u_i
     informative = np.flatnonzero(np.diag(pulls))
     stated = pulls[informative] @ along
-    sds = np.sqrt(np.einsum("ij,ij->j", np.column_stack([q.gradient for q in quantities]), along))
+    sds = np.sqrt(np.einsum("ij,ij->j", gradients, along))
     parts = parts_of_errors(fit.posterior, fit.values, along)
     rest = (
         np.square(sds)
@@ -112,13 +103,12 @@ def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
     )
     priors = [Source(fit.names[i], _kind_of(problem.parameters[i].prior)) for i in informative]
     further = [Source(name, "curve") for name in parts]
-    values = np.column_stack([q.values for q in quantities])
     plain = [isinstance(problem.parameters[i].prior, Normal) for i in informative]
     drawn = np.where(np.array(plain)[:, None], _drawn(pulls[informative], draws, values), np.nan)
     nothing = np.full(sds.size, np.nan)
     return Budget(
         sources=(*priors, *further, Source(READINGS, READINGS)),
-        names=tuple(q.name for q in quantities),
+        names=tuple(names),
         contributions=np.vstack([*stated, *parts.values(), np.sqrt(np.maximum(rest, 0.0))]),
         drawn=np.vstack([drawn, *(nothing for _ in parts), nothing]),
         sds=sds,
@@ -140,16 +130,16 @@ def _drawn(pulls: FloatArray, draws: FloatArray, values: FloatArray) -> FloatArr
     return pulls @ (off.T @ (values - values.mean(axis=0))) / (len(draws) - 1)
 
 
-def _quantities(fit: Fit, draws: FloatArray) -> list[_Quantity]:
-    """The parameters of the curve, of many those that runs share first, and what was sought: once
-    where it is the same for all runs.
+def _quantities(fit: Fit, draws: FloatArray) -> tuple[list[str], FloatArray, FloatArray]:
+    """The parameters of the curve, of many those that runs share first, and what was sought, once
+    where it is the same for all runs: names, gradients (n_par, n_quantity), and values at the draws
+    (n_draw, n_quantity).
     """
-    problem, quantities = fit.problem, list[_Quantity]()
+    problem = fit.problem
     noise, named = problem.noise_names, problem.named(draws)
-    for i in problem.foremost(_MOST):
-        if fit.names[i] not in noise:
-            gradient = np.eye(1, fit.values.size, i)[0]
-            quantities.append(_Quantity(fit.names[i], gradient, draws[:, i]))
+    chosen = [i for i in problem.foremost(_MOST) if fit.names[i] not in noise]
+    names = [fit.names[i] for i in chosen]
+    gradients, values = [*np.eye(fit.values.size)[chosen]], [*draws[:, chosen].T]
     by_name: dict[str, list[tuple[Observations, FloatArray]]] = {}
     for run in problem.runs:
         wanted = {derived.name for derived in run.sought}
@@ -159,6 +149,7 @@ def _quantities(fit: Fit, draws: FloatArray) -> list[_Quantity]:
     for name, each in by_name.items():
         same = all(np.allclose(gradient, each[0][1], rtol=1e-6) for _, gradient in each)
         for run, gradient in each[: 1 if same else _MOST]:
-            values = np.ravel(run.derived(run.bind(named))[name].values)
-            quantities.append(_Quantity(name if same else f"{name}[{run.name}]", gradient, values))
-    return quantities
+            names.append(name if same else f"{name}[{run.name}]")
+            gradients.append(gradient)
+            values.append(np.ravel(run.derived(run.bind(named))[name].values))
+    return names, np.column_stack(gradients), np.column_stack(values)

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.campaign import EFFECTS, Campaign
@@ -41,10 +40,6 @@ class KnownValues:
     draws: dict[str, FloatArray]
     fitted: FittedValues | None = None
 
-    def arguments(self, run: Observations) -> dict[str, ArrayLike]:
-        """Arguments of the curve of a run."""
-        return run.bind(self.draws)
-
     def beside(self, runs: Sequence[Observations]) -> tuple[str, ...]:
         """Symbols of what the runs have beside weight and plain rolling resistance."""
         return tuple(
@@ -55,7 +50,7 @@ class KnownValues:
 
 
 def known_values(
-    campaign: Campaign, names: Sequence[str], *, seed: int, fitted: FittedValues | None = None
+    campaign: Campaign, names: Sequence[str], *, seed: int, fitted: FittedValues | None
 ) -> KnownValues:
     """Draws of the parameters of the runs `names`: from their priors, and from a fit for those that
     it has.

@@ -265,15 +265,13 @@ def rival_of(rows: Sequence[ComparedModel], *, by_evidence: bool) -> ComparedMod
     default = next((row for row in good if row.model.forced), None)
     if default is None:
         return None
-    leads = {
-        row.model.name: log_odds(row, default) if by_evidence else default.behind - row.behind
-        for row in good
-        if row is not default and not contains(default, row)
-    }
-    best = max(leads, key=leads.__getitem__, default=None)
-    return next(
-        (row for row in good if row.model.name == best and leads[row.model.name] > 0.0), None
-    )
+
+    def lead(row: ComparedModel) -> float:
+        return log_odds(row, default) if by_evidence else default.behind - row.behind
+
+    others = (row for row in good if row is not default and not contains(default, row))
+    best = max(others, key=lead, default=None)
+    return best if best is not None and lead(best) > 0.0 else None
 
 
 def log_odds(row: ComparedModel, other: ComparedModel) -> float:

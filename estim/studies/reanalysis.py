@@ -295,11 +295,13 @@ def _numbers_of(
             # what the data leave as it was stated is no second opinion
             if base in ("gamma", "kappa", "radius") and estimate.measured:
                 value = Quantity(float(column.mean()), float(column.std(ddof=1)))
-                how = phrase("joint fit of {n} runs of {body}", n=n, body=b.body)
-                if parameter.prior.informative:
-                    how = phrase(
-                        "joint fit of {n} runs of {body}, stated value as prior", n=n, body=b.body
-                    )
+                how = phrase(
+                    "joint fit of {n} runs of {body}, stated value as prior"
+                    if parameter.prior.informative
+                    else "joint fit of {n} runs of {body}",
+                    n=n,
+                    body=b.body,
+                )
                 numbers.append((base, b.body, value, how))
     if line is not None and line.status == "ok":
         for reading, how in (("york", phrase("York line")), ("posterior", phrase("Bayesian line"))):

@@ -138,7 +138,7 @@ def _map_body(
     ramp_length: float | None,
 ) -> BodyMap:
     runs = [campaign.problem([name]).runs[0] for name in names]
-    arguments = {run.name: known.arguments(run) for run in runs}
+    arguments = {run.name: run.bind(known.draws) for run in runs}
     first = arguments[names[0]]
     places = tuple(place_of(campaign, run, arguments[run.name]) for run in runs)
     recorded = max(place.farthest for place in places)

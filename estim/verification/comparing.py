@@ -23,12 +23,12 @@ import hashlib
 import io
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
-from estim.common import json_of, shorten
+from estim.common import Json, json_of, shorten
 
 # of a standard deviation; the Monte-Carlo error of other draws is fifteen times that
 SAME_DRAWS = 1e-3
@@ -162,7 +162,7 @@ def _values(file: str, data: bytes) -> Any:
             parts |= {f"{head} {end}": (head, end) for end in ("sd", "q025", "q975")}
     found: list[Any] = [heads]
     for row in rows[1:]:
-        line: dict[str, Any] = {}
+        line: Json = {}
         for head, cell in zip(heads, row, strict=True):
             name, inner = parts.get(head, (head, ""))
             (line.setdefault(name, {}) if inner else line)[inner or name] = _number(cell)
@@ -310,7 +310,7 @@ def _scale(values: list[Any]) -> float:
     return max(sizes, default=0.0)
 
 
-def _tolerance(name: str, now: Mapping[str, Any], spread: float) -> float:
+def _tolerance(name: str, now: Json, spread: float) -> float:
     """Of an estimate from other draws."""
     mcse = float(now["mcse"]) if is_number(now.get("mcse")) else spread / math.sqrt(FEWEST)
     return SDS * math.sqrt(2.0) * _ERRORS[name] * mcse
@@ -377,7 +377,7 @@ def _value(text: str) -> float:
 
 def _last_digit(text: str) -> float:
     digits, _, power = text.partition("e")
-    decimals = len(re.split(r"[.,]", digits)[1]) if re.search(r"[.,]", digits) else 0
+    decimals = len(digits.replace(",", ".").partition(".")[2])
     return 10.0 ** (max(min(int(power or 0), 300), -300) - decimals)
 
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
-from typing import Any
 
-from estim.common import InputError, Quantity, in_unit, listed, same_numbers
+from estim.common import InputError, Json, Quantity, in_unit, listed, same_numbers
 from estim.verification.comparing import different_values, estimate_in
 
 _LAYERS = ("parameters", "derived", "outputs", "coefficients")  # keys that say nothing in a name
@@ -58,10 +57,18 @@ class ResultPair:
         )
 
 
-def compare_results(first: Mapping[str, Any], second: Mapping[str, Any]) -> ResultPair:
+def compare_results(first: Json, second: Json) -> ResultPair:
     """Two `result.json` of any kind, decoded."""
     a, b = ({one.name: one for one in estimates(record)} for record in (first, second))
-    units = {name: _units_in(b[name].unit, a[name].unit) for name in a if name in b}
+    # how many of the unit of the first one of the second is; None where that is not known
+    units = {
+        name: 1.0
+        if unit == one.unit or same_numbers(unit, one.unit)
+        else in_unit(1.0, unit, one.unit)
+        for name, one in a.items()
+        if name in b
+        for unit in [b[name].unit]
+    }
     both = [
         Moved(name, a[name].unit, a[name].value, (size * b[name].value[0], size * b[name].value[1]))
         for name, size in units.items()
@@ -85,14 +92,7 @@ def compare_results(first: Mapping[str, Any], second: Mapping[str, Any]) -> Resu
     return ResultPair(inputs, tuple(both), tuple(others), lost, gained)
 
 
-def _units_in(unit: str, wanted: str) -> float | None:
-    """How many of the unit `wanted` one of `unit` is; None where that is not known."""
-    if unit == wanted or same_numbers(unit, wanted):
-        return 1.0
-    return in_unit(1.0, unit, wanted)
-
-
-def only_estimate(record: Mapping[str, Any]) -> tuple[Quantity, str, float]:
+def only_estimate(record: Json) -> tuple[Quantity, str, float]:
     """The one estimate of a decoded `result.json`, its unit, and the degrees of freedom of its
     uncertainty.
 
@@ -129,7 +129,7 @@ class _Estimate:
     dof: float
 
 
-def estimates(record: Mapping[str, Any]) -> Iterator[_Estimate]:
+def estimates(record: Json) -> Iterator[_Estimate]:
     """Every value with its uncertainty in a decoded `result.json` of any kind; of several methods
     for one value that which the report quotes.
     """
@@ -160,7 +160,7 @@ def _estimates(name: str, place: str, unit: str, node: object) -> Iterator[_Esti
         yield from _estimates(shown, f"{place}.{key}" if place else key, unit, inner)
 
 
-def _inputs(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[str]:
+def _inputs(first: Json, second: Json) -> Iterator[str]:
     yield from _unlike("", first, second, _TOLD[:-1])
     a, b = (_table(record, "provenance") for record in (first, second))
     if a.get("campaign_sha256") != b.get("campaign_sha256"):
@@ -176,21 +176,19 @@ def _inputs(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[str
     yield from _unlike("version of ", was, now, sorted(was.keys() | now.keys()))
 
 
-def _unlike(
-    what: str, first: Mapping[str, Any], second: Mapping[str, Any], keys: Sequence[str]
-) -> Iterator[str]:
+def _unlike(what: str, first: Json, second: Json, keys: Sequence[str]) -> Iterator[str]:
     for key in keys:
         if first.get(key) != second.get(key):
             yield f"{what}{key}: {first.get(key)} and {second.get(key)}"
 
 
-def _table(record: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+def _table(record: Json, key: str) -> Json:
     """A table in a record, which somebody may have written by hand."""
     found = record.get(key)
     return found if isinstance(found, dict) else {}
 
 
-def _data(provenance: Mapping[str, Any]) -> dict[str, Any]:
+def _data(provenance: Json) -> Json:
     """Digests of the data by the names of the files, which may lie elsewhere now; by their paths
     where two have one name.
     """

@@ -37,6 +37,7 @@ from estim.web.preview import picture_name, preview_name, start_name
 from estim.web.question import (
     MODELS,
     NAMED,
+    Fields,
     arguments_of,
     command_line,
     field_of,
@@ -154,7 +155,12 @@ class Pages:
         async with request.form(max_files=0) as form:
             ids = dict.fromkeys(map(str, form.getlist("ids")))
         known = self._store.uploads.records
-        parts = [known[at] for at in ids if at in known and _may_be_part(known[at])]
+        # each of them one table
+        parts = [
+            upload
+            for at in ids
+            if (upload := known.get(at)) and not (upload.parts or upload.file.endswith(".toml"))
+        ]
         try:
             if not 2 <= len(parts) <= MOST_FILES:
                 words = phrase("Tick two files or more, at most {most}.", most=MOST_FILES)
@@ -191,7 +197,7 @@ class Pages:
             return await self._begun(upload, fields)
         return await self._form(upload, fields or (upload.asked if upload else {}))
 
-    async def _begun(self, upload: Upload, fields: Mapping[str, str]) -> Response:
+    async def _begun(self, upload: Upload, fields: Fields) -> Response:
         """The form with the curve at which the search begins."""
         asked = json.dumps({"formula": "", **fields}, sort_keys=True)
         name = start_name(language(), asked)
@@ -213,7 +219,7 @@ class Pages:
     async def _form(
         self,
         upload: Upload | None,
-        fields: Mapping[str, str],
+        fields: Fields,
         error: str = "",
         wrong: str | None = None,
         status: int = 200,
@@ -264,7 +270,7 @@ class Pages:
         return _to(f"/answers/{answer.id}")
 
     def _begin(
-        self, upload: Upload | None, fields: Mapping[str, str], batch: str, row: Answer | None
+        self, upload: Upload | None, fields: Fields, batch: str, row: Answer | None
     ) -> Answer:
         """A new answer, whose command waits for its turn; in a batch it may stand in the place of a
         row.  Raises InputError for the page.
@@ -481,7 +487,7 @@ class Pages:
         answer.set_cookie(LANGUAGE, name, samesite="strict", httponly=True, max_age=31_536_000)
         return answer
 
-    def _row(self, said: Mapping[str, str], of: Batch | Upload | None) -> Answer | None:
+    def _row(self, said: Fields, of: Batch | Upload | None) -> Answer | None:
         """The row that is to be replaced, if fields say one, in the batch `of`, or of that file."""
         row = self._store.answers.records.get(said.get("row", ""))
         if row is None or of is None or row.batch not in self._store.batches.records:
@@ -500,7 +506,7 @@ def _found(shelf: Shelf[Kept], request: Request, at: str = "") -> Kept:
     return record
 
 
-def _again(answer: Answer, choices: Iterable[Mapping[str, str]]) -> list[tuple[str, str]]:
+def _again(answer: Answer, choices: Iterable[Fields]) -> list[tuple[str, str]]:
     """Addresses of the question with one field changed, as a result advises, and their names;
     without those that the question would refuse.
     """
@@ -529,12 +535,7 @@ def _picture(data: bytes | None) -> Response:
     return Response(data, media_type="image/png", headers={"Cache-Control": "private"})
 
 
-def _may_be_part(upload: Upload) -> bool:
-    """Whether it is one table, which may be asked about together with others."""
-    return not upload.parts and not upload.file.endswith(".toml")
-
-
-def _ticked(upload: Upload, fields: Mapping[str, str]) -> list[str]:
+def _ticked(upload: Upload, fields: Fields) -> list[str]:
     """The tables of an upload that a question is about.  Raises InputError."""
     ticked = fields.get("files", "").splitlines()
     if not (names := [name for name in upload.parts if name in ticked]):

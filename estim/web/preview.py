@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,19 +17,13 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import EstimError, InputError, as_json, read_file, spoken, write_whole
-from estim.web.question import options_of
+from estim.web.question import Fields, options_of
 
 if TYPE_CHECKING:
+    from estim.curve_fitting import Columns
     from estim.drawing import Figure
 
 _LARGEST = 2**28  # bytes of a part of a report
-
-
-@dataclass(frozen=True, eq=False)
-class _Column:
-    name: str
-    unit: str
-    values: FloatArray
 
 
 def preview(lang: str, file: str, *asked: str) -> None:
@@ -99,67 +92,64 @@ def _table(file: Path, *asked: str) -> dict[str, Any] | bytes:
     """The columns of a file and which two a fit would take, or the picture of two of them."""
     from estim.reading import is_tracker_file
 
-    columns, told, tracks = _read(file)
+    table, tracks = _read(file)
+    names = list(table.columns)
     if asked:
         from estim.drawing import png
 
-        tables = {file.name: columns}
+        tables = {file.name: table}
         for other in map(Path, asked[2:]):
             with suppress(EstimError):  # its own answer says what is wrong
                 tables[other.name] = _read(other)[0]
-        pair = [columns[int(number)] for number in asked[:2]]
-        return png(lambda: _points(pair[0], pair[1], tables))
+        x_name, y_name = (names[int(number)] for number in asked[:2])
+        return png(lambda: _points(x_name, y_name, tables))
+    heights = [float(np.ptp(values)) for values in table.columns.values()]
     values = [  # a column of one value, a date say, is not asked about
-        i
-        for i, column in enumerate(columns)
-        if not column.name.startswith(("u_", "u(")) and np.ptp(column.values) > 0.0
+        i for i, name in enumerate(names) if not name.startswith(("u_", "u(")) and heights[i] > 0.0
     ] or [0]
     shown = [
         {
-            "name": column.name,
-            "unit": column.unit,
-            "n": column.values.size,
-            "low": column.values.min(),
-            "high": column.values.max(),
+            "name": name,
+            "unit": table.units[name],
+            "n": column.size,
+            "low": column.min(),
+            "high": column.max(),
         }
-        for column in columns
+        for name, column in table.columns.items()
     ]
     y = values[:2][-1]
     if is_tracker_file(file):  # of the two axes the one along which more happens
-        y = max((1, 2), key=lambda i: float(np.ptp(columns[i].values)))
-    return {"columns": shown, "told": told, "tracks": tracks, "x": values[0], "y": y}
+        y = max((1, 2), key=heights.__getitem__)
+    return {"columns": shown, "told": table.notes, "tracks": tracks, "x": values[0], "y": y}
 
 
-def _read(file: Path) -> tuple[list[_Column], Sequence[str], Sequence[str]]:
-    """The columns of a table or a track, what the import told, and the tracks where there are
-    several: the columns are those of the first.
+def _read(file: Path) -> tuple[Columns, Sequence[str]]:
+    """The columns of a table or a track, and the tracks where there are several: the columns are
+    those of the first.
     """
-    from estim.curve_fitting import read_table
+    from estim.curve_fitting import Columns, read_table
     from estim.reading import Choices, import_track, is_tracker_file, track_columns
 
-    if is_tracker_file(file):
-        tracks = list[str]()
-        try:
-            imported = import_track(file, Choices())
-        except InputError as error:
-            if error.field != "track":
-                raise
-            tracks = error.quoted.split(", ")
-            imported = import_track(file, Choices(tracks[0]))
-        units = {"t": "s", "x": "m", "y": "m", "x_m": "m"}
-        track = track_columns(imported, list(units)).columns
-        columns = [_Column(name, unit, track[name]) for name, unit in units.items()]
-        return columns, (*imported.facts, *imported.warnings), tracks
-    table = read_table(file)
-    found = [_Column(name, table.units[name], values) for name, values in table.columns.items()]
-    return found, table.notes, ()
+    if not is_tracker_file(file):
+        return read_table(file), ()
+    tracks = list[str]()
+    try:
+        imported = import_track(file, Choices())
+    except InputError as error:
+        if error.field != "track":
+            raise
+        tracks = error.quoted.split(", ")
+        imported = import_track(file, Choices(tracks[0]))
+    track = track_columns(imported, ("t", "x", "y", "x_m"))
+    return Columns(track.columns, track.units, (*imported.facts, *imported.warnings)), tracks
 
 
-def _start(file: Path, fields: Mapping[str, str]) -> tuple[dict[str, float], bytes]:
+def _start(file: Path, fields: Fields) -> tuple[dict[str, float], bytes]:
     """Parameters of a curve at its start, and the picture.  What nobody stated and the curve is
     linear in, it has no start of its own: it is solved for.  Raises InputError.
     """
     from estim.campaign import campaign_of_table, choices_of_table
+    from estim.curve_fitting import Columns
     from estim.drawing import png
     from estim.problem import Flat
 
@@ -171,9 +161,11 @@ def _start(file: Path, fields: Mapping[str, str]) -> tuple[dict[str, float], byt
     linear = [
         p.name
         for p in problem.parameters
-        if isinstance(p.prior, Flat) and p.prior.start_stated and p.name not in choices.start
+        if isinstance(p.prior, Flat)
+        and p.prior.start_stated
+        and p.name not in choices.start
+        and p.name in run.curve_parameters
     ]
-    linear = [name for name in linear if name in run.curve_parameters]
     if linear:
         local = run.curve.local(run.x, run.bind(values))
         gradient = [np.broadcast_to(local.gradient[name], local.value.shape)[0] for name in linear]
@@ -181,33 +173,37 @@ def _start(file: Path, fields: Mapping[str, str]) -> tuple[dict[str, float], byt
         values |= {name: values[name] + float(by) for name, by in zip(linear, step, strict=True)}
     grid = run.along(run.x[0], run.x[-1], 400)
     curve = run.curve.value(grid, run.bind(values))[0]
-    axes = (run.x_name, run.x_unit, run.x), (run.y_name, run.y_unit, run.y)
-    x, y = (_Column(name, "" if unit == "1" else unit, points) for name, unit, points in axes)
+    units = {run.x_name: run.x_unit, run.y_name: run.y_unit}
+    points = Columns(
+        {run.x_name: run.x, run.y_name: run.y},
+        {name: "" if unit == "1" else unit for name, unit in units.items()},
+    )
     shown = {name: values[name] for name in problem.names if name in run.curve_parameters}
-    return shown, png(lambda: _points(x, y, {file.stem: [x, y]}, (grid, curve)))
+    return shown, png(lambda: _points(run.x_name, run.y_name, {file.stem: points}, (grid, curve)))
 
 
 def _points(
-    x: _Column,
-    y: _Column,
-    tables: Mapping[str, Sequence[_Column]],
+    x: str,
+    y: str,
+    tables: Mapping[str, Columns],
     curve: tuple[FloatArray, FloatArray] | None = None,
 ) -> Figure:
+    """The columns x and y of those `tables` that have both; of the first one are their units."""
     from estim.drawing import COLOURS, ORANGE, new_figure
 
     figure = new_figure(3.2)
     ax = figure.subplots()
-    for i, (table, columns) in enumerate(tables.items()):
-        values = {column.name: column.values for column in columns}
-        if {x.name, y.name} <= values.keys():
+    for i, (name, table) in enumerate(tables.items()):
+        if {x, y} <= table.columns.keys():
             colour = COLOURS[i % len(COLOURS)]
-            ax.plot(values[x.name], values[y.name], "o", ms=3.5, color=colour, label=table)
+            ax.plot(table.columns[x], table.columns[y], "o", ms=3.5, color=colour, label=name)
     if 1 < len(tables) <= len(COLOURS):
         ax.legend()
     if curve is not None:
         ax.plot(*curve, color=ORANGE)
-    for column, name in ((x, ax.set_xlabel), (y, ax.set_ylabel)):
-        name(f"{column.name} ({column.unit})" if column.unit else column.name)
+    units = next(iter(tables.values())).units
+    for name, label in ((x, ax.set_xlabel), (y, ax.set_ylabel)):
+        label(f"{name} ({units[name]})" if units[name] else name)
     return figure
 
 

@@ -14,6 +14,9 @@ from typing import Any
 
 from estim.common import InputError, language, phrase
 
+Fields = Mapping[str, str]
+"""What was written in the fields of a page, by their names."""
+
 _ASKED = {  # of the kinds, the command and its options; those of a table beside them
     "formula": ("fit", "formula x y u-x u-y window robust noise kind title track figures"),
     "rolling": ("fit", "x y kind title track release figures"),
@@ -69,9 +72,7 @@ def fields_of(form: Iterable[tuple[str, object]]) -> dict[str, str]:
     return found
 
 
-def arguments_of(
-    fields: Mapping[str, str], file: str, given: str, others: Iterable[str] = ()
-) -> list[str]:
+def arguments_of(fields: Fields, file: str, given: str, others: Iterable[str] = ()) -> list[str]:
     """Arguments of `estim` for a question, in the language that is spoken.
 
     file : the stored name of a table or campaign; "": a formula of named values.
@@ -80,7 +81,8 @@ def arguments_of(
 
     Raises InputError where nothing was asked.
     """
-    end = ["--format", "html", "--out", "report", *_language()]
+    end = ["--format", "html", "--out", "report"]
+    end += [] if language() == "en" else ["--lang", language()]
     if not file:
         values = lines_of(fields.get("values", ""))
         # without a value the formula would be the name of a file
@@ -119,7 +121,7 @@ def arguments_of(
     return [command, file, *others, *words, *end]
 
 
-def options_of(fields: Mapping[str, str]) -> dict[str, Any]:
+def options_of(fields: Fields) -> dict[str, Any]:
     """What the options of `estim fit` say of a table and its curve, of the fields of a question."""
     said: dict[str, Any] = {name.replace("-", "_"): text for name, text in fields.items()}
     said |= {name: lines_of(fields.get(name, "")) for name in NAMED.split()}
@@ -134,7 +136,7 @@ def options_of(fields: Mapping[str, str]) -> dict[str, Any]:
     }
 
 
-def formula_of(fields: Mapping[str, str]) -> str:
+def formula_of(fields: Fields) -> str:
     """The formula as the command takes it: of one that a click wrote, the name of the model, which
     knows limits of its parameters.
     """
@@ -142,7 +144,7 @@ def formula_of(fields: Mapping[str, str]) -> str:
     return _NAMES.get(formula, formula)
 
 
-def with_columns(fields: Mapping[str, str], chosen: Mapping[str, str]) -> dict[str, str]:
+def with_columns(fields: Fields, chosen: Fields) -> dict[str, str]:
     """A question about a curve, `fields`, of a file whose columns are `chosen`; a formula that
     names its x does so as before.
     """
@@ -169,10 +171,6 @@ def field_of(option: str, asked: str) -> str:
 def command_line(arguments: Iterable[str]) -> str:
     """What a person types for the same answer."""
     return shlex.join(["estim", *arguments])
-
-
-def _language() -> list[str]:
-    return [] if language() == "en" else ["--lang", language()]
 
 
 def lines_of(text: str) -> list[str]:

@@ -24,6 +24,7 @@ import msgspec
 
 from estim.common import (
     EstimError,
+    Files,
     InputError,
     as_json,
     names_in,
@@ -33,6 +34,7 @@ from estim.common import (
     write_whole,
 )
 from estim.reading import read_suffixes
+from estim.web.question import Fields
 
 MOST_BYTES = 20 * 1024**2  # of one request
 MOST_FILES = 20  # in one request
@@ -55,7 +57,7 @@ class Upload:
     given: str
     file: str
     names: tuple[str, ...]
-    asked: Mapping[str, str] = field(default_factory=dict)
+    asked: Fields = field(default_factory=dict)
     parts: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -69,7 +71,7 @@ class Batch:
 
     id: str
     given: str
-    fields: Mapping[str, str]
+    fields: Fields
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,7 @@ class Answer:
     id: str
     upload: str
     given: str
-    fields: Mapping[str, str]
+    fields: Fields
     arguments: tuple[str, ...]
     state: str = "running"
     code: int | None = None
@@ -125,7 +127,7 @@ class Shelf(Generic[Kept]):
                 data = self.read(name, _RECORD) or b""
                 self.records[name] = msgspec.json.decode(data, type=kind)
 
-    def keep(self, record: Kept, files: Mapping[str, bytes]) -> Kept:
+    def keep(self, record: Kept, files: Files) -> Kept:
         """Writes `files` and then the record, in place of the one before."""
         for name, data in {**files, _RECORD: as_json(record)}.items():
             write_whole(self.folder / record.id / name, data, within=self.root)
@@ -154,7 +156,7 @@ class Store:
             if answer.state in ("running", "waiting"):
                 self.answers.keep(replace(answer, state="interrupted"), {})
 
-    def take_in(self, files: Mapping[str, bytes], who: str | None = None) -> list[Upload]:
+    def take_in(self, files: Files, who: str | None = None) -> list[Upload]:
         """Keeps files by the names that a person gave them: each by itself, or a campaign with its
         tables.  Raises InputError with a sentence for the page.
 
@@ -168,7 +170,7 @@ class Store:
                 raise InputError(words)
         campaign = next((name for name in files if name.lower().endswith(".toml")), None)
         if campaign is None:
-            by = f"{shorten(who, 60)}: " if who else ""
+            by = f"{shorten(who)}: " if who else ""
             return [self._kept(by + name, {_stored(name): data}) for name, data in files.items()]
         if who is not None:
             raise InputError(
@@ -181,7 +183,7 @@ class Store:
         """Tables that were handed in, for one question about all of them.  Raises InputError with
         a sentence for the page.
         """
-        files, ids = dict[str, bytes](), dict[str, str]()
+        files, ids = Files(), dict[str, str]()
         for part in parts:
             stem, _, ending = part.file.rpartition(".")
             names = (part.file, *(f"{stem}-{i}.{ending}" for i in range(2, MOST_FILES + 1)))
@@ -191,9 +193,7 @@ class Store:
             raise InputError(phrase("That is too large."))
         return self._kept(", ".join(part.given for part in parts), files, ids)
 
-    def _kept(
-        self, given: str, files: Mapping[str, bytes], parts: Mapping[str, str] | None = None
-    ) -> Upload:
+    def _kept(self, given: str, files: Files, parts: Mapping[str, str] | None = None) -> Upload:
         names = tuple(files)
         shown = shorten(given, 120)
         upload = Upload(self.uploads.new_id(), shown, names[0], names, parts=parts or {})
@@ -202,7 +202,7 @@ class Store:
     def begin(
         self,
         upload: Upload | None,
-        fields: Mapping[str, str],
+        fields: Fields,
         arguments: list[str],
         *,
         batch: str,
@@ -220,7 +220,7 @@ class Store:
             answer, {name: self.uploads.read(at, name) or b"" for name in names}
         )
 
-    def set_batch(self, fields: Mapping[str, str], title: str) -> Batch:
+    def set_batch(self, fields: Fields, title: str) -> Batch:
         """A new batch of the question about a curve that `fields` hold."""
         asked = {name: text for name, text in fields.items() if name != "title"}
         shown = shorten(title or fields["formula"], 120)

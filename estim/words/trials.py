@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from estim.common import Finding, Kind, later, phrase
+from estim.common import Finding, Kind, PhraseTable, phrase
 from estim.words.table import Table, said
 
-_DIRECTIONS = {
-    "": "",
-    "none": later("no posterior at all"),
-    "low": later("biased: the estimates are too low"),
-    "high": later("biased: the estimates are too high"),
-    "narrow": later("intervals are too narrow"),
-    "wide": later("intervals are too wide"),
-}
+_DIRECTIONS = PhraseTable(
+    {
+        "none": "no posterior at all",
+        "low": "biased: the estimates are too low",
+        "high": "biased: the estimates are too high",
+        "narrow": "intervals are too narrow",
+        "wide": "intervals are too wide",
+    }
+)
 
 
 def direction_words(direction: str) -> str:
     """How a quantity is off; "" where nothing tells."""
-    return phrase(_DIRECTIONS[direction])
+    return _DIRECTIONS.get(direction, "")
 
 
 def _coverage(f: Finding) -> str:

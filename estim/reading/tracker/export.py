@@ -25,6 +25,7 @@ from estim.reading.named_columns import table_of
 from estim.reading.table import (
     DECIMAL_COMMAS,
     Layout,
+    Lines,
     Table,
     may_be_decimal_commas,
     numbered_lines,
@@ -32,8 +33,6 @@ from estim.reading.table import (
     split_cells,
 )
 from estim.reading.tracker.track import METRES, Track
-
-Lines = list[tuple[int, str]]
 
 _COLUMNS = ("t", "x", "y", "v", "frame")
 _SECONDS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3}

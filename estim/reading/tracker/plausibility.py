@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from estim.arrays import FloatArray, max_abs
+from estim.arrays import FloatArray
 from estim.common import later, phrase
 from estim.reading.tracker.ramp import Ramp
 from estim.reading.tracker.track import Track
@@ -20,7 +20,7 @@ _EARLIER_WORDS = "that is not the release, from which the phase curve counts x"
 _SPEEDS_MADE = later("speeds are made from the positions")
 
 
-def suspicions(track: Track, ramp: Ramp, *, from_row: int = 0) -> tuple[str, ...]:
+def suspicions(track: Track, ramp: Ramp, *, from_row: int) -> tuple[str, ...]:
     """Sentences about what does not look right in `track`, from its row `from_row` (the release)
     on.
     """
@@ -104,12 +104,9 @@ def _scale(t: FloatArray, along: FloatArray, usual: float, reach: float) -> list
     width = max(7, int(np.ceil(_WINDOW / usual)) if _WINDOW / usual < t.size else t.size)
     largest = 0.0
     for first in range(0, t.size - width + 1, max(1, width // 2)):
-        time = t[first : first + width] - np.mean(t[first : first + width])
-        span = max_abs(time)
-        quadratic = np.linalg.lstsq(
-            np.vander(time / span, 3), along[first : first + width], rcond=None
-        )[0]
-        largest = max(largest, 2.0 * abs(float(quadratic[0])) / span**2)
+        inside = slice(first, first + width)
+        quadratic = np.polyfit(t[inside] - np.mean(t[inside]), along[inside], 2)
+        largest = max(largest, 2.0 * abs(float(quadratic[0])))
     # a body that rolls or falls accelerates by less
     if largest > 1.5 * 9.8:
         return [

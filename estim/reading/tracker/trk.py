@@ -197,20 +197,14 @@ def _read_clip(panel: Element, frame_ms: float | None) -> _Clip:
         )
     facts = [
         phrase(
-            "frame {start} is step 0, every frame, {duration:.8g} ms a frame",
+            "frame {start} is step 0, every frame, {duration:.8g} ms a frame"
+            if step == 1
+            else "frame {start} is step 0, every {step} frames, {duration:.8g} ms a frame",
             start=start,
+            step=step,
             duration=duration,
         )
     ]
-    if step != 1:
-        facts = [
-            phrase(
-                "frame {start} is step 0, every {step} frames, {duration:.8g} ms a frame",
-                start=start,
-                step=step,
-                duration=duration,
-            )
-        ]
     if frame_ms is not None and frame_ms != stated:
         facts.append(
             phrase(
