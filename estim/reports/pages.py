@@ -14,7 +14,6 @@ from estim.common import (
     FIGURE_CHOICES,
     FigureChoice,
     Files,
-    InputError,
     Markdown,
     as_csv,
     as_json,
