@@ -19,6 +19,7 @@ from estim.cli.commands import cli
 from estim.common import InputError, Quantity
 from estim.discrepancy import force_sizes
 from estim.fitting import expected_information, fit_problem, information
+from estim.model import Body, speed, turning_point
 from estim.planning.candidates import MORE, OTHERWISE, Change, Readings, measured_better
 from estim.planning.expected_uncertainty import sds_with, weigh
 from estim.planning.halving import ways_to_halve
@@ -219,6 +220,52 @@ def test_a_run_that_cannot_be_measured_is_said_and_not_ranked(
     )
     assert why in option.reason
     assert option.u.size == 0
+
+
+SPEEDS = """title = "Speeds at positions"
+kind = "synthetic"
+[shared]
+radius_m = 0.15
+unmodelled_force = 0
+noise = {model = "independent", sigma_v_m_s = 0.004}
+[bodies.heavy]
+gamma = "0.187(20)"
+kappa = "0.45(10)"
+[[runs]]
+name = "a"
+body = "heavy"
+file = "a.csv"
+phi_deg = "4.2(2)"
+theta0_deg = "60.5(8)"
+"""
+
+
+def test_speeds_are_planned_only_where_the_body_comes(tmp_path: Path) -> None:
+    """From 30° it does not climb 8.4°, since gamma sin 30° < sin 8.4°; from 60° it turns on the
+    way.
+    """
+    body, x = Body(0.15, 0.187, 0.45), np.linspace(0.02, 0.42, 25)
+    v = speed(x, body, phi=np.radians(4.0), theta0=np.radians(60.0))
+    v = v + 0.004 * np.random.default_rng(3).standard_normal(x.size)
+    rows = (f"{a:.4f},{b:.6f}\n" for a, b in zip(x, v, strict=True))
+    (tmp_path / "a.csv").write_text("x_m,v_m_s\n" + "".join(rows))
+    (tmp_path / "campaign.toml").write_text(SPEEDS)
+    campaign = load_campaign(tmp_path / "campaign.toml")
+    problem = campaign.problem(["a"])
+    fit = fit_problem(problem, rng=np.random.default_rng(1), near=problem.start())
+    basis = rolling_basis(campaign, ["a"], fit)
+    (gamma,) = targets_of(campaign, problem, ["gamma"])
+    now = basis.outlook(NOTHING)
+    tilt = Quantity(np.radians(8.4), np.radians(0.2))
+    for release, starts in ((30.0, False), (60.0, True)):
+        said = {"phi": tilt, "theta0": Quantity(np.radians(release), np.radians(0.8))}
+        change = Change("", MORE, runs=(NewRun("new", "a", said),))
+        option = weigh(basis, now, change, [gamma], np.array([1.0]))
+        assert ("does not start" in option.reason) != starts
+        assert option.u.size == (1 if starts else 0)
+    new = next(run for run in basis.outlook(change).problem.runs if run.name == "new")
+    turn = turning_point(body, phi=tilt.value, theta0=np.radians(60.0))
+    assert 0.9 * turn < np.max(new.x) < 1.05 * turn
 
 
 # curves of one's own

@@ -165,7 +165,8 @@ class _Followed:
         """Positions at times, or speeds at positions; nan where the body never comes."""
         if self.run.noise.made_of_positions:
             return follow(self.run, np.maximum(places - self.release, 0.0), self.named)
-        return curve_at(self.run, places, self.named)
+        end = float(np.squeeze(self.run.end(self.run.bind(self.named))))
+        return np.where(places <= end, curve_at(self.run, places, self.named), np.nan)
 
     def again(self, change: Change) -> Run:
         """Its table with other frames, or followed farther."""

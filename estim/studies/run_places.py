@@ -13,6 +13,7 @@ from estim.campaign import Campaign
 from estim.checks import way_of
 from estim.common import QUANTILES, Finding, Kind
 from estim.curves import placed
+from estim.distributions import normal_below
 from estim.problem import Observations
 
 
@@ -62,8 +63,13 @@ def place_of(campaign: Campaign, run: Observations, arguments: Named) -> RunPlac
     metre = float(np.median(np.asarray(run.body.metres(arguments))))
     stop = np.ravel(run.body.stop(arguments))
     turns, turned = (stop > 0.0) & np.isfinite(stop), _turned(run)
-    beyond = float(np.mean(stop >= farthest - unsure))
-    before = float(np.mean(stop <= farthest + unsure))
+    further = stop - farthest
+    if unsure > 0.0:
+        beyond, before = (
+            float(np.mean(normal_below(sign * further / unsure))) for sign in (1.0, -1.0)
+        )
+    else:
+        beyond, before = float(np.mean(further >= 0.0)), float(np.mean(further <= 0.0))
     return RunPlace(
         run.name,
         (float(np.mean(phi)), float(np.std(phi))),
@@ -88,10 +94,11 @@ def _angle(theta0: FloatArray) -> tuple[float, float]:
 
 def _farthest_recorded(campaign: Campaign, run: Observations) -> tuple[float, float]:
     """How far the recording of a run goes, in its unit, as far as it is fit where a window was
-    stated; and how well it shows that: readings scatter, and between two frames it may go farther.
+    stated; and the standard uncertainty of that: readings scatter, and between two frames it may
+    go farther.
 
-    Three times the median second difference is five standard deviations of the errors of readings,
-    and far more than a body at rest moves in half a frame.
+    The median second difference is 1.65 standard deviations of the errors of readings, since the
+    largest of many is read, and 8 times what a body that turns can do between two frames.
     """
     table = campaign.tables[run.name]
     windowed = any(
@@ -101,7 +108,7 @@ def _farthest_recorded(campaign: Campaign, run: Observations) -> tuple[float, fl
     bends = np.abs(np.diff(table.position, 2)) if "t_s" in table.columns else np.zeros(0)
     return (
         way_of(run) if windowed else float(np.max(table.position)),
-        3.0 * float(np.median(bends)) if bends.size else 0.0,
+        float(np.median(bends)) if bends.size else 0.0,
     )
 
 
