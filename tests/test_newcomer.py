@@ -441,6 +441,8 @@ def test_one_column_of_decimal_commas_is_read_where_its_name_shows_it_and_else_a
     ("arguments", "says"),
     [
         (["propagate", "F*l/(A*d)"], "is a formula: write the values of its inputs after it"),
+        (["propagate", "+".join("a" * 200)], "is a formula: write the values of its inputs"),
+        (["propagate", "model (2).toml"], r"model \(2\).toml: cannot be read"),
         (["propagate", "y = a*b", "a=1(1)"], "'formula' names no input .*state its value.: b"),
         (["propagate", "y = a", "a=1(1) foo"], "'a' must have a unit that is known"),
         (["plan", "t.csv"], "t.csv:1: 'file' is a table, not a TOML file"),
@@ -497,6 +499,8 @@ def test_a_function_without_starting_values_is_told_them() -> None:
             fit_curve(lambda x, a, b: a + b * x, x, x, start=start)
     with pytest.raises(InputError, match=r"'start' cannot be called as curve\(x, c\)"):
         fit_curve(lambda x, a: a * x, x, x, start={"c": 1.0})
+    with pytest.raises(InputError, match=r"'curve' must take all abscissas .*x\['v'\] in it"):
+        fit_curve(lambda u, v, a: a * u * v, {"u": x, "v": x}, x, start={"a": 1.0})
 
 
 def test_what_python_shows_of_a_result_is_what_print_shows() -> None:

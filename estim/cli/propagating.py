@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from estim.cli.options import OUT, report_options
 from estim.cli.terminal import conclude, finish, pieces, reserve_output, say, write_report
 from estim.common import FigureChoice, InputError, Stream, phrase, stream
 
-_FORMULA = re.compile(r"[=*+^(]")
+_FORMULA = re.compile(r"(?!.*\.toml$).*[=*+^(]", re.IGNORECASE)
 
 
 @click.command()
@@ -34,7 +35,7 @@ def propagate(
     from estim.reports.measurement import measurement_report, statement
 
     given = pairs(values, "NAME")
-    if not given and _FORMULA.search(file) and not Path(file).exists():
+    if not given and _FORMULA.match(file) and not os.path.exists(file):
         rule = 'is a formula: write the values of its inputs after it, as L="0.85(1) m"'
         raise InputError(rule, field="FILE|FORMULA", value=file)
     model = model_of_formula(file, given) if given else read_model(Path(file))

@@ -614,7 +614,11 @@ def _check_signature(function: Callable[..., Any], names: tuple[str, ...]) -> No
         for name, one in [*signature.parameters.items()][1:]
         if one.default is one.empty and one.kind in (one.POSITIONAL_OR_KEYWORD, one.KEYWORD_ONLY)
     ]
-    if set(takes) - set(names) and set(names) <= set(signature.parameters):
+    without = {*takes} - {*names}
+    if apart := [name for name in getattr(function, "columns", ()) if name in without]:
+        rule = f"must take all abscissas as its first argument, and have x['{apart[0]}'] in it"
+        raise InputError(rule, field="curve", value=f"{signature}")
+    if without and {*names} <= {*signature.parameters}:
         words = "{" + ", ".join(f"'{name}': 1.0" for name in takes[:5]) + "}"
         rule = f"must give each parameter of a function a starting value, as {words}"
         raise InputError(rule, field="start", value=", ".join(names) or None)

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*|,\d+)?|[.,]\d+)([eE][+-]?\d{1,4})?", re.ASCII)
-_MISSING = frozenset({"", "nan", "na", "n/a", "-", "--", "null"})
+_MISSING = frozenset({"", "nan", "na", "n/a", "-", "--", "−", "null"})
 _MARKS = re.compile(r"[\t;,|]")
 _TOO_NARROW = re.compile(r"#{3,}")  # what a spreadsheet shows of a number wider than its column
 _OF_SPREADSHEETS = (

@@ -208,8 +208,7 @@ def own_name(cell: str) -> str:
 
 def split_cells(line: str, delimiter: str) -> list[str]:
     """The cells of a line, blanks around them taken off, the minus of Unicode in numbers as that of
-    the keyboard.  Raises csv.Error where quotes do not
-    enclose whole cells.
+    the keyboard.  Raises csv.Error where quotes do not enclose whole cells.
     """
     cells = (
         line.split()
