@@ -794,3 +794,9 @@ def test_a_minimum_at_a_kink_is_a_minimum() -> None:
         "max(x - x0, 0)", x, np.maximum(x - 4.0, 0.0) + 0.3 * np.cos(7.0 * x), u_y=0.3
     )
     assert alone.status == "ok"
+
+
+@pytest.mark.parametrize("field", ["start", "bounds", "priors", "fixed", "tied", "units"])
+def test_what_is_no_mapping_is_told_where_no_start_is_given(field: str) -> None:
+    with pytest.raises(InputError, match=f"^'{field}' must be a mapping"):
+        fit_curve("a*exp(-x/tau)", T, np.exp(-T), **{field: 3})  # type: ignore[arg-type]

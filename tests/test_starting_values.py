@@ -254,3 +254,12 @@ def test_single_events_need_no_start_and_no_factor() -> None:
     fit = fit_curve("exp(-x/tau)", times[times < 10.0], None, noise=EventTimes(0.0, 10.0))
     assert fit.status == "ok"
     assert abs(fit.values["tau"] - 2.2) < 4.0 * fit.sds["tau"]
+
+
+def test_a_start_beyond_all_numbers_in_another_data_set_is_no_warning() -> None:
+    x = np.linspace(0.0, 1000.0, 40)
+    sets = {
+        name: DataSet(x, size * np.exp(-x / 300.0), 0.01) for name, size in (("a", 1), ("b", 2))
+    }
+    fit = fit_curves("a*exp(b*x)", sets, shared=["b"], start={"b": 0.5})
+    assert fit.values["a[b]"] == pytest.approx(2.0, rel=1e-6)

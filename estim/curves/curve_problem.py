@@ -229,10 +229,6 @@ def pose_curve(
     """
     curve: Any = points.curve
     counting, axes = points.noise, points.axes or AxisNames()
-    for field, mapping in said.items():
-        if not isinstance(mapping, Mapping) and field != "start":
-            rule = "must be a mapping from names of parameters"
-            raise InputError(rule, field=field, value=mapping)
     tied, units = said["tied"], said["units"]
     _check_words(units, errors, axes)
     asked = {name: getattr(points, name) is not None for name in _ERRORS} | {
@@ -496,10 +492,6 @@ def _errors_of_x(
 
 
 def _start(start: Mapping[str, float]) -> tuple[tuple[str, ...], dict[str, float]]:
-    if not isinstance(start, Mapping):
-        raise InputError(
-            "must give each parameter a starting value, like {'a': 1.0}", field="start", value=start
-        )
     check_names(start, field="start")
     values = {}
     for name, value in start.items():

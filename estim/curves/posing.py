@@ -40,6 +40,10 @@ def pose_points(
     level : behind the names of what is unknown of its errors.  Raises InputError.
     """
     curve: Any = points.curve
+    for field, mapping in said.items():
+        if not isinstance(mapping, Mapping):
+            rule = "must be a mapping from names of parameters to what is said of each"
+            raise InputError(rule, field=field, value=mapping)
     refuse_quantities(
         cov_y=points.cov_y,
         cov_x=points.cov_x,

@@ -97,7 +97,8 @@ class ProjectedCurve:
     def whole(self, nonlinear: FloatArray) -> dict[str, float]:
         """Name -> value of the parameters that are sought; those solved for within their limits."""
         rest, columns = self._parts(nonlinear[None, :])
-        size = np.linalg.norm(columns[:, 0], axis=1)
+        with np.errstate(over="ignore"):  # inf: such a parameter is 0
+            size = np.linalg.norm(columns[:, 0], axis=1)
         size[size == 0.0] = 1.0
         solved = (
             np.linalg.lstsq((columns[:, 0] / size[:, None]).T, rest[0], rcond=None)[0] / size
