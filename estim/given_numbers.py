@@ -74,6 +74,9 @@ def real_numbers(values: Any, field: str, rule: str = "must be numbers") -> Floa
 
 def real_number(value: Any, field: str, rule: str = "must be a number") -> float:
     """One number as a float.  Raises InputError naming `field`."""
+    if hasattr(value, "nominal_value"):  # there is no u beside it
+        rule += ", without an uncertainty (its nominal_value)"
+        raise InputError(rule, field=field, value=value)
     number = real_numbers(value, field, rule)
     if number.ndim:
         raise InputError(rule, field=field, value=value)

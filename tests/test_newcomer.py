@@ -518,6 +518,19 @@ def test_numbers_with_uncertainties_are_told_where_each_part_goes() -> None:
                 use(given)
 
 
+@pytest.mark.parametrize(
+    "said",
+    [
+        {"start": {"a": ufloat(1.0, 0.1)}},
+        {"bounds": {"a": (ufloat(0.0, 0.1), None)}},
+        {"fixed": {"a": ufloat(1.0, 0.1)}},
+    ],
+)
+def test_one_number_with_an_uncertainty_has_no_place_for_it(said: dict[str, object]) -> None:
+    with pytest.raises(InputError, match=r"without an uncertainty \(its nominal_value\)"):
+        fit_curve("a*x", np.arange(3.0), np.arange(3.0), **said)  # type: ignore[arg-type]
+
+
 def test_a_table_is_a_dictionary_of_its_columns(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("x (s),y\n1,2\n2,3.1\n3,4\n")
     table = read_table(tmp_path / "a.csv")
