@@ -607,7 +607,8 @@ def _check_signature(function: Callable[..., Any], names: tuple[str, ...]) -> No
         if one.default is one.empty and one.kind in (one.POSITIONAL_OR_KEYWORD, one.KEYWORD_ONLY)
     ]
     without = {*takes} - {*names}
-    if apart := [name for name in getattr(function, "columns", ()) if name in without]:
+    places = function.columns if isinstance(function, OfPoints) else ()
+    if apart := [name for name in places if name in without]:
         rule = f"must take all abscissas as its first argument, and have x['{apart[0]}'] in it"
         raise InputError(rule, field="curve", value=f"{signature}")
     if without and {*names} <= {*signature.parameters}:
