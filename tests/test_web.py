@@ -29,6 +29,7 @@ from tracker_files import point_mass, trk
 from web_pages import Browser, entered, served, words
 from workbooks import xlsx
 
+from estim import drawing
 from estim.campaign import choices_of_table
 from estim.cli.commands import cli, fit
 from estim.common import EstimError, InputError
@@ -38,6 +39,7 @@ from estim.web import At
 from estim.web.job_queue import Job, JobQueue
 from estim.web.labels import LABELS, on_page
 from estim.web.listening import listening
+from estim.web.preview import _start, _table
 from estim.web.question import MODELS, arguments_of, fields_of, options_of
 from estim.web.store import MOST_BYTES, MOST_FILES, Store
 
@@ -1531,3 +1533,19 @@ def test_what_nobody_can_write_breaks_no_page(browser: Browser) -> None:
     refused = browser.fill_in(asked.place, asked="bogus")
     assert refused.status == 422
     assert "Choose what you want to know." in refused.text
+
+
+def test_two_columns_of_one_name_are_drawn_against_each_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "a.csv").write_text("T (s),T (K)\n1,300\n2,310\n3,321\n4,329\n")
+    drawn = list[drawing.Figure]()
+    monkeypatch.setattr(drawing, "png", lambda draw: drawn.append(draw()) or b"")
+    _start(tmp_path / "a.csv", {"formula": "a + b*x", "x": "T (s)", "y": "T (K)"})
+    _table(tmp_path / "a.csv", "0", "1")
+    for figure in drawn:
+        (ax,) = figure.axes
+        assert (ax.get_xlabel(), ax.get_ylabel()) == ("T (s)", "T (K)")
+        assert ax.lines[0].get_xdata().tolist() == [1.0, 2.0, 3.0, 4.0]
+        assert ax.lines[0].get_ydata().tolist() == [300.0, 310.0, 321.0, 329.0]
+    assert len(drawn) == 2

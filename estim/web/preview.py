@@ -173,13 +173,10 @@ def _start(file: Path, fields: Fields) -> tuple[dict[str, float], bytes]:
         values |= {name: values[name] + float(by) for name, by in zip(linear, step, strict=True)}
     grid = run.along(run.x[0], run.x[-1], 400)
     curve = run.curve.value(grid, run.bind(values))[0]
-    units = {run.x_name: run.x_unit, run.y_name: run.y_unit}
-    points = Columns(
-        {run.x_name: run.x, run.y_name: run.y},
-        {name: "" if unit == "1" else unit for name, unit in units.items()},
-    )
+    x, y = run.x_label, run.y_label  # two quantities may have one name
+    points = Columns({x: run.x, y: run.y}, {x: "", y: ""})
     shown = {name: values[name] for name in problem.names if name in run.curve_parameters}
-    return shown, png(lambda: _points(run.x_name, run.y_name, {file.stem: points}, (grid, curve)))
+    return shown, png(lambda: _points(x, y, {file.stem: points}, (grid, curve)))
 
 
 def _points(
@@ -203,7 +200,8 @@ def _points(
         ax.plot(*curve, color=ORANGE)
     units = next(iter(tables.values())).units
     for name, label in ((x, ax.set_xlabel), (y, ax.set_ylabel)):
-        label(f"{name} ({units[name]})" if units[name] else name)
+        unit = f" ({units[name]})" if units[name] else ""
+        label(name if name.endswith(unit) else name + unit)
     return figure
 
 
