@@ -499,6 +499,10 @@ def test_a_function_without_starting_values_is_told_them() -> None:
             fit_curve(lambda x, a, b: a + b * x, x, x, start=start)
     with pytest.raises(InputError, match=r"'start' cannot be called as curve\(x, c\)"):
         fit_curve(lambda x, a: a * x, x, x, start={"c": 1.0})
+    with pytest.raises(InputError, match=r"as \{'a': 1.0\}: b$"):
+        fit_curve(lambda x, a, b: a * x + b, x, x, fixed={"b": 1.0})
+    with pytest.raises(InputError, match=r"curve\(x, p\): multiple values for argument 'p'"):
+        fit_curve(lambda p, x: p * x, x, x, start={"p": 1.0})
     with pytest.raises(InputError, match=r"'curve' must take all abscissas .*x\['v'\] in it"):
         fit_curve(lambda u, v, a: a * u * v, {"u": x, "v": x}, x, start={"a": 1.0})
 

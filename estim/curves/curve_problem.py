@@ -557,7 +557,7 @@ def _curve(
     if callable(curve):
         if isinstance(curve, OfPoints):
             _check_formula(curve, start, fixed)
-        _check_signature(curve, names)
+        _check_signature(curve, names, fixed)
         return wrap_function(curve, names, x, {**start, **fixed}, summed=summed)
     formula = read_formula(curve, field="curve")
     _check_formula(formula, start, fixed)
@@ -596,14 +596,18 @@ def _check_formula(
             )
 
 
-def _check_signature(function: Callable[..., Any], names: tuple[str, ...]) -> None:
+def _check_signature(
+    function: Callable[..., Any], names: tuple[str, ...], fixed: Collection[str]
+) -> None:
     try:
         signature = inspect.signature(function)
     except (TypeError, ValueError):
         return  # a builtin that does not tell; calling it will
+    _, *parameters = signature.parameters or [""]
     takes = [
         name
-        for name, one in [*signature.parameters.items()][1:]
+        for name in parameters
+        for one in [signature.parameters[name]]
         if one.default is one.empty and one.kind in (one.POSITIONAL_OR_KEYWORD, one.KEYWORD_ONLY)
     ]
     without = {*takes} - {*names}
@@ -611,8 +615,9 @@ def _check_signature(function: Callable[..., Any], names: tuple[str, ...]) -> No
     if apart := [name for name in places if name in without]:
         rule = f"must take all abscissas as its first argument, and have x['{apart[0]}'] in it"
         raise InputError(rule, field="curve", value=f"{signature}")
-    if without and {*names} <= {*signature.parameters}:
-        words = "{" + ", ".join(f"'{name}': 1.0" for name in takes[:5]) + "}"
+    if without and {*names} <= {*parameters}:
+        free = [name for name in takes if name not in fixed]
+        words = "{" + ", ".join(f"'{name}': 1.0" for name in free[:5]) + "}"
         rule = f"must give each parameter of a function a starting value, as {words}"
         raise InputError(rule, field="start", value=", ".join(names) or None)
     try:
