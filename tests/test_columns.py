@@ -506,4 +506,7 @@ def test_the_cells_of_a_range_without_any_are_told(tmp_path: Path) -> None:
 def test_a_unit_of_several_symbols_stands_behind_a_slash() -> None:
     assert name_and_unit("c / mol L-1") == ("c", "mol L-1")
     assert name_and_unit("v / m s^-1") == ("v", "m s^-1")
+    for text in ("v / (m/s)", "v in (m/s)", "v / [m/s]", "v in [m/s]", "v / ( m/s )", "v in m/s"):
+        assert name_and_unit(text) == ("v", "m/s")
+    assert name_and_unit("k in 1/(m s)") == ("k", "1/(m s)")
     assert name_and_unit("ratio / reading of day 2") == ("ratio / reading of day 2", "")

@@ -37,8 +37,9 @@ _NAMED_UNIT = re.compile(
     r"(.{1,60}?)(\s*/)?(\s*)(?:\(([^()]{1,20})\)|\[([^\[\]]{1,20})\])|(.{1,60}?)\s+/\s*([^\s/]{1,20})"
 )
 _SYMBOL_OVER_UNIT = re.compile(r"([^\W\d_](?:_\w{1,8})?)/([^\s/()]{1,20})")
-# v in m s-1, v / m s-1
-_UNIT_BEHIND_A_WORD = re.compile(r"(.{1,60}?)\s+(?:in|/)\s+([^\s(].{0,19})")
+# v in m s-1, v / m s-1, v in (m/s)
+_UNIT_BEHIND_A_WORD = re.compile(r"(.{1,60}?)\s+(?:in|/)\s+(\S.{0,19})")
+_BRACKETS = re.compile(r"[(\[]([^()\[\]]+)[)\]]")
 _UNCERTAINTY = re.compile(r"u_.+|u\(([^()]+)\)")
 _FUNCTION = re.compile(
     r"ln|lg|log(?:2|10)?|exp|sqrt|(?:a|arc)?(?:sin|cos|tan)|sinh|cosh|tanh", re.IGNORECASE
@@ -150,8 +151,11 @@ def name_and_unit(cell: str) -> tuple[str, str]:
     where the name states none, as `ln(U/V)`, `s(t)` and `m/s`.
     """
     in_match = _UNIT_BEHIND_A_WORD.fullmatch(cell.strip())
-    if in_match is not None and is_unit(in_match[2]):
-        return in_match[1].strip(), in_match[2].strip()
+    if in_match is not None:
+        unit = in_match[2].strip()
+        whole = _BRACKETS.fullmatch(unit)
+        if is_unit(unit := whole[1].strip() if whole else unit):
+            return in_match[1].strip(), unit
     bare = cell.startswith("u(") and is_uncertainty(cell)
     match = None if bare else _NAMED_UNIT.fullmatch(cell.strip())
     if match is None:
