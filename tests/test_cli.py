@@ -134,6 +134,15 @@ def test_wrong_input_is_one_line_and_exit_code_2(
     assert done.stdout == ""
 
 
+def test_a_formula_may_have_an_input_called_as_its_result_is_by_default(
+    estim: Command, tmp_path: Path
+) -> None:
+    given = ("x*y", "x=2.0(1)", "y=3.0(2)", "--out", tmp_path / "out", "--figures", "none")
+    done = estim("propagate", *given)
+    assert done.returncode == 0
+    assert "result = 6.00 with standard uncertainty u = 0.50" in done.stdout
+
+
 def test_a_program_that_asks_is_told_of_progress_and_errors_in_lines_of_json(
     estim: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

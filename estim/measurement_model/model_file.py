@@ -138,13 +138,15 @@ def model_of_formula(formula: str, given: Mapping[str, str]) -> MeasurementModel
     Raises InputError with field, rule and value.
     """
     name, mark, text = (part.strip() for part in formula.rpartition("="))
+    if not mark:
+        name = "result" if "y" in given else "y"
     inputs = {}
     for key, stated in given.items():
         quantity, unit = read_with_unit(stated, field=key)
         inputs[key] = {"value": quantity.value, "unit": unit} | (
             {} if quantity.exact else {"u": quantity.u}
         )
-    tree = {"measurand": {"formula": text, **({"name": name} if mark else {})}, "inputs": inputs}
+    tree = {"measurand": {"formula": text, "name": name}, "inputs": inputs}
     digest = hashlib.sha256(repr((formula, given)).encode()).hexdigest()
     return _model_of(tree, Places(_NO_FILE, {}), Path(_NO_FILE), digest, title=formula)
 
