@@ -49,7 +49,7 @@ def potential_energy(
     forces: Forces | None = None,
 ) -> FloatArray:
     """V/M, J/kg, of the body at `x` (m from release); the paper's zero of height."""
-    angle, bend = np.asarray(x) / body.radius, (forces or Forces()).phi_slope
-    climbed = ramp_height(angle, phi=phi, bend=np.asarray(bend) * body.radius)[0]
+    angle, bend = np.asarray(x) / body.radius, (forces or Forces()).phi_slope * body.radius
+    climbed = ramp_height(angle, phi=phi, bend=bend)[0]
     height = np.asarray(theta0) * np.sin(phi) + climbed
     return np.asarray(g) * body.radius * (height + body.gamma * np.cos(np.asarray(theta0) + angle))

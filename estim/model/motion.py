@@ -40,7 +40,7 @@ def travel_time(
     >>> travel_time([0.1, 0.2], body, phi=0.07, theta0=1.0).round(3).tolist()
     [[0.586, 0.795]]
     """
-    angle = np.atleast_1d(np.asarray(x, dtype=float)) / np.asarray(body.radius)
+    angle = np.atleast_1d(np.asarray(x, dtype=float)) / body.radius
     return driven_passage(
         angle,
         body,

@@ -183,11 +183,11 @@ def energy_terms(
     Angles that are the same for all draws thus cost two small matrix products and no trigonometry
     for each draw.
     """
-    theta0, gamma = np.asarray(theta0), np.asarray(body.gamma)
+    theta0, gamma = np.asarray(theta0), body.gamma
     tilted = theta0 + phi
     across, along = 2.0 * gamma * np.cos(tilted), 2.0 * gamma * np.sin(tilted)
     w = [gamma * np.cos(theta0), gamma * np.sin(theta0), -effective_slope(phi, rolling_resistance)]
-    return w, [1.0 + np.asarray(body.inertia_ratio) + across, -across, -along]
+    return w, [1.0 + body.inertia_ratio + across, -across, -along]
 
 
 def _combined(coefficients: list[FloatArray], functions: tuple[FloatArray, ...]) -> FloatArray:
@@ -259,9 +259,7 @@ def theta_min(
     >>> round(float(theta_min(0.19, 0.07)), 3)
     0.377
     """
-    slope, gamma = np.broadcast_arrays(
-        effective_slope(phi, rolling_resistance), np.asarray(gamma, dtype=float)
-    )
+    slope, gamma = np.broadcast_arrays(effective_slope(phi, rolling_resistance), gamma)
     sine = np.divide(slope, gamma, out=np.full(slope.shape, np.nan), where=gamma > 0.0)
     return np.arcsin(np.where(np.abs(sine) <= 1.0, sine, np.nan))
 
@@ -334,9 +332,7 @@ def turning_angle(
             far, body, **place, g=g, release_energy=energy, forces=forces or Forces()
         ).stop
     gamma, theta0, slope = np.broadcast_arrays(
-        np.asarray(body.gamma, dtype=float),
-        np.asarray(theta0, dtype=float),
-        effective_slope(phi, rolling_resistance),
+        body.gamma, theta0, effective_slope(phi, rolling_resistance)
     )
     starts = gamma * np.sin(theta0) > slope
     turns = starts & (np.abs(slope) < gamma)

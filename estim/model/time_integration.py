@@ -315,7 +315,7 @@ def _blocks(
     given = [
         body.radius,
         body.gamma,
-        1.0 + np.asarray(body.inertia_ratio),
+        1.0 + body.inertia_ratio,
         phi,
         theta0,
         rolling_resistance,
