@@ -256,8 +256,9 @@ def fit_least_squares(
         )
     held: tuple[Held, ...] = ()
     if many(problem):
-        end = settle_by_runs(values, posterior, best=_best, spread=_curved)
-        values, posterior, moved, held = end.values, end.posterior, end.moved, end.held
+        values, posterior, moved, held = settle_by_runs(
+            values, posterior, best=_best, spread=_curved
+        )
     else:
         values, posterior, moved, _ = _settle(values, posterior, max_rounds=max_rounds)
     if math.isnan(moved):
