@@ -53,7 +53,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from estim.arrays import FloatArray, max_abs
+from estim.arrays import FloatArray, max_abs, positive_or, root_mean_square
 from estim.fitting import MANY_RUNS, Fit, chi2_p, no_scatter, spreads_by_runs
 from estim.problem import Linear, Observations, Whitened, reading_sd
 from estim.words import TESTS
@@ -419,7 +419,7 @@ def _raw_and_sd(fit: Fit, named: Mapping[str, FloatArray]) -> list[tuple[FloatAr
 def _scatter_ratio(run: Observations, named: Mapping[str, FloatArray]) -> float:
     if run.motion is None:  # the jitter of a curve is asked for, and may be of any size
         return float("nan")
-    instrument = float(np.sqrt(np.mean(np.square(reading_sd(run.noise, named)))))
+    instrument = root_mean_square(reading_sd(run.noise, named))
     size = run.noise.size
     if size.scatter.parameter is None or size.sigma.parameter is not None or instrument == 0.0:
         return float("nan")
@@ -572,11 +572,7 @@ def _squares(z: FloatArray) -> FloatArray:
 
 def _size(z: FloatArray) -> FloatArray:
     """Sums of squares; 1 where all residuals are exactly zero, which have no shape."""
-    return _or_one(_squares(z))
-
-
-def _or_one(values: FloatArray) -> FloatArray:
-    return np.where(values > 0.0, values, 1.0)
+    return positive_or(_squares(z), 1.0)
 
 
 def _uneven(f: FloatArray, x: FloatArray) -> dict[str, Statistic]:
@@ -586,11 +582,11 @@ def _uneven(f: FloatArray, x: FloatArray) -> dict[str, Statistic]:
     centred = [w - np.mean(w) for w in (f, np.abs(f), x) if float(np.ptp(w)) > _SAME * max_abs(w)]
     if not centred:
         return {}
-    growing = np.array([w / np.sqrt(np.mean(np.square(w))) for w in centred])
+    growing = np.array([w / root_mean_square(w) for w in centred])
 
     def uneven(z: FloatArray) -> FloatArray:
         sizes = np.abs(z)
-        return np.max(np.abs(sizes @ growing.T), axis=1) / _or_one(np.sum(sizes, axis=1))
+        return np.max(np.abs(sizes @ growing.T), axis=1) / positive_or(np.sum(sizes, axis=1), 1.0)
 
     return {"uneven": uneven}
 
@@ -624,7 +620,7 @@ def _speed(v: FloatArray) -> dict[str, Statistic]:
     def speed(z: FloatArray) -> FloatArray:
         sizes = np.abs(z)
         held = np.minimum(sizes, _BEYOND * np.median(sizes, axis=1, keepdims=True))
-        return (held @ faster) / _or_one(np.sum(held, axis=1))
+        return (held @ faster) / positive_or(np.sum(held, axis=1), 1.0)
 
     return {"speed": speed}
 

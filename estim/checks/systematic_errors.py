@@ -16,7 +16,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from estim.arrays import FloatArray, all_finite
+from estim.arrays import FloatArray, all_finite, positive_or
 from estim.common import Amount, Finding, Kind
 from estim.curves import scale_errors_of
 from estim.fitting import Fit, descend_by_runs
@@ -123,7 +123,7 @@ def _mode_near(fit: Fit, problem: Problem) -> FloatArray | None:
     do not settle.
     """
     values, variance = fit.values, np.diag(fit.cov)
-    scale = np.sqrt(np.where(variance > 0.0, variance, np.inf))
+    scale = np.sqrt(positive_or(variance, np.inf))
     free = fit.problem.of_curve
     for _ in range(_MOST_ROUNDS):
         with np.errstate(all="ignore"):

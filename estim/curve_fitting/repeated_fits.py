@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from estim.arrays import FloatArray, IntArray, all_finite, squared_rows
+from estim.arrays import FloatArray, IntArray, all_finite, positive_or, squared_rows
 from estim.checks import P_POOR_FIT
 from estim.common import InputError, Status
 from estim.curve_fitting.single import fit_curve
@@ -132,7 +132,7 @@ def fit_many(
     begin = np.array([{**first.values, **(start or {})}[name] for name in first.names])
     low, high = np.array([p.low for p in priors]), np.array([p.high for p in priors])
     size = np.maximum(np.abs(begin), np.nan_to_num(first.held.scale))  # one may lie on a limit of 0
-    size = np.where(size > 0.0, size, 1.0)
+    size = positive_or(size, 1.0)
     solved, moving = np.split(np.arange(len(priors)), [0])
     function = LeastSquares(residuals, low, high, size, solved, moving, _STEP, sets.shape[1])
     values, chi2, _ = function.descend(

@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from estim.arrays import FloatArray, sds_of
+from estim.arrays import FloatArray, root_mean_square, sds_of
 from estim.discrepancy.linearised import Linearised, linearise_beside
 from estim.discrepancy.mixture_likelihood import compact
 from estim.discrepancy.scale_mixture import Deviation
@@ -50,7 +50,7 @@ _SHIFTED = ("step", "frame")  # kinds in which positions are wrong
 _STILL = 2.5  # sds: a size below is none
 _AT_ONCE = 2_000_000  # numbers of points and patterns
 _WIDE = 30.0  # times what was found: sd of a size that is left to the data
-_FEW_LOST = float(np.sqrt(np.mean(np.square(_LOST))))  # frames
+_FEW_LOST = root_mean_square(_LOST)  # frames
 
 
 @dataclass(frozen=True, eq=False)

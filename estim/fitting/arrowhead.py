@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.arrays import FloatArray, finite_or
+from estim.arrays import FloatArray, finite_or, positive_or
 from estim.levenberg_marquardt import bounded_steps
 from estim.problem import Posterior, Problem
 
@@ -57,8 +57,7 @@ def spreads_by_runs(
         rows.append(np.zeros((len(triangle), len(pulls))))
         rows[-1][:, used] = triangle
     design = np.linalg.qr(np.vstack(rows), mode="r")
-    scale = np.linalg.norm(design, axis=0)
-    scale[scale == 0.0] = 1.0
+    scale = positive_or(np.linalg.norm(design, axis=0), 1.0)
     design /= scale
     whole = np.min(np.abs(np.diag(design)), initial=1.0) > _NOTHING
     spread = np.linalg.inv(design) if whole else np.linalg.pinv(design, rcond=_NOTHING)

@@ -29,7 +29,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray, sds_of
+from estim.arrays import BoolArray, FloatArray, IntArray, positive_or, sds_of
 from estim.common import (
     PROBABILITIES,
     Amount,
@@ -163,7 +163,7 @@ def _degrees_of_freedom(cov: FloatArray, pulls: FloatArray, dof: float) -> Float
     of the priors.
     """
     size = np.diag(cov)
-    share = 1.0 - np.einsum("ij,jk,ik->i", cov, pulls, cov) / np.where(size > 0.0, size, 1.0)
+    share = 1.0 - np.einsum("ij,jk,ik->i", cov, pulls, cov) / positive_or(size, 1.0)
     return dof / np.clip(share, 1e-3, 1.0) ** 2
 
 

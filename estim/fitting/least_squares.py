@@ -16,7 +16,15 @@ from itertools import compress
 
 import numpy as np
 
-from estim.arrays import FloatArray, all_finite, diagonal_scale, finite_or, max_abs, sds_of
+from estim.arrays import (
+    FloatArray,
+    all_finite,
+    diagonal_scale,
+    finite_or,
+    max_abs,
+    positive_or,
+    sds_of,
+)
 from estim.common import Finding, InputError, NumericalError, phrase
 from estim.discrepancy import FoundDeviation, FoundForce, NormalParts
 from estim.distributions import chi2_tail
@@ -361,8 +369,7 @@ def _curved(posterior: Posterior, values: FloatArray) -> FloatArray | None:
     matrix = information(posterior, values)
     if not all_finite(matrix):
         return None
-    scale = sds_of(_inverse(matrix))
-    return np.where(scale > 0.0, scale, np.inf)
+    return positive_or(sds_of(_inverse(matrix)), np.inf)
 
 
 def _settle(
@@ -496,11 +503,11 @@ def settled(led: str) -> str:
     return phrase("converged; {led}", led=led)
 
 
-def far_apart(values: FloatArray, ends: list[FloatArray], scale: FloatArray) -> FloatArray:
-    """(n_other, n_par) those of `ends` that lie more than some standard deviations from `values`
-    and from each other.
+def far_apart(values: FloatArray, ends: list[FloatArray], sds: FloatArray) -> FloatArray:
+    """(n_other, n_par) those of `ends` that lie more than some standard deviations `sds` (n_par,)
+    from `values` and from each other.
     """
-    distinct = [values]
+    distinct, scale = [values], positive_or(sds, np.inf)
     for end in ends:
         if all(np.max(np.abs(end - other) / scale) > 3.0 for other in distinct):
             distinct.append(end)
@@ -540,12 +547,8 @@ def _describe(
     chi2 = float(of_data + np.sum(posterior.prior_residuals(values)[pulls] ** 2))
     dof = problem.n_obs + len(pulls) - int(np.sum(~known.on_limit[list(curve)]))
     unlike = problem.robust or problem.counted
-    place = np.where(curvature > 0.0, curvature, np.inf)
-    n_same = (
-        len(same)
-        if singular
-        else sum(bool(np.max(np.abs(end - values) / place) < 1.5) for end in same)
-    )
+    near = [np.max(np.abs(end - values) / positive_or(curvature, np.inf)) < 1.5 for end in same]
+    n_same = len(same) if singular else int(np.sum(near))
     message = settled(led_here(n_same, n_start))
     if moved >= SETTLED:
         message = phrase(
@@ -572,7 +575,7 @@ def _describe(
         else math.nan,
         n_start=n_start,
         n_same=n_same,
-        others=far_apart(values, ends, place),
+        others=far_apart(values, ends, curvature),
         singular=singular,
         success=moved < SETTLED,
         moved=moved,

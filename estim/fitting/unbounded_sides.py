@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, finite_or, sds_of
+from estim.arrays import BoolArray, FloatArray, finite_or, positive_or
 from estim.common import Amount, Finding, Kind
 from estim.distributions import chi2_tail
 from estim.fitting.least_squares import Fit
@@ -96,8 +96,7 @@ def bending(fit: Fit) -> FloatArray:
     each parameter goes one standard deviation and the others follow it; inf where the curve ends, 0
     where a sixteenth of the step bends them as much, by rounding errors.
     """
-    sizes, n = sds_of(fit.cov), len(fit.names)
-    steps = fit.cov / np.where(sizes > 0.0, sizes, 1.0)[:, None]
+    n, steps = len(fit.names), fit.cov / positive_or(fit.scale, 1.0)[:, None]
     places = np.vstack([np.zeros(n), steps, -steps, steps / 16.0, steps / -16.0])
     with np.errstate(all="ignore"):
         ends = fit.posterior.residuals_at(np.clip(fit.values + places, *fit.problem.support()))
