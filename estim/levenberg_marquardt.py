@@ -22,7 +22,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.arrays import FloatArray, all_finite, finite_or, squared_rows
+from estim.arrays import FloatArray, all_finite, finite_or, positive_or, squared_rows
 
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
@@ -30,6 +30,7 @@ Indices = NDArray[np.int64]
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING, _FACTOR = 1e-3, 1e-9, 1e5, 10.0
 # looks for parameters beyond their bounds; times the part of a step to the nearest bound
 _PASSES, _FARTHEST = 4, 10.0
+_BATCH = 100_000  # residuals in one call: they stay in the cache
 _PATIENCE = 4  # steps, after which descents are compared
 
 T = TypeVar("T")
@@ -183,14 +184,14 @@ class LeastSquares:
         """(n,) at points as they are, inf where the residuals are not finite."""
         which, squares = np.arange(len(points)), np.empty(len(points))
         with np.errstate(all="ignore"):
-            for part in self._parts(len(points), 0):
+            for part in self.parts(len(points), 0):
                 residuals = self.residuals(points[part], which[part])
                 squares[part] = np.einsum("ij,ij->i", residuals, residuals)
         return finite_or(0.5 * squares, np.inf)
 
     def evaluate(self, points: FloatArray, which: Indices) -> tuple[FloatArray, FloatArray]:
         solved, squares = points.copy(), np.empty(len(points))
-        for part in self._parts(len(points), self.linear.size):
+        for part in self.parts(len(points), self.linear.size):
             residuals, columns = self.tangents(points[part], self.linear, 1.0, which[part])
             if self.linear.size:
                 step = finite_or(solve(columns, -residuals[:, :, None]), 0.0)
@@ -204,7 +205,7 @@ class LeastSquares:
     ) -> tuple[FloatArray, FloatArray]:
         gradients, hessians = np.zeros_like(points), np.zeros((*points.shape, points.shape[1]))
         moving = np.concatenate([self.linear, self.nonlinear])
-        for part in self._parts(len(points), moving.size):
+        for part in self.parts(len(points), moving.size):
             base, columns = self.tangents(points[part], moving, self.step, which[part])
             columns = finite_or(columns, 0.0)
             nonlinear = columns[:, :, self.linear.size :]
@@ -259,9 +260,9 @@ class LeastSquares:
                 descents.going &= descents.objectives <= bound
         return descents.points, 2.0 * descents.objectives, descents.converged
 
-    def _parts(self, n: int, columns: int) -> list[slice]:
-        # residuals at a time: they stay in the cache
-        rows = max(1, 100_000 // max(1, self.n_res * (1 + columns)))
+    def parts(self, n: int, columns: int) -> list[slice]:
+        """Points that are looked at in one call, each with its derivatives in some `columns`."""
+        rows = max(1, _BATCH // max(1, self.n_res * (1 + columns)))
         return [slice(k, k + rows) for k in range(0, max(1, n), rows)]
 
 
@@ -273,7 +274,7 @@ def solve(columns: FloatArray, targets: FloatArray, damping: float = 1e-12) -> F
     rows = np.swapaxes(columns, 1, 2)
     gram = rows @ columns
     scale = np.sqrt(np.diagonal(gram, axis1=1, axis2=2))
-    scale = np.where(scale > 0.0, scale, 1.0)
+    scale = positive_or(scale, 1.0)
     gram = gram / squared_rows(scale) + damping * np.eye(gram.shape[1])
     return np.linalg.solve(gram, rows @ targets / scale[..., None]) / scale[..., None]
 

@@ -44,9 +44,9 @@ _FEW_ROUNDS = 6
 _EXACT, _ROUGH = 1e-12, 1e-6
 WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
 _FINE = 1e-2
-# of -2 log density without a parameter, beyond which its sign is known and it is sampled by size;
-# as high as where the ends of counts count as none (`estim.fitting.unbounded_sides`)
-_ONE_SIGN = 30.0
+# of -2 log density: chains of some seeds go beyond a rise of 27.5, none beyond 30.3; where that
+# without a parameter is higher, its sign is known and it is sampled by size
+NEVER_MET = 30.0
 _ILL = 1e12  # condition of the information, columns of unit length
 _NOTHING_SAID = 1e-15  # ratio of its eigenvalues
 
@@ -170,7 +170,7 @@ class Fit:
     @cached_property
     def coordinates(self) -> Coordinates:
         """In which the posterior is nearly normal."""
-        level = math.inf if self.singular else _ONE_SIGN
+        level = math.inf if self.singular else NEVER_MET
         return search_of(self.posterior, self.values, self.cov, level).coordinates
 
     @cached_property

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.arrays import FloatArray, all_finite, max_abs
+from estim.arrays import FloatArray, all_finite, max_abs, positive_or
 from estim.common import InputError
 from estim.levenberg_marquardt import LeastSquares
 from estim.problem import EXACT, Posterior, Problem
@@ -43,6 +43,11 @@ class SeparableSearch:
     @property
     def free(self) -> Indices:
         return np.sort(np.concatenate([self.linear, self.nonlinear]))
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom of the sum of squares; 1 at least."""
+        return max(1, self.posterior.problem.n_obs - self.free.size)
 
     @cached_property
     def limited(self) -> bool:
@@ -84,7 +89,7 @@ class SeparableSearch:
             residuals,
             self.low,
             self.high,
-            np.where(size > 0.0, size, 1.0),
+            positive_or(size, 1.0),
             self.linear,
             self.nonlinear,
             max(1e-6, math.sqrt(self.resolved / _SAFETY)),
