@@ -22,15 +22,10 @@ def fit_discrepancy(white: Fit) -> Fit:
         for run in problem.runs
         if run.lacks is not None
     }
-    runs = tuple(
-        replace(run, noise=posed[run.name].noise) if run.lacks is not None else run
-        for run in problem.runs
-    )
-    low, high = problem.support()
-    start = np.clip(
-        np.mean([deviation.found.mean for deviation in posed.values()], axis=0), low, high
-    )
-    fit = refit(Problem(problem.parameters, runs), start)
+    means = [deviation.found.mean for deviation in posed.values()]
+    start = np.clip(np.mean(means, axis=0), *problem.support())
+    noises = {name: deviation.noise for name, deviation in posed.items()}
+    fit = refit(problem.with_noises(noises), start)
     return replace(
         fit,
         deviations=tuple(deviation.found for deviation in posed.values()),

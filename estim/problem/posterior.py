@@ -22,7 +22,7 @@ from estim.common import InputError
 from estim.problem.coordinates import Coordinates
 from estim.problem.correlated_runs import Group as Group
 from estim.problem.correlated_runs import SharedNoise, grouped
-from estim.problem.likelihood import Ends, Likelihood
+from estim.problem.likelihood import Ends, Likelihood, Noise
 from estim.problem.observations import Observations, Parameter, parameters_of, uses_of
 from estim.problem.prior_measures import JeffreysPrior, Measure
 from estim.problem.priors import Flat, JointNormal, Prior
@@ -203,6 +203,13 @@ class Problem:
         changed = (replace(p, prior=priors.get(p.name, p.prior)) for p in self.parameters)
         return replace(self, parameters=tuple(changed))
 
+    def with_noises(
+        self, noises: Mapping[str, Noise], shared: tuple[SharedNoise, ...] = ()
+    ) -> Problem:
+        """The same with `noises`, by run, in place of those of their runs, and tied by `shared`."""
+        runs = (replace(run, noise=noises.get(run.name, run.noise)) for run in self.runs)
+        return Problem(self.parameters, tuple(runs), shared)
+
     def support(self) -> tuple[FloatArray, FloatArray]:
         """(n_par,) lowest and highest values that the priors allow."""
         return np.array([p.prior.low for p in self.parameters]), np.array(
@@ -284,26 +291,19 @@ class Problem:
         """What a search from afar takes in its place (`Noise.for_search`); itself where no run
         needs that.
         """
-        noises = [run.noise.for_search() for run in self.runs]
-        if not self.shared and all(
-            noise is run.noise for run, noise in zip(self.runs, noises, strict=True)
-        ):
+        noises = {run.name: run.noise.for_search() for run in self.runs}
+        if not self.shared and all(noises[run.name] is run.noise for run in self.runs):
             return self
-        return Problem(
-            self.parameters,
-            tuple(replace(run, noise=noise) for run, noise in zip(self.runs, noises, strict=True)),
-        )
+        return self.with_noises(noises)
 
     def with_normal_errors(self, wider: Sequence[FloatArray]) -> Problem:
         """The problem with normal errors in place of those that leave room for outliers, `wider`
         (n_obs,) times as wide in each run.
         """
-        noises = [
-            run.noise.with_normal_errors(factors)
-            for run, factors in zip(self.runs, wider, strict=True)
-        ]
-        runs = (replace(run, noise=noise) for run, noise in zip(self.runs, noises, strict=True))
-        return Problem(self.parameters, tuple(runs))
+        runs = zip(self.runs, wider, strict=True)
+        return self.with_noises(
+            {run.name: run.noise.with_normal_errors(factors) for run, factors in runs}
+        )
 
 
 @dataclass(frozen=True, eq=False)
