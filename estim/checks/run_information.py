@@ -24,9 +24,9 @@ from estim.problem import Group, parameters_of
 
 PRIORS = later("stated values")
 _LEAST_SHARE = 1e-3  # of the information in a direction: a source that has less says nothing of it
-# the same beside what was stated, where a mixture was taken as one normal distribution: it has that
-# only roughly
-_LEAST_OF_MIXTURE = 0.1
+# the same beside what was stated, where a mixture was taken as one normal distribution, a few per
+# cent of whose covariance mean nothing
+LEAST_OF_MIXTURE = 0.1
 # share of the information in a direction that comes from runs; below, it is known from what was
 # stated
 _LEAST_TOLD = 0.1
@@ -168,7 +168,7 @@ def _beyond(alone: Quadratic, stated: FloatArray) -> Quadratic:
     root = _root(information + stated)
     turned = np.linalg.inv(root)
     shares, vectors = np.linalg.eigh(turned @ information @ turned.T)
-    informative = shares > _LEAST_OF_MIXTURE
+    informative = shares > LEAST_OF_MIXTURE
     rows = vectors[:, informative].T @ root.T
     return rows.T @ (shares[informative, None] * rows), rows.T @ (
         vectors[:, informative].T @ turned @ score
