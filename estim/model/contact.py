@@ -201,9 +201,8 @@ def end_of_rolling(
         "g": g,
     }
     place |= {"release_energy": release_energy, "forces": forces}
-    ramp = np.atleast_2d(np.asarray(ramp_end, dtype=float) / body.radius)
+    ramp = np.atleast_2d(np.asarray(ramp_end) / body.radius)
     turn = np.atleast_2d(turning_angle(body, **place, far=float(np.max(ramp))))
-    mu = np.atleast_2d(np.asarray(mu, dtype=float))
     last, turn, ramp, mu = np.broadcast_arrays(np.minimum(turn, ramp), turn, ramp, mu)
 
     def spare(angle: FloatArray) -> FloatArray:

@@ -40,9 +40,8 @@ def travel_time(
     >>> travel_time([0.1, 0.2], body, phi=0.07, theta0=1.0).round(3).tolist()
     [[0.586, 0.795]]
     """
-    angle = np.atleast_1d(np.asarray(x, dtype=float)) / body.radius
     return driven_passage(
-        angle,
+        np.asarray(x) / body.radius,
         body,
         phi=phi,
         theta0=theta0,
@@ -76,7 +75,7 @@ def trajectory(
     (1, 2)
     """
     return driven_motion(
-        np.atleast_1d(np.asarray(t, dtype=float)),
+        t,
         body,
         phi=phi,
         theta0=theta0,

@@ -311,7 +311,7 @@ def _blocks(
     """`wanted` (n_draw, n_obs), the parameters and `start`, column by column, in blocks of
     draws.
     """
-    wanted = np.atleast_2d(np.asarray(wanted, dtype=float))
+    wanted = np.array(wanted, dtype=float, ndmin=2)
     given = [
         body.radius,
         body.gamma,
