@@ -42,17 +42,12 @@ def sds_near_limits(
     """Standard deviations (n_par,) of the linearised posterior, nan for a parameter less than one
     from a limit, and why.
     """
-    sds, notes = sds_of(found.cov), []
-    for i, parameter in enumerate(problem.parameters):
-        low, high = parameter.prior.low, parameter.prior.high
-        if min(found.mean[i] - low, high - found.mean[i]) < sds[i]:
-            notes.append(
-                Finding(
-                    Kind.NEAR_LIMIT,
-                    parameters=(
-                        Amount(parameter.name, edge_of(parameter.prior, float(found.mean[i]))),
-                    ),
-                )
-            )
-            sds[i] = np.nan
-    return sds, tuple(notes)
+    sds = sds_of(found.cov)
+    near = problem.room(found.mean) < sds
+    edges = [
+        Amount(p.name, edge_of(p.prior, float(mean)))
+        for p, mean, beside in zip(problem.parameters, found.mean, near, strict=True)
+        if beside
+    ]
+    notes = tuple(Finding(Kind.NEAR_LIMIT, parameters=(edge,)) for edge in edges)
+    return np.where(near, np.nan, sds), notes

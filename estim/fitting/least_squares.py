@@ -503,6 +503,15 @@ def settled(led: str) -> str:
     return phrase("converged; {led}", led=led)
 
 
+def unsettled(sds: float) -> str:
+    """What a fit says whose last round still moved a parameter by some standard deviations."""
+    return phrase(
+        "did not converge: its last iteration still shifted a parameter by {sds:.2g} "
+        "standard deviations",
+        sds=sds,
+    )
+
+
 def far_apart(values: FloatArray, ends: list[FloatArray], sds: FloatArray) -> FloatArray:
     """(n_other, n_par) those of `ends` that lie more than some standard deviations `sds` (n_par,)
     from `values` and from each other.
@@ -534,8 +543,7 @@ def _describe(
     cov = _inverse(matrix)
     curvature = sds_of(cov)
     sds = np.full(problem.n_par, np.nan) if singular else curvature.copy()
-    low, high = problem.support()
-    sds[np.minimum(values - low, high - values) < curvature] = np.nan
+    sds[problem.room(values) < curvature] = np.nan
     curve = problem.of_curve
     # what lies on a limit is held there, and so is what its prior says
     pulls = [i for i in curve if problem.parameters[i].prior.informative and not known.on_limit[i]]
@@ -549,14 +557,8 @@ def _describe(
     unlike = problem.robust or problem.counted
     near = [np.max(np.abs(end - values) / positive_or(curvature, np.inf)) < 1.5 for end in same]
     n_same = len(same) if singular else int(np.sum(near))
-    message = settled(led_here(n_same, n_start))
-    if moved >= SETTLED:
-        message = phrase(
-            "did not converge: its last iteration still shifted a parameter by {sds:.2g} "
-            "standard deviations",
-            sds=moved,
-        )
-    elif singular:
+    message = settled(led_here(n_same, n_start)) if moved < SETTLED else unsettled(moved)
+    if singular and moved < SETTLED:
         message = phrase(
             "converged, but some combination of the parameters is not determined, so there "
             "are no standard deviations"

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import BoolArray, FloatArray, Named, all_finite, sds_of
-from estim.common import Amount, Finding, InputError, Kind, NumericalError, phrase
+from estim.common import Amount, Finding, InputError, Kind, NumericalError
 from estim.fitting.distinct_optima import (
     MOST_OTHERS,
     PLACE,
@@ -58,6 +58,7 @@ from estim.fitting.least_squares import (
     led_here,
     refit,
     settled,
+    unsettled,
 )
 from estim.fitting.multistart import ALIKE, N_START, starts_around
 from estim.fitting.noise_fit import fit_noise
@@ -523,11 +524,7 @@ def fit_optimum(
     fit = replace(fit, n_start=best.n_start, n_same=best.n_same, message=words)
     if best.settled or best.singular or fit.singular:
         return fit
-    words = phrase(
-        "did not converge: its last iteration still shifted a parameter by {sds:.2g} "
-        "standard deviations",
-        sds=best.step,
-    )
+    words = unsettled(best.step)
     return replace(fit, success=False, moved=best.step, mover=best.mover, message=words)
 
 

@@ -216,6 +216,11 @@ class Problem:
             [p.prior.high for p in self.parameters]
         )
 
+    def room(self, values: FloatArray) -> FloatArray:
+        """(n_par,) how far values (n_par,) are from the nearer limit of their priors."""
+        low, high = self.support()
+        return np.minimum(values - low, high - values)
+
     def named(self, draws: FloatArray) -> dict[str, FloatArray]:
         """Parameter name -> column: (n_par,) gives scalars, (n_draw, n_par) gives (n_draw, 1)."""
         draws = np.asarray(draws)
