@@ -20,12 +20,16 @@ from itertools import count
 from typing import Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray, all_finite, finite_or, positive_or, squared_rows
-
-Flags = NDArray[np.bool_]
-Indices = NDArray[np.int64]
+from estim.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    all_finite,
+    finite_or,
+    positive_or,
+    squared_rows,
+)
 
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING, _FACTOR = 1e-3, 1e-9, 1e5, 10.0
 # looks for parameters beyond their bounds; times the part of a step to the nearest bound
@@ -63,13 +67,13 @@ class ObjectiveFunction(Protocol):
     def reach(self, points: FloatArray) -> FloatArray:
         """The longest step of each parameter at points (n, n_par)."""
 
-    def evaluate(self, points: FloatArray, which: Indices) -> tuple[FloatArray, FloatArray]:
+    def evaluate(self, points: FloatArray, which: IntArray) -> tuple[FloatArray, FloatArray]:
         """Points (n, n_par) with what follows from the other parameters put in, and their
         objectives (n,), inf where there is none.
         """
 
     def derivatives(
-        self, points: FloatArray, which: Indices, curved: Flags
+        self, points: FloatArray, which: IntArray, curved: BoolArray
     ) -> tuple[FloatArray, FloatArray]:
         """Gradients (n, n_par) at points, and Hessians (n, n_par, n_par), positive, of which those
         at `curved` (n,) are wanted.
@@ -160,12 +164,12 @@ class LeastSquares:
     n_res : residuals of a descent.
     """
 
-    residuals: Callable[[FloatArray, Indices], FloatArray]
+    residuals: Callable[[FloatArray, IntArray], FloatArray]
     low: FloatArray
     high: FloatArray
     size: FloatArray
-    linear: Indices
-    nonlinear: Indices
+    linear: IntArray
+    nonlinear: IntArray
     step: float
     n_res: int
 
@@ -189,7 +193,7 @@ class LeastSquares:
                 squares[part] = np.einsum("ij,ij->i", residuals, residuals)
         return finite_or(0.5 * squares, np.inf)
 
-    def evaluate(self, points: FloatArray, which: Indices) -> tuple[FloatArray, FloatArray]:
+    def evaluate(self, points: FloatArray, which: IntArray) -> tuple[FloatArray, FloatArray]:
         solved, squares = points.copy(), np.empty(len(points))
         for part in self.parts(len(points), self.linear.size):
             residuals, columns = self.tangents(points[part], self.linear, 1.0, which[part])
@@ -201,7 +205,7 @@ class LeastSquares:
         return solved, finite_or(0.5 * squares, np.inf)
 
     def derivatives(
-        self, points: FloatArray, which: Indices, curved: Flags
+        self, points: FloatArray, which: IntArray, curved: BoolArray
     ) -> tuple[FloatArray, FloatArray]:
         gradients, hessians = np.zeros_like(points), np.zeros((*points.shape, points.shape[1]))
         moving = np.concatenate([self.linear, self.nonlinear])
@@ -218,7 +222,7 @@ class LeastSquares:
         return gradients, hessians
 
     def tangents(
-        self, points: FloatArray, moving: Indices, step: float, which: Indices | None = None
+        self, points: FloatArray, moving: IntArray, step: float, which: IntArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Residuals (n, n_res) at points (n, n_par), and their derivatives (n, n_res, n_moving) by
         differences of `step` of a parameter's size.
@@ -238,7 +242,7 @@ class LeastSquares:
     @np.errstate(all="ignore")
     def descend(
         self, points: FloatArray, *, ftol: float, max_steps: int, hopeless: float = math.inf
-    ) -> tuple[FloatArray, FloatArray, Flags]:
+    ) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Where points (n, n_par) come to lie, each in its place, the sums of squares there, inf
         where there is none (such a point stays), and which of them are minima.
 
@@ -383,7 +387,7 @@ class _Descents:
         # predicted decrease below which a point that no step improves counts as a minimum
         self.converged[stuck], self.going[stuck] = self.predicted[stuck] < 1e-4, False
 
-    def _started(self, now: Indices, objectives: FloatArray) -> None:
+    def _started(self, now: IntArray, objectives: FloatArray) -> None:
         """Where there was no objective at a first point, look elsewhere, or end."""
         nowhere = now[~np.isfinite(self.objectives[now]) & ~np.isfinite(objectives)]
         elsewhere = np.all(np.isfinite(self.instead[nowhere]), axis=1)
@@ -391,7 +395,7 @@ class _Descents:
         self.instead[nowhere] = np.nan
         self.going[nowhere[~elsewhere]] = False
 
-    def _next(self, begun: Indices, stale: Indices) -> FloatArray:
+    def _next(self, begun: IntArray, stale: IntArray) -> FloatArray:
         """(n, n_par) where `begun` look next, their gradients and Hessians taken anew at `stale`;
         of these, descents whose predicted decrease is small enough end here.
         """
@@ -421,7 +425,7 @@ class _Descents:
         at = points[: begun.size]
         return np.where(self.held[begun], at, np.clip(at + steps[: begun.size], low, high))
 
-    def _survey(self, which: Indices) -> None:
+    def _survey(self, which: IntArray) -> None:
         """Gradients and Hessians at `which`."""
         points, outdated = self.points[which], self.outdated[which]
         gradients, hessians = self.function.derivatives(points, which, outdated)
@@ -448,7 +452,7 @@ def bounded_steps(
     gradients: FloatArray,
     hessians: FloatArray,
     damping: FloatArray,
-    free: Flags,
+    free: BoolArray,
     low: FloatArray,
     high: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
@@ -516,7 +520,7 @@ def _learned(
 
 
 def _damped(
-    gradients: FloatArray, hessians: FloatArray, damping: FloatArray, free: Flags
+    gradients: FloatArray, hessians: FloatArray, damping: FloatArray, free: BoolArray
 ) -> FloatArray:
     """(n, n_par) steps of the `free` parameters to the minimum of gradient.s + s.Hessian.s/2,
     damped in proportion to its diagonal.

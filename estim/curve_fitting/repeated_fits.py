@@ -16,7 +16,7 @@ from estim.common import InputError, Status
 from estim.curve_fitting.single import fit_curve
 from estim.distributions import chi2_tail
 from estim.given_numbers import real_numbers
-from estim.levenberg_marquardt import Indices, LeastSquares
+from estim.levenberg_marquardt import LeastSquares
 
 _SETTLED, _MOST_STEPS = 1e-12, 60
 _CONVERGED = 1e-3  # standard deviations
@@ -125,7 +125,7 @@ def fit_many(
     problem = first.held.problem
     run, priors = problem.runs[0], [p.prior for p in problem.parameters]
 
-    def residuals(values: FloatArray, which: Indices) -> FloatArray:
+    def residuals(values: FloatArray, which: IntArray) -> FloatArray:
         named = run.bind(problem.named(values))
         return (run.curve.value(points[which], named) - sets[which]) / errors[which]
 

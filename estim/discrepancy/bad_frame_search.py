@@ -33,10 +33,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from estim.arrays import FloatArray, root_mean_square, sds_of
+from estim.arrays import FloatArray, IntArray, root_mean_square, sds_of
 from estim.discrepancy.linearised import Linearised, linearise_beside
 from estim.discrepancy.mixture_likelihood import compact
 from estim.discrepancy.scale_mixture import Deviation
@@ -141,8 +140,8 @@ class Frames(Shifts):
 
     t: FloatArray
     x: FloatArray
-    lines: NDArray[np.int64]
-    at: NDArray[np.int64] | None = None
+    lines: IntArray
+    at: IntArray | None = None
     slope: FloatArray | None = None
 
     @property

@@ -29,7 +29,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray, positive_or, sds_of
+from estim.arrays import FloatArray, IntArray, positive_or, sds_of
 from estim.common import (
     PROBABILITIES,
     Amount,

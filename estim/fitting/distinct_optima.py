@@ -9,7 +9,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, all_finite, max_abs, root_mean_square, sds_of
+from estim.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    all_finite,
+    max_abs,
+    root_mean_square,
+    sds_of,
+)
 from estim.common import Amount, Finding, Kind
 from estim.fitting.gauss_newton import (
     End,
@@ -20,7 +28,7 @@ from estim.fitting.gauss_newton import (
     unit_at,
 )
 from estim.fitting.least_squares import WITHIN_REACH
-from estim.fitting.separable import Indices, SeparableSearch
+from estim.fitting.separable import SeparableSearch
 from estim.problem import TURNS, Symmetry
 
 SAME = 1e-6  # relative difference of sums of squares between equal optima
@@ -145,7 +153,7 @@ def choose(
         ):  # far from all of them, or from nowhere
             chosen = min(through, key=lambda i: _roughness(search, named[i]))
 
-    def told(kind: Kind, others: list[FloatArray], which: Indices) -> None:
+    def told(kind: Kind, others: list[FloatArray], which: IntArray) -> None:
         names = search.posterior.problem.names
         parts = tuple(
             Finding(Kind.VALUES, parameters=tuple(Amount(names[k], float(other[k])) for k in which))
@@ -217,7 +225,7 @@ def _is_optimum(search: SeparableSearch, end: End) -> bool:
     return bool(np.all(step <= PLACE * unit_at(search, end) * sds_of(cov)))
 
 
-def _moving(search: SeparableSearch, end: End) -> Indices:
+def _moving(search: SeparableSearch, end: End) -> IntArray:
     """The parameters that are moved and not pressed onto a limit at an end."""
     jacobian, residuals = search.scoring(end[0])
     return search.free[~near_bound(search, end[0], jacobian, residuals, end[1])[search.free]]
@@ -262,7 +270,7 @@ def is_one(search: SeparableSearch, end: End, other: End) -> bool:
     return moved.size > 1 or not bool(np.all(_has_range(search, moved)))
 
 
-def _has_range(search: SeparableSearch, which: Indices) -> BoolArray:
+def _has_range(search: SeparableSearch, which: IntArray) -> BoolArray:
     return np.isfinite(search.low[which]) & np.isfinite(search.high[which])
 
 

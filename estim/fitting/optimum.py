@@ -21,7 +21,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estim.arrays import BoolArray, FloatArray, Named, all_finite, sds_of
 from estim.common import Amount, Finding, InputError, Kind, NumericalError
@@ -126,7 +125,7 @@ class Optimum:
     mover: str
     condition: float
     resolved: float
-    at_bound: NDArray[np.bool_]
+    at_bound: BoolArray
     n_start: int
     n_same: int
     others: FloatArray

@@ -20,7 +20,6 @@ from typing import Literal
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from estim.arrays import FloatArray, positive_or
 from estim.common import Amount, Finding, Kind
@@ -29,8 +28,6 @@ from estim.fitting.gauss_newton import step_between
 from estim.fitting.least_squares import Fit
 from estim.problem import Prior
 from estim.words import one_sided
-
-Indices = NDArray[np.int64]
 
 # probability of so much pressure by chance, below which edge and data contradict each other
 PRESSED_BELOW = 0.01

@@ -18,9 +18,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, IntArray
 from estim.fitting.arrowhead import own_columns
 from estim.problem import Likelihood, Posterior, Problem
 
@@ -32,8 +31,6 @@ _BETWEEN = 3  # rounds between two of these
 _HELPS = 0.02  # of the first swing, which the rounds at a share must come below
 _WITH_IT = 0.3  # of the farthest, what is held with it
 LEAST_SHARE = 0.05  # of a step of rounds that swing
-
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -63,7 +60,7 @@ class _Pace:
     felt : see `Held`.  held : whether it is.
     """
 
-    mine: Indices
+    mine: IntArray
     share: float = 1.0
     since: int | None = None
     swing: float = math.inf
