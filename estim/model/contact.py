@@ -31,13 +31,12 @@ from enum import IntEnum
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from estim.arrays import FloatArray, IntArray
 from estim.model.body import Body
 from estim.model.forces import Forces, energy_series, inertia
 from estim.model.phase_curve import STANDARD_GRAVITY, energy_ratio_derivatives, turning_angle
-
-FloatArray = NDArray[np.float64]
 
 _N_SCAN = 400  # angles at which the end of rolling is looked for
 _N_HALVING = 50
@@ -178,7 +177,7 @@ def end_of_rolling(
     g: ArrayLike = STANDARD_GRAVITY,
     release_energy: ArrayLike | None = None,
     forces: Forces | None = None,
-) -> tuple[FloatArray, NDArray[np.int64]]:
+) -> tuple[FloatArray, IntArray]:
     """(angle turned (rad) when rolling without slipping ends, why: `End`), (n_draw, 1) each.
 
     The first of: a turning point, the end of the ramp, |F| > mu N, N < 0.  Found at 400 angles and

@@ -11,16 +11,13 @@ force, a moment that depends on the angle too, counts as work done on T + V.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from estim.arrays import FloatArray
 from estim.model.body import Body
 from estim.model.forces import Forces, inertia, ramp_height
 from estim.model.phase_curve import STANDARD_GRAVITY
-
-FloatArray = NDArray[Any]
 
 
 def kinetic_energy(

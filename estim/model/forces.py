@@ -37,11 +37,10 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from estim.arrays import FloatArray
 from estim.model.body import Body, Quantity
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,17 +6,14 @@ is vectorised over draws: parameters as scalars or (n_draw, 1).
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from estim.arrays import FloatArray
 from estim.model.body import Body
 from estim.model.forces import Forces
 from estim.model.phase_curve import STANDARD_GRAVITY
 from estim.model.time_integration import driven_motion, driven_passage
-
-FloatArray = NDArray[Any]
 
 
 def travel_time(

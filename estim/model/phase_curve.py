@@ -24,14 +24,13 @@ speeds alone never tell the three apart.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from estim.arrays import BoolArray, FloatArray
 from estim.model.body import Body
 from estim.model.bracketed_newton import zero_between
 from estim.model.forces import Forces, energy_series, inertia, work
 from estim.model.time_integration import driven_passage
-
-FloatArray = NDArray[np.float64]
 
 STANDARD_GRAVITY = 9.80665  # m/s^2, exact by convention (3rd CGPM, 1901)
 
@@ -281,7 +280,7 @@ def theta_max(
 
 def ascends(
     body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0
-) -> NDArray[np.bool_]:
+) -> BoolArray:
     """Whether the body starts from rest with theta increasing: gamma sin(theta0) > s.
 
     phi, theta0 : rad.  rolling_resistance : c_rr, dimensionless.  Scalars or arrays.

@@ -12,14 +12,12 @@ a parabola.  An encoder has no bow.  None of it can be seen in residuals alone.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from estim.arrays import FloatArray, positive_or
 from estim.model.body import Quantity
-
-FloatArray = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +63,7 @@ class Readings:
             square = a * a - 4.0 * k * reading
             slope = a + np.sqrt(np.where(square >= 0.0, square, np.nan))
         # a scale of 0 or less reads nothing
-        return np.asarray(2.0 * reading / np.where(slope > 0.0, slope, np.nan))
+        return np.asarray(2.0 * reading / positive_or(slope, np.nan))
 
     def stretch(self, x: ArrayLike) -> FloatArray:
         """dx_read/dx at true positions x (m), dimensionless."""

@@ -24,11 +24,10 @@ All functions broadcast, as those of `estim.model.phase_curve`.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from estim.arrays import FloatArray
 from estim.model.phase_curve import effective_slope
-
-FloatArray = NDArray[np.float64]
 
 _N_HALVING = 60
 
