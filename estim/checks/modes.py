@@ -88,11 +88,7 @@ def find_modes(fit: Fit, draws: FloatArray | None = None) -> Modes:
 def _log_volume(fit: Fit, values: FloatArray, cov: FloatArray) -> float:
     """log of the posterior density times the root of the determinant of `cov`."""
     sign, log_det = np.linalg.slogdet(cov)
-    return (
-        float(fit.posterior.log_density(values[None, :])[0]) + 0.5 * float(log_det)
-        if sign > 0.0
-        else -math.inf
-    )
+    return fit.posterior.height(values) + 0.5 * float(log_det) if sign > 0.0 else -math.inf
 
 
 def _kept(fit: Fit, found: Modes) -> list[int]:

@@ -144,7 +144,7 @@ def copies_of(fit: Fit, group: Group, shared: IntArray) -> tuple[Copies, ...]:
         return (_tied_copies(fit, group, shared),)
     problem = fit.problem
     pulls = problem.prior_information(fit.values)
-    gradient = problem.prior_gradient(fit.values[None, :])[0]
+    gradient = problem.prior_gradient(fit.values)
     moved, copies, stated = fit.values - force.about, [], copies_of_priors(fit, shared).information
     for run, (information, score) in zip(group.runs, force.alone, strict=True):
         nuisance = np.array(_own(fit, run.parameters, shared), dtype=np.int64)
@@ -221,7 +221,7 @@ def copies_of_priors(fit: Fit, shared: IntArray) -> Copies:
     """The priors of the shared parameters as residuals; a uniform one says nothing."""
     problem = fit.problem
     information = problem.prior_information(fit.values)[np.ix_(shared, shared)]
-    return Copies((PRIORS,), information, -problem.prior_gradient(fit.values[None, :])[0, shared])
+    return Copies((PRIORS,), information, -problem.prior_gradient(fit.values)[shared])
 
 
 def total_of(quadratics: Sequence[Quadratic]) -> Quadratic:

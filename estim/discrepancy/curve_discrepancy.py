@@ -271,7 +271,7 @@ def _beside(run: Observations, problem: Problem, values: FloatArray) -> TrialInf
 
 def _prior(problem: Problem, values: FloatArray) -> TrialInformation:
     """What the priors say at `values`."""
-    return problem.prior_information(values), -problem.prior_gradient(values[None, :])[0]
+    return problem.prior_information(values), -problem.prior_gradient(values)
 
 
 def _size(linear: Linearised, kind: str, scale: float, long: float) -> DeviationSize:

@@ -118,7 +118,7 @@ def _shape(posterior: Posterior, values: FloatArray) -> tuple[FloatArray, FloatA
     """Slope (n_par,) and curvature (n_par, n_par) of that, points without derivatives left out."""
     pairs = posterior.narrow_scoring(values)
     problem = posterior.problem
-    slope, curvature = problem.prior_gradient(values[None, :])[0], problem.prior_information(values)
+    slope, curvature = problem.prior_gradient(values), problem.prior_information(values)
     for (jacobian, residuals), used in zip(pairs, problem.columns, strict=True):
         columns = finite_or(jacobian, 0.0)
         slope[used] += columns.T @ residuals

@@ -252,9 +252,7 @@ def fit_least_squares(
     rough = _rough_ends(begun)
     if not rough:
         raise _no_curvature(*begun[0])
-    objective = np.array(
-        [-float(posterior.log_density(values[None, :])[0]) for values, posterior, *_ in rough]
-    )
+    objective = np.array([-posterior.height(values) for values, posterior, *_ in rough])
     best = int(np.nanargmin(objective))
     values, posterior, *_ = rough[best]
     if float(np.mean(posterior.size_residuals(values) ** 2)) > hopeless:

@@ -201,7 +201,7 @@ def _with_errors(problem: Problem, place: FloatArray) -> Iterator[End]:
         fitted = fit_noise(posterior, np.where(sizes, share * place, place))
         named = dict(zip(problem.names, fitted.tolist(), strict=True))
         width = np.mean([_log_sd(run, named) for run in problem.runs if run.noise.robust])
-        height = float(posterior.log_density(fitted[None, :])[0])
+        height = posterior.height(fitted)
         yield fitted, height + (len(problem.of_curve) + 1) * float(width)
 
 
@@ -563,7 +563,7 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
     places = [*(candidate.values for candidate in known), *fit.others]
     heights = fit.posterior.log_density(np.array(places).reshape(-1, fit.values.size))
     best = int(np.argmax(heights[: len(known)])) if known else 0
-    if known and heights[best] > fit.posterior.log_density(fit.values[None, :])[0] + 0.5:
+    if known and heights[best] > fit.posterior.height(fit.values) + 0.5:
         words = settled(led_here(0, fit.n_start))
         fit = replace(known[best], n_start=fit.n_start, n_same=0, message=words)
     ranked = [

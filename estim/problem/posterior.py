@@ -255,7 +255,7 @@ class Problem:
         return np.linalg.inv(np.linalg.cholesky(correlation)) if joint else None
 
     def _alone(self, draws: FloatArray) -> FloatArray:
-        """(n_draw, n_par) residuals of each prior by itself."""
+        """(..., n_par) residuals of each prior by itself."""
         columns = zip(self.parameters, draws.T, strict=True)
         return np.array([p.prior.residual(column) for p, column in columns]).T
 
@@ -268,14 +268,14 @@ class Problem:
         return residuals if self.decorrelation is None else residuals @ self.decorrelation.T
 
     def prior_residuals(self, draws: FloatArray) -> FloatArray:
-        """(n_draw, n_par) one residual for each prior at draws (n_draw, n_par); 0 for a uniform
-        one, and of a joint one independent residuals.
+        """(..., n_par) one residual for each prior at draws (..., n_par); 0 for a uniform one, and
+        of a joint one independent residuals.
         """
         return self.decorrelated(self._alone(draws))
 
     def prior_jacobian(self, values: FloatArray) -> FloatArray:
         """(n_par, n_par) their derivatives at `values` (n_par,)."""
-        return self.decorrelated(np.diag(self._slopes(values[None, :])[0])).T
+        return self.decorrelated(np.diag(self._slopes(values))).T
 
     def prior_information(self, values: FloatArray) -> FloatArray:
         """(n_par, n_par) that of the priors: J^T J with J their `prior_jacobian`."""
@@ -283,7 +283,7 @@ class Problem:
         return jacobian**2 if self.decorrelation is None else jacobian.T @ jacobian
 
     def prior_gradient(self, draws: FloatArray) -> FloatArray:
-        """(n_draw, n_par) derivatives of half the squares of `prior_residuals`."""
+        """(..., n_par) derivatives of half the squares of `prior_residuals`."""
         residuals, whiten = self.prior_residuals(draws), self.decorrelation
         return self._slopes(draws) * (residuals if whiten is None else residuals @ whiten)
 
@@ -353,6 +353,10 @@ class Posterior:
         if self.flat is not None:
             log_p[inside] -= self.flat.log_volume(draws[inside])
         return log_p
+
+    def height(self, values: FloatArray) -> float:
+        """The log density at values (n_par,)."""
+        return float(self.log_density(values[None])[0])
 
     def log_likelihood(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) log likelihood, normalised, of draws (n_draw, n_par) inside the priors'
@@ -431,7 +435,7 @@ class Posterior:
 
     def prior_residuals(self, values: FloatArray) -> FloatArray:
         """(n_par,) one residual for each prior; 0 for a uniform one."""
-        return self.problem.prior_residuals(values[None, :])[0]
+        return self.problem.prior_residuals(values)
 
     def jacobian(self, values: FloatArray) -> FloatArray:
         """(n_obs + n_par, n_par) derivatives of `residuals` at fixed noise parameters."""
