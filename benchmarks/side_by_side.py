@@ -359,10 +359,9 @@ TAIL = """## Where the others are better
 - **Time.** lmfit's single descent is 5 to 12 times quicker than a fit by estim from a start, which tests the residuals against simulated ones, and 5
   to 70 times quicker than one without a start, which also searches for other optima (the table above). Where the curve bends within the errors, as it
   does for a decay of 30 points with errors of 5 %, profiles add some 12 ms. For thousands of fits use `fit_many`.
-- **lmfit** fits anything that has residuals: images, complex numbers, several independent variables, a cost function of your own, with a dozen
-  minimisers. estim fits y = f(x).
-- **kafe2** draws several models and data sets in one figure, prints tables ready for a laboratory report, and takes covariance matrices of x as well
-  as of y, and relative errors that follow the model. estim has `cov_y`, independent errors of x, and errors common to all points.
+- **lmfit** fits anything that has residuals, images for example, with a dozen minimisers. estim fits curves (of one abscissa or several, with real or
+  complex values) and log densities.
+- **kafe2** draws several models and data sets in one figure and prints tables that are ready for a laboratory report.
 - **Both** always give a ±. estim withholds it where the data contradict the curve, which is in the way when you know better: the values are in
   `fit.values`, and the covariance matrix in `fit.cov`.
 """

@@ -37,7 +37,8 @@ _NAMED_UNIT = re.compile(
     r"(.{1,60}?)(\s*/)?(\s*)(?:\(([^()]{1,20})\)|\[([^\[\]]{1,20})\])|(.{1,60}?)\s+/\s*([^\s/]{1,20})"
 )
 _SYMBOL_OVER_UNIT = re.compile(r"([^\W\d_](?:_\w{1,8})?)/([^\s/()]{1,20})")
-_UNIT_BEHIND_A_WORD = re.compile(r"(.{1,60}?)\s+(?:in|/)\s+(\S.{0,19})")  # v in m s-1, v / m s-1
+# v in m s-1, v / m s-1
+_UNIT_BEHIND_A_WORD = re.compile(r"(.{1,60}?)\s+(?:in|/)\s+([^\s(].{0,19})")
 _UNCERTAINTY = re.compile(r"u_.+|u\(([^()]+)\)")
 _FUNCTION = re.compile(
     r"ln|lg|log(?:2|10)?|exp|sqrt|(?:a|arc)?(?:sin|cos|tan)|sinh|cosh|tanh", re.IGNORECASE
