@@ -50,6 +50,16 @@ def max_abs(array: ArrayLike) -> float:
     return float(np.max(np.abs(array)))
 
 
+def positive_or(values: FloatArray, otherwise: float) -> FloatArray:
+    """`values`, with `otherwise` in place of those that are not above 0."""
+    return np.where(values > 0.0, values, otherwise)
+
+
+def root_mean_square(values: ArrayLike) -> float:
+    """The root of the mean of the squares."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
 def sds_of(covariance: FloatArray) -> FloatArray:
     """(n,) standard deviations of a covariance (n, n)."""
     return np.sqrt(np.diag(covariance))

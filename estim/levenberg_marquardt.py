@@ -20,16 +20,21 @@ from itertools import count
 from typing import Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray, all_finite, finite_or, squared_rows
-
-Flags = NDArray[np.bool_]
-Indices = NDArray[np.int64]
+from estim.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    all_finite,
+    finite_or,
+    positive_or,
+    squared_rows,
+)
 
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING, _FACTOR = 1e-3, 1e-9, 1e5, 10.0
 # looks for parameters beyond their bounds; times the part of a step to the nearest bound
 _PASSES, _FARTHEST = 4, 10.0
+_BATCH = 100_000  # residuals in one call: they stay in the cache
 _PATIENCE = 4  # steps, after which descents are compared
 
 T = TypeVar("T")
@@ -62,13 +67,13 @@ class ObjectiveFunction(Protocol):
     def reach(self, points: FloatArray) -> FloatArray:
         """The longest step of each parameter at points (n, n_par)."""
 
-    def evaluate(self, points: FloatArray, which: Indices) -> tuple[FloatArray, FloatArray]:
+    def evaluate(self, points: FloatArray, which: IntArray) -> tuple[FloatArray, FloatArray]:
         """Points (n, n_par) with what follows from the other parameters put in, and their
         objectives (n,), inf where there is none.
         """
 
     def derivatives(
-        self, points: FloatArray, which: Indices, curved: Flags
+        self, points: FloatArray, which: IntArray, curved: BoolArray
     ) -> tuple[FloatArray, FloatArray]:
         """Gradients (n, n_par) at points, and Hessians (n, n_par, n_par), positive, of which those
         at `curved` (n,) are wanted.
@@ -159,12 +164,12 @@ class LeastSquares:
     n_res : residuals of a descent.
     """
 
-    residuals: Callable[[FloatArray, Indices], FloatArray]
+    residuals: Callable[[FloatArray, IntArray], FloatArray]
     low: FloatArray
     high: FloatArray
     size: FloatArray
-    linear: Indices
-    nonlinear: Indices
+    linear: IntArray
+    nonlinear: IntArray
     step: float
     n_res: int
 
@@ -183,14 +188,14 @@ class LeastSquares:
         """(n,) at points as they are, inf where the residuals are not finite."""
         which, squares = np.arange(len(points)), np.empty(len(points))
         with np.errstate(all="ignore"):
-            for part in self._parts(len(points), 0):
+            for part in self.parts(len(points), 0):
                 residuals = self.residuals(points[part], which[part])
                 squares[part] = np.einsum("ij,ij->i", residuals, residuals)
         return finite_or(0.5 * squares, np.inf)
 
-    def evaluate(self, points: FloatArray, which: Indices) -> tuple[FloatArray, FloatArray]:
+    def evaluate(self, points: FloatArray, which: IntArray) -> tuple[FloatArray, FloatArray]:
         solved, squares = points.copy(), np.empty(len(points))
-        for part in self._parts(len(points), self.linear.size):
+        for part in self.parts(len(points), self.linear.size):
             residuals, columns = self.tangents(points[part], self.linear, 1.0, which[part])
             if self.linear.size:
                 step = finite_or(solve(columns, -residuals[:, :, None]), 0.0)
@@ -200,11 +205,11 @@ class LeastSquares:
         return solved, finite_or(0.5 * squares, np.inf)
 
     def derivatives(
-        self, points: FloatArray, which: Indices, curved: Flags
+        self, points: FloatArray, which: IntArray, curved: BoolArray
     ) -> tuple[FloatArray, FloatArray]:
         gradients, hessians = np.zeros_like(points), np.zeros((*points.shape, points.shape[1]))
         moving = np.concatenate([self.linear, self.nonlinear])
-        for part in self._parts(len(points), moving.size):
+        for part in self.parts(len(points), moving.size):
             base, columns = self.tangents(points[part], moving, self.step, which[part])
             columns = finite_or(columns, 0.0)
             nonlinear = columns[:, :, self.linear.size :]
@@ -217,7 +222,7 @@ class LeastSquares:
         return gradients, hessians
 
     def tangents(
-        self, points: FloatArray, moving: Indices, step: float, which: Indices | None = None
+        self, points: FloatArray, moving: IntArray, step: float, which: IntArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Residuals (n, n_res) at points (n, n_par), and their derivatives (n, n_res, n_moving) by
         differences of `step` of a parameter's size.
@@ -237,7 +242,7 @@ class LeastSquares:
     @np.errstate(all="ignore")
     def descend(
         self, points: FloatArray, *, ftol: float, max_steps: int, hopeless: float = math.inf
-    ) -> tuple[FloatArray, FloatArray, Flags]:
+    ) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Where points (n, n_par) come to lie, each in its place, the sums of squares there, inf
         where there is none (such a point stays), and which of them are minima.
 
@@ -259,9 +264,9 @@ class LeastSquares:
                 descents.going &= descents.objectives <= bound
         return descents.points, 2.0 * descents.objectives, descents.converged
 
-    def _parts(self, n: int, columns: int) -> list[slice]:
-        # residuals at a time: they stay in the cache
-        rows = max(1, 100_000 // max(1, self.n_res * (1 + columns)))
+    def parts(self, n: int, columns: int) -> list[slice]:
+        """Points that are looked at in one call, each with its derivatives in some `columns`."""
+        rows = max(1, _BATCH // max(1, self.n_res * (1 + columns)))
         return [slice(k, k + rows) for k in range(0, max(1, n), rows)]
 
 
@@ -273,7 +278,7 @@ def solve(columns: FloatArray, targets: FloatArray, damping: float = 1e-12) -> F
     rows = np.swapaxes(columns, 1, 2)
     gram = rows @ columns
     scale = np.sqrt(np.diagonal(gram, axis1=1, axis2=2))
-    scale = np.where(scale > 0.0, scale, 1.0)
+    scale = positive_or(scale, 1.0)
     gram = gram / squared_rows(scale) + damping * np.eye(gram.shape[1])
     return np.linalg.solve(gram, rows @ targets / scale[..., None]) / scale[..., None]
 
@@ -382,7 +387,7 @@ class _Descents:
         # predicted decrease below which a point that no step improves counts as a minimum
         self.converged[stuck], self.going[stuck] = self.predicted[stuck] < 1e-4, False
 
-    def _started(self, now: Indices, objectives: FloatArray) -> None:
+    def _started(self, now: IntArray, objectives: FloatArray) -> None:
         """Where there was no objective at a first point, look elsewhere, or end."""
         nowhere = now[~np.isfinite(self.objectives[now]) & ~np.isfinite(objectives)]
         elsewhere = np.all(np.isfinite(self.instead[nowhere]), axis=1)
@@ -390,7 +395,7 @@ class _Descents:
         self.instead[nowhere] = np.nan
         self.going[nowhere[~elsewhere]] = False
 
-    def _next(self, begun: Indices, stale: Indices) -> FloatArray:
+    def _next(self, begun: IntArray, stale: IntArray) -> FloatArray:
         """(n, n_par) where `begun` look next, their gradients and Hessians taken anew at `stale`;
         of these, descents whose predicted decrease is small enough end here.
         """
@@ -420,7 +425,7 @@ class _Descents:
         at = points[: begun.size]
         return np.where(self.held[begun], at, np.clip(at + steps[: begun.size], low, high))
 
-    def _survey(self, which: Indices) -> None:
+    def _survey(self, which: IntArray) -> None:
         """Gradients and Hessians at `which`."""
         points, outdated = self.points[which], self.outdated[which]
         gradients, hessians = self.function.derivatives(points, which, outdated)
@@ -447,7 +452,7 @@ def bounded_steps(
     gradients: FloatArray,
     hessians: FloatArray,
     damping: FloatArray,
-    free: Flags,
+    free: BoolArray,
     low: FloatArray,
     high: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
@@ -515,7 +520,7 @@ def _learned(
 
 
 def _damped(
-    gradients: FloatArray, hessians: FloatArray, damping: FloatArray, free: Flags
+    gradients: FloatArray, hessians: FloatArray, damping: FloatArray, free: BoolArray
 ) -> FloatArray:
     """(n, n_par) steps of the `free` parameters to the minimum of gradient.s + s.Hessian.s/2,
     damped in proportion to its diagonal.

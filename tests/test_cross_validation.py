@@ -16,13 +16,14 @@ from arviz_stats.base import array_stats
 from scipy import stats
 from scipy.special import logsumexp
 
-from estim.checks.cross_validation import INFLUENTIAL, LeaveOneOut, difference, leave_one_out
+from estim.checks.cross_validation import LeaveOneOut, difference, leave_one_out
 from estim.problem.curve import LocalCurve
 from estim.problem.finite_differences import STENCILS, differentiate
 from estim.problem.noise import Differentiated, Independent, Scale
 from estim.problem.observations import Observations, Parameter
 from estim.problem.posterior import Posterior, Problem
 from estim.problem.priors import Normal
+from estim.sampling import K_HAT_LIMIT
 
 PRIOR_SD, SIGMA, SCATTER, INTERVAL = 3.0, 0.02, 0.1, 0.1
 N_DRAW = 8000
@@ -125,7 +126,7 @@ def test_leave_one_out_is_that_of_exact_refits(rng, correlated):
     np.testing.assert_allclose(loo.pointwise[0], exact, atol=0.04)
     assert loo.elpd == pytest.approx(exact.sum(), abs=0.1)
     assert loo.se == pytest.approx(np.sqrt(exact.size) * np.std(exact, ddof=1), rel=0.03)
-    assert np.all(loo.k_hat[0] < INFLUENTIAL)
+    assert np.all(loo.k_hat[0] < K_HAT_LIMIT)
     # densities of frames that the fit has seen are another, larger number
     seen = stats.norm(known.y, SCATTER) if not correlated else None
     if seen is not None:
@@ -152,8 +153,8 @@ def test_a_frame_that_decides_the_fit_by_itself_is_marked(rng):
     s = np.concatenate([np.linspace(-0.02, 0.02, 13), [4.0]])
     known = case(rng, correlated=False, s=s, shift=np.where(s == 4.0, 2.0, 0.0))
     k_hat = leave_one_out(known.posterior, known.draws).k_hat[0]
-    assert k_hat[-1] > INFLUENTIAL
-    assert np.all(k_hat[:-1] < INFLUENTIAL)
+    assert k_hat[-1] > K_HAT_LIMIT
+    assert np.all(k_hat[:-1] < K_HAT_LIMIT)
 
 
 def test_the_weights_of_a_heavy_tail_are_smoothed_as_by_arviz(rng):
@@ -175,7 +176,7 @@ def test_the_weights_of_a_heavy_tail_are_smoothed_as_by_arviz(rng):
         )
         for every in (weights, -log_density.T)
     )
-    assert 0.5 < loo.k_hat[0][-1] < INFLUENTIAL
+    assert 0.5 < loo.k_hat[0][-1] < K_HAT_LIMIT
     np.testing.assert_allclose(loo.pointwise[0], smoothed, atol=1e-9)
     assert abs(raw[-1] - smoothed[-1]) > 2e-3
 

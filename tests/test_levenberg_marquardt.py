@@ -8,8 +8,8 @@ from scipy.optimize import least_squares
 from scipy.special import voigt_profile
 
 from estim import fit_curve
-from estim.arrays import FloatArray
-from estim.levenberg_marquardt import Indices, LeastSquares, bounded_steps
+from estim.arrays import FloatArray, IntArray
+from estim.levenberg_marquardt import LeastSquares, bounded_steps
 
 X = np.linspace(0.0, 6.0, 40)
 
@@ -22,7 +22,7 @@ def decays(points: FloatArray) -> FloatArray:
 def function(y: FloatArray, low: float, linear: tuple[int, ...]) -> LeastSquares:
     """Data sets y (n, n_obs), one for each descent, and a rate of at least `low`."""
 
-    def residuals(points: FloatArray, which: Indices) -> FloatArray:
+    def residuals(points: FloatArray, which: IntArray) -> FloatArray:
         return decays(points) - y[which]
 
     nonlinear = np.array([i for i in range(3) if i not in linear])

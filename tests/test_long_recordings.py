@@ -11,12 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from estim import fit_curve, load_campaign
+from estim import fit_curve, levenberg_marquardt, load_campaign
 from estim.checks.goodness_of_fit import Goodness
 from estim.discrepancy import BadFrames, FreeStart, Trajectory, bad_frames, pose_forces, trajectory
 from estim.discrepancy.autocorrelated import AutoCorrelated
 from estim.discrepancy.smoothing import settled
-from estim.fitting import further_optima
 from estim.model import Body, back_and_forth
 from estim.problem import correlated_normal, roots
 from estim.problem.roots import LowRankRoot
@@ -222,7 +221,7 @@ def test_a_scan_of_many_points_in_pieces_finds_the_same(monkeypatch):
     start = {"a": 1.8, "tau": 12.0, "w": 3.02, "p": 0.3}
     found = []
     for batch in (400_000, 2_000):
-        monkeypatch.setattr(further_optima, "_BATCH", batch)
+        monkeypatch.setattr(levenberg_marquardt, "_BATCH", batch)
         found.append(fit_curve("a*exp(-x/tau)*cos(w*x + p)", t, y, u_y=0.05, start=start))
     one, other = found
     for name in start:

@@ -104,20 +104,15 @@ def row_of(
 
 
 def _values(record: Json, labels: Mapping[str, Label]) -> dict[str, Value]:
-    found: dict[str, Value] = {}
-    for name, p in record["parameters"].items():
-        if p["mean"] is not None and p["sd"] is not None:
-            base = split_level(name)[0]
-            ends = (p["q025"], p["q975"])
-            found[base] = Value(
-                p["mean"], p["sd"], *ends, p["unit"], p["measured"], labels.get(base)
-            )
+    bases = {split_level(name)[0]: p for name, p in record["parameters"].items()}
+    told = [(name, p, p["measured"], labels.get(name)) for name, p in bases.items()]
     for run in record["runs"].values():
-        for name in run["sought"]:
-            p = run["derived"][name]
-            if p["mean"] is not None and p["sd"] is not None:
-                found[name] = Value(p["mean"], p["sd"], p["q025"], p["q975"], p["unit"], True)
-    return found
+        told += [(name, run["derived"][name], True, None) for name in run["sought"]]
+    return {
+        name: Value(p["mean"], p["sd"], p["q025"], p["q975"], p["unit"], informed, label)
+        for name, p, informed, label in told
+        if p["mean"] is not None and p["sd"] is not None
+    }
 
 
 def failed(unit: Unit, error: str, seconds: float = 0.0) -> Row:

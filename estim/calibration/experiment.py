@@ -23,7 +23,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Protocol, TypeAlias, runtime_checkable
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,14 +33,6 @@ from estim.campaign import Campaign, NoiseTable
 from estim.common import InputError
 from estim.problem import Observations, Parameter, Problem
 from estim.reading import Run
-
-
-@runtime_checkable
-class Followed(Protocol):
-    """A curve that can be followed in time."""
-
-    def position(self, since: FloatArray, arguments: Named) -> FloatArray:
-        """(n_draw, n_obs) position at times `since` release, s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,14 +215,15 @@ def _scattered(
 
 def follow(run: Observations, since: FloatArray, named: Named) -> FloatArray:
     """Positions at times since release, in their shape: (n_obs,) or (n, n_obs)."""
-    if not isinstance(run.curve, Followed):
+    position = getattr(run.curve, "position", None)
+    if position is None:
         raise InputError(
             "cannot be simulated: its curve does not say where the body is in time",
             field="run",
             value=run.name,
         )
     return np.array(
-        np.broadcast_to(run.curve.position(since, run.bind(named)), np.atleast_2d(since).shape)
+        np.broadcast_to(position(since, run.bind(named)), np.atleast_2d(since).shape)
     ).reshape(since.shape)
 
 

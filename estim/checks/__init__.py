@@ -31,7 +31,7 @@ from estim.checks.consistency import (
     check_consistency,
     comparable,
 )
-from estim.checks.cross_validation import INFLUENTIAL, LeaveOneOut, difference, leave_one_out
+from estim.checks.cross_validation import LeaveOneOut, difference, leave_one_out
 from estim.checks.diagnosis import (
     Diagnosis,
     tolerated_pattern,

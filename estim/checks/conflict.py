@@ -43,7 +43,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks.goodness_of_fit import check_goodness
-from estim.checks.run_information import fitted
+from estim.checks.run_information import LEAST_OF_MIXTURE, fitted
 from estim.common import Amount, Finding, Kind, NumericalError, Stream, stream
 from estim.fitting import ALONE, Fit, Quadratic, around, chi2_p, fit_least_squares, refit
 from estim.problem import Prior, Problem
@@ -55,9 +55,6 @@ _HOPELESS = 100.0  # mean square of whitened residuals: no settling of weights m
 NOTE_BELOW = 0.05
 # information of the data, in units of the prior's, below which there is nothing to compare
 _LEAST = 0.01
-# the same where a mixture was taken as one normal distribution, a few per cent of whose covariance
-# mean nothing
-_LEAST_OF_MIXTURE = 0.1
 _TOO_FAR = 20.0  # pulls that an expansion around the mode cannot give
 _FAR = 2.0  # pulls worth naming, and how many of them at most
 _NAMED = 3
@@ -109,7 +106,7 @@ def check_stated_values(fit: Fit) -> Conflict:
     pull_rows = pull_rows[stated]
     per_pull = np.linalg.inv(pull_rows[:, stated])
     values, vectors = np.linalg.eigh(per_pull.T @ known @ per_pull)
-    least = _LEAST_OF_MIXTURE if fit.forces or fit.deviations else _LEAST
+    least = LEAST_OF_MIXTURE if fit.forces or fit.deviations else _LEAST
     compared = values > least
     # of each stated value given the others: itself where they are independent
     each = pull_rows[:, stated] / np.linalg.norm(pull_rows[:, stated], axis=0)

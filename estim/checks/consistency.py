@@ -36,9 +36,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray, diagonal_scale, sds_of
+from estim.arrays import FloatArray, IntArray, diagonal_scale, sds_of
 from estim.checks.run_information import (
     PRIORS,
     Quadratic,
@@ -163,7 +162,7 @@ def comparable(fit: Fit) -> bool:
     return len(fit.problem.runs) > 1 and _shared(fit.problem).size > 0 and not fit.singular
 
 
-def _shared(problem: Problem) -> NDArray[np.int64]:
+def _shared(problem: Problem) -> IntArray:
     """Places of the parameters of the curve that more than one run uses."""
     users = Counter(name for run in problem.runs for name in run.parameters)
     return np.flatnonzero(
@@ -240,7 +239,7 @@ def check_consistency(fit: Fit) -> Consistency:
     )
 
 
-def _apart(fit: Fit, shared: NDArray[np.int64], alone: Sequence[SharedEstimate]) -> Amount | None:
+def _apart(fit: Fit, shared: IntArray, alone: Sequence[SharedEstimate]) -> Amount | None:
     """The shared parameter whose values by each run and what was stated differ most in their
     standard deviations, and their own deviation.
     """

@@ -14,9 +14,7 @@ import numpy as np
 
 from estim.arrays import FloatArray, log_sum_exp
 from estim.problem import Posterior
-from estim.sampling import K_HAT_LIMIT, pareto_smoothed
-
-INFLUENTIAL = K_HAT_LIMIT
+from estim.sampling import pareto_smoothed
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, positive_or
 from estim.checks.conflict import Conflict, stated_values
 from estim.checks.consistency import Consistency
 from estim.checks.counts_as_readings import counts_as_readings
@@ -238,9 +238,7 @@ def several_solutions(fit: Fit, modes: Modes) -> list[Finding]:
     if not modes.several:
         return []
     sds = fit.scale
-    apart = np.max(np.abs(modes.values[1:] - modes.values[0]), axis=0) / np.where(
-        sds > 0.0, sds, np.inf
-    )
+    apart = np.max(np.abs(modes.values[1:] - modes.values[0]), axis=0) / positive_or(sds, np.inf)
     farthest = np.argsort(-apart)[:3].tolist()
     parameters = [
         fit.problem.parameters[i]

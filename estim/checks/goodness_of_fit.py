@@ -53,7 +53,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from estim.arrays import FloatArray, max_abs
+from estim.arrays import FloatArray, max_abs, positive_or, root_mean_square
 from estim.fitting import MANY_RUNS, Fit, chi2_p, no_scatter, spreads_by_runs
 from estim.problem import Linear, Observations, Whitened, reading_sd
 from estim.words import TESTS
@@ -419,7 +419,7 @@ def _raw_and_sd(fit: Fit, named: Mapping[str, FloatArray]) -> list[tuple[FloatAr
 def _scatter_ratio(run: Observations, named: Mapping[str, FloatArray]) -> float:
     if run.motion is None:  # the jitter of a curve is asked for, and may be of any size
         return float("nan")
-    instrument = float(np.sqrt(np.mean(np.square(reading_sd(run.noise, named)))))
+    instrument = root_mean_square(reading_sd(run.noise, named))
     size = run.noise.size
     if size.scatter.parameter is None or size.sigma.parameter is not None or instrument == 0.0:
         return float("nan")
@@ -448,6 +448,30 @@ class _Tested:
         return {name: float(test(self.z[None, :])[0]) for name, test in self.tests.items()}
 
 
+@dataclass(eq=False)
+class _Tally:
+    """A statistic of run number `run` among those of simulated data sets: how many of these are not
+    smaller, not larger, and `seen` at all; and the largest.
+    """
+
+    run: int
+    name: str
+    statistic: float
+    largest: float
+    above: int = 0
+    below: int = 0
+    seen: int = 0
+
+    @property
+    def check(self) -> Check:
+        if self.name == "trend" and self.largest < _NO_DRIFT:
+            # the curve itself can take every slow shape: what is left of them is rounding, or the
+            # fit's own criterion
+            return Check(self.statistic, 1.0, TESTS[self.name])
+        p_value, p_below = ((1.0 + n) / (1.0 + self.seen) for n in (self.above, self.below))
+        return Check(self.statistic, p_value, TESTS[self.name], p_below)
+
+
 def _checks(
     tested: Sequence[_Tested], simulate: Callable[[int], Drawn], among: float = 1.0
 ) -> list[dict[str, Check]]:
@@ -463,13 +487,13 @@ def _checks(
     chi2 been above as many (Besag and Clifford, Biometrika 78 (1991) 301), or by fewer: a p-value
     that decides nothing needs few.
     """
-    above = [dict.fromkeys(run.statistics, 0) for run in tested]
-    drift = [run.statistics["trend"] for run in tested]
-    for run, counts in zip(tested, above, strict=True):
-        if run.dof > 0:
-            counts.pop("chi2", None)
-    below, seen = ([dict(counts) for counts in above] for _ in range(2))
-    sized = any(name in counts for counts in above for name in _OF_SIZE)
+    tallies = [
+        _Tally(i, name, statistic, largest=statistic)
+        for i, run in enumerate(tested)
+        for name, statistic in run.statistics.items()
+        if name != "chi2" or run.dof == 0
+    ]
+    sized = any(tally.name in _OF_SIZE for tally in tallies)
     ends = np.cumsum([run.z.size for run in tested])
     n_error = int(ends[-1])
     n_most = int(among * np.clip(_MOST_NUMBERS / n_error, _LEAST_SIMULATED, _N_SIMULATED))
@@ -478,9 +502,8 @@ def _checks(
     def fewest() -> int:
         """Of the data sets on one side of a statistic: the upper one, of chi2 either."""
         return min(
-            min(count, lower[name]) if name == "chi2" else count
-            for counts, lower in zip(above, below, strict=True)
-            for name, count in counts.items()
+            min(tally.above, tally.below) if tally.name == "chi2" else tally.above
+            for tally in tallies
         )
 
     while n < n_most and (few := fewest()) < (
@@ -491,39 +514,26 @@ def _checks(
         read = np.split(recorded().T, ends[:-1], axis=1)
         apart = sized and exact is not recorded
         whole = np.split(exact().T, ends[:-1], axis=1) if apart else []
-        for i, run in enumerate(tested):
-            void = _squares(read[i]) < run.z.size * _ALIKE**2
-            z = read[i][~void]
-            drift[i] = max(drift[i], float(np.max(run.tests["trend"](z), initial=0.0)))
-            for name in above[i]:
-                simulated = run.tests[name](whole[i] if apart and name in _OF_SIZE else z)
-                # the others are of the order of 1, and rounding where the curve leaves them no room
-                room = _ALIKE * (abs(run.statistics[name]) if name == "chi2" else 1.0)
-                beyond = simulated - run.statistics[name]
-                above[i][name] += int(np.count_nonzero(beyond >= -room))
-                below[i][name] += int(np.count_nonzero(beyond <= room))
-                seen[i][name] += simulated.size
+        read = [z[~(_squares(z) < z.shape[1] * _ALIKE**2)] for z in read]
+        for tally in tallies:
+            drawn = whole if apart and tally.name in _OF_SIZE else read
+            simulated = tested[tally.run].tests[tally.name](drawn[tally.run])
+            # the others are of the order of 1, and rounding where the curve leaves them no room
+            room = _ALIKE * (abs(tally.statistic) if tally.name == "chi2" else 1.0)
+            beyond = simulated - tally.statistic
+            tally.above += int(np.count_nonzero(beyond >= -room))
+            tally.below += int(np.count_nonzero(beyond <= room))
+            tally.seen += simulated.size
+            tally.largest = max(tally.largest, float(np.max(simulated, initial=0.0)))
         n += more
-    checked = []
-    for run, upper, lower, many, largest in zip(tested, above, below, seen, drift, strict=True):
-        checks = {
-            name: Check(
-                run.statistics[name],
-                (1.0 + count) / (1.0 + many[name]),
-                TESTS[name],
-                (1.0 + lower[name]) / (1.0 + many[name]),
-            )
-            for name, count in upper.items()
-        }
+    checked: list[dict[str, Check]] = [{} for _ in tested]
+    for run, checks in zip(tested, checked, strict=True):
         if run.dof > 0 and "chi2" in run.tests:
             chi2 = run.statistics["chi2"]
             p = chi2_p(chi2, run.dof)
             checks["chi2"] = Check(chi2, max(p, P_FLOOR / among), TESTS["chi2"], 1.0 - p)
-        if largest < _NO_DRIFT:
-            # the curve itself can take every slow shape: what is left of them is rounding, or the
-            # fit's own criterion
-            checks["trend"] = Check(run.statistics["trend"], 1.0, TESTS["trend"])
-        checked.append({name: checks[name] for name in run.statistics})
+    for tally in tallies:
+        checked[tally.run][tally.name] = tally.check
     return checked
 
 
@@ -562,11 +572,7 @@ def _squares(z: FloatArray) -> FloatArray:
 
 def _size(z: FloatArray) -> FloatArray:
     """Sums of squares; 1 where all residuals are exactly zero, which have no shape."""
-    return _or_one(_squares(z))
-
-
-def _or_one(values: FloatArray) -> FloatArray:
-    return np.where(values > 0.0, values, 1.0)
+    return positive_or(_squares(z), 1.0)
 
 
 def _uneven(f: FloatArray, x: FloatArray) -> dict[str, Statistic]:
@@ -576,11 +582,11 @@ def _uneven(f: FloatArray, x: FloatArray) -> dict[str, Statistic]:
     centred = [w - np.mean(w) for w in (f, np.abs(f), x) if float(np.ptp(w)) > _SAME * max_abs(w)]
     if not centred:
         return {}
-    growing = np.array([w / np.sqrt(np.mean(np.square(w))) for w in centred])
+    growing = np.array([w / root_mean_square(w) for w in centred])
 
     def uneven(z: FloatArray) -> FloatArray:
         sizes = np.abs(z)
-        return np.max(np.abs(sizes @ growing.T), axis=1) / _or_one(np.sum(sizes, axis=1))
+        return np.max(np.abs(sizes @ growing.T), axis=1) / positive_or(np.sum(sizes, axis=1), 1.0)
 
     return {"uneven": uneven}
 
@@ -614,7 +620,7 @@ def _speed(v: FloatArray) -> dict[str, Statistic]:
     def speed(z: FloatArray) -> FloatArray:
         sizes = np.abs(z)
         held = np.minimum(sizes, _BEYOND * np.median(sizes, axis=1, keepdims=True))
-        return (held @ faster) / _or_one(np.sum(held, axis=1))
+        return (held @ faster) / positive_or(np.sum(held, axis=1), 1.0)
 
     return {"speed": speed}
 

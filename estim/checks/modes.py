@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray, all_finite
+from estim.arrays import FloatArray, all_finite, positive_or
 from estim.fitting import Fit, ProfileSearch, Start, information, minima, search_of
 
 _VALLEY = 2.0  # drop of the log density between two modes
@@ -78,7 +78,7 @@ def find_modes(fit: Fit, draws: FloatArray | None = None) -> Modes:
     separate = _kept(fit, candidates)
     values, shares = candidates.values[separate], candidates.shares[separate]
     if draws is not None:
-        scale = np.where(fit.scale > 0.0, fit.scale, 1.0)
+        scale = positive_or(fit.scale, 1.0)
         away = np.array([np.sum(((draws - mode) / scale) ** 2, axis=1) for mode in values])
         nearest = np.argmin(away, axis=0)
         shares = np.bincount(nearest, minlength=len(separate)).astype(np.float64)
@@ -88,17 +88,13 @@ def find_modes(fit: Fit, draws: FloatArray | None = None) -> Modes:
 def _log_volume(fit: Fit, values: FloatArray, cov: FloatArray) -> float:
     """log of the posterior density times the root of the determinant of `cov`."""
     sign, log_det = np.linalg.slogdet(cov)
-    return (
-        float(fit.posterior.log_density(values[None, :])[0]) + 0.5 * float(log_det)
-        if sign > 0.0
-        else -math.inf
-    )
+    return fit.posterior.height(values) + 0.5 * float(log_det) if sign > 0.0 else -math.inf
 
 
 def _kept(fit: Fit, found: Modes) -> list[int]:
     """Which optima are separate from that of the fit and from each other."""
     separate, search = [0], search_of(fit.posterior, fit.values, fit.cov)
-    scale = np.where(search.scale > 0.0, search.scale, 1.0)
+    scale = positive_or(search.scale, 1.0)
     for k in np.flatnonzero(found.shares[1:] > _NEGLIGIBLE) + 1:
         other = found.values[k]
         near = sorted(

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, IntArray
 from estim.checks.unmodelled_force import LIKELY
 from estim.common import Finding, Kind
 from estim.discrepancy import FoundForce, Jump
@@ -34,7 +33,7 @@ class Outliers:
     probability: FloatArray
 
     @property
-    def frames(self) -> NDArray[np.int64]:
+    def frames(self) -> IntArray:
         """Indices of the frames that are named."""
         return np.flatnonzero(self.probability > LIKELY)
 

@@ -51,11 +51,9 @@ class Sensitivity:
     """What one parameter's posterior leans on.
 
     prior, likelihood : distance per doubling of all priors together, and of the likelihood.
-    by_prior : name -> the same for the prior of that parameter alone, in order: every parameter, or
-        of many runs those that some run needs together with this one (any other is felt through
-        these alone).
     strongest : the name of the single prior that matters most, None where none is above the
-        threshold.
+        threshold; of many runs, of those that some run needs together with this one (any other is
+        felt through these alone).
     disagreement : z above; 0 where the data narrow the prior by less than 5 %.
     k_hat : largest Pareto k of the weights used for `prior` and `likelihood`.
     verdict : in words.
@@ -64,7 +62,6 @@ class Sensitivity:
     name: str
     prior: float
     likelihood: float
-    by_prior: dict[str, float]
     strongest: str | None
     disagreement: float
     k_hat: float
@@ -92,20 +89,16 @@ def power_scaling(
         s_prior, s_likelihood, *each_alone = _distances(
             column, [prior, likelihood, *(alone[k] for k in beside[i])]
         )
-        by_prior = {
-            problem.names[k]: distance for k, distance in zip(beside[i], each_alone, strict=True)
-        }
-        strongest = max(by_prior, key=lambda other: by_prior[other])
+        most = int(np.argmax(each_alone))
         z = _disagreement(problem.parameters[i].prior, column)
         rows.append(
             Sensitivity(
                 name=name,
                 prior=s_prior,
                 likelihood=s_likelihood,
-                by_prior=by_prior,
                 disagreement=z,
                 k_hat=k_hat,
-                strongest=strongest if by_prior[strongest] >= THRESHOLD else None,
+                strongest=problem.names[beside[i][most]] if each_alone[most] >= THRESHOLD else None,
                 verdict=_verdict(s_prior, s_likelihood, z, k_hat),
             )
         )

@@ -14,19 +14,18 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from estim.arrays import FloatArray, diagonal_scale
+from estim.arrays import FloatArray, IntArray, diagonal_scale
 from estim.common import later
 from estim.fitting import ALONE, Fit
 from estim.problem import Group, parameters_of
 
 PRIORS = later("stated values")
 _LEAST_SHARE = 1e-3  # of the information in a direction: a source that has less says nothing of it
-# the same beside what was stated, where a mixture was taken as one normal distribution: it has that
-# only roughly
-_LEAST_OF_MIXTURE = 0.1
+# the same beside what was stated, where a mixture was taken as one normal distribution, a few per
+# cent of whose covariance mean nothing
+LEAST_OF_MIXTURE = 0.1
 # share of the information in a direction that comes from runs; below, it is known from what was
 # stated
 _LEAST_TOLD = 0.1
@@ -81,7 +80,7 @@ class Copies:
     information: FloatArray
     score: FloatArray
 
-    def of(self, name: str) -> NDArray[np.int64]:
+    def of(self, name: str) -> IntArray:
         """Places of the copy of a source."""
         d = self.score.size // len(self.sources)
         return np.arange(d) + d * self.sources.index(name)
@@ -117,9 +116,7 @@ def _tied(information: FloatArray, score: FloatArray, n: int) -> Quadratic:
     return information.reshape(n, d, n, d).sum(axis=(0, 2)), score.reshape(n, d).sum(axis=0)
 
 
-def fitted(
-    information: FloatArray, score: FloatArray, kept: NDArray[np.int64], free: NDArray[np.int64]
-) -> Quadratic:
+def fitted(information: FloatArray, score: FloatArray, kept: IntArray, free: IntArray) -> Quadratic:
     """A quadratic in those `kept`, the `free` ones fitted (Schur complement); what nothing
     determines takes nothing with it.
     """
@@ -135,7 +132,7 @@ def fitted(
     ), score[kept] - across @ (score[free] / scale)
 
 
-def copies_of(fit: Fit, group: Group, shared: NDArray[np.int64]) -> tuple[Copies, ...]:
+def copies_of(fit: Fit, group: Group, shared: IntArray) -> tuple[Copies, ...]:
     """The runs of a group, each with its own values of the shared parameters; their own parameters
     of the curve fitted with their priors.
     """
@@ -147,7 +144,7 @@ def copies_of(fit: Fit, group: Group, shared: NDArray[np.int64]) -> tuple[Copies
         return (_tied_copies(fit, group, shared),)
     problem = fit.problem
     pulls = problem.prior_information(fit.values)
-    gradient = problem.prior_gradient(fit.values[None, :])[0]
+    gradient = problem.prior_gradient(fit.values)
     moved, copies, stated = fit.values - force.about, [], copies_of_priors(fit, shared).information
     for run, (information, score) in zip(group.runs, force.alone, strict=True):
         nuisance = np.array(_own(fit, run.parameters, shared), dtype=np.int64)
@@ -168,7 +165,7 @@ def _beyond(alone: Quadratic, stated: FloatArray) -> Quadratic:
     root = _root(information + stated)
     turned = np.linalg.inv(root)
     shares, vectors = np.linalg.eigh(turned @ information @ turned.T)
-    informative = shares > _LEAST_OF_MIXTURE
+    informative = shares > LEAST_OF_MIXTURE
     rows = vectors[:, informative].T @ root.T
     return rows.T @ (shares[informative, None] * rows), rows.T @ (
         vectors[:, informative].T @ turned @ score
@@ -182,7 +179,7 @@ def _root(matrix: FloatArray) -> FloatArray:
     return np.linalg.cholesky(unit) * scale[:, None]
 
 
-def _own(fit: Fit, used: Collection[str], shared: NDArray[np.int64]) -> list[int]:
+def _own(fit: Fit, used: Collection[str], shared: IntArray) -> list[int]:
     """Places of the parameters of the curve that are `used` and not shared."""
     noise = fit.problem.noise_names
     every = enumerate(fit.problem.parameters)
@@ -193,7 +190,7 @@ def _own(fit: Fit, used: Collection[str], shared: NDArray[np.int64]) -> list[int
     ]
 
 
-def _tied_copies(fit: Fit, group: Group, shared: NDArray[np.int64]) -> Copies:
+def _tied_copies(fit: Fit, group: Group, shared: IntArray) -> Copies:
     """The runs of a group as its likelihood ties them."""
     problem = fit.problem
     common = [problem.names[i] for i in shared]
@@ -220,11 +217,11 @@ def _tied_copies(fit: Fit, group: Group, shared: NDArray[np.int64]) -> Copies:
     return Copies(tuple(run.name for run in runs), *alone)
 
 
-def copies_of_priors(fit: Fit, shared: NDArray[np.int64]) -> Copies:
+def copies_of_priors(fit: Fit, shared: IntArray) -> Copies:
     """The priors of the shared parameters as residuals; a uniform one says nothing."""
     problem = fit.problem
     information = problem.prior_information(fit.values)[np.ix_(shared, shared)]
-    return Copies((PRIORS,), information, -problem.prior_gradient(fit.values[None, :])[0, shared])
+    return Copies((PRIORS,), information, -problem.prior_gradient(fit.values)[shared])
 
 
 def total_of(quadratics: Sequence[Quadratic]) -> Quadratic:

@@ -16,7 +16,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from estim.arrays import FloatArray, all_finite
+from estim.arrays import FloatArray, all_finite, positive_or
 from estim.common import Amount, Finding, Kind
 from estim.curves import scale_errors_of
 from estim.fitting import Fit, descend_by_runs
@@ -65,28 +65,26 @@ def influences(fit: Fit, sds: FloatArray | None = None) -> tuple[Influence, ...]
     inside = [i for i in fit.problem.of_curve if np.isfinite(fit.sds[i])]
     if fit.singular or not inside:
         return ()
-    errors = {
-        run.name: {error.name: error for error in _errors_of(run)} for run in fit.problem.runs
-    }
+    concerned: dict[str, dict[str, CommonError]] = {}
+    for run in fit.problem.runs:
+        for error in _errors_of(run):
+            concerned.setdefault(error.name, {})[run.name] = error
     records = []
-    for name, kind in {
-        name: error for of_run in errors.values() for name, error in of_run.items()
-    }.items():
-        concerned = {run: of_run[name] for run, of_run in errors.items() if name in of_run}
-        accounted = _accounting(fit.problem, concerned)
-        values = _mode_near(fit, accounted)
+    for name, errors in concerned.items():
+        *_, kind = errors.values()
+        values = _mode_near(fit, _accounting(fit.problem, errors))
         shifts = (
             {}
             if values is None
             else {fit.names[i]: float((fit.values[i] - values[i]) / sds[i]) for i in inside}
         )
-        ramps = {error.along for error in concerned.values()}
+        ramps = {error.along for error in errors.values()}
         records.append(
             Influence(
                 name,
                 kind.size,
                 kind.unit,
-                tuple(concerned),
+                tuple(errors),
                 shifts,
                 ramps.pop() if len(ramps) == 1 else None,
             )
@@ -122,9 +120,7 @@ def _mode_near(fit: Fit, problem: Problem) -> FloatArray | None:
     """(n_par,) the mode of `problem` next to that of the fit, the noise held; None where the steps
     do not settle.
     """
-    values, variance = fit.values, np.diag(fit.cov)
-    scale = np.sqrt(np.where(variance > 0.0, variance, np.inf))
-    free = fit.problem.of_curve
+    values, free, scale = fit.values, fit.problem.of_curve, positive_or(fit.scale, np.inf)
     for _ in range(_MOST_ROUNDS):
         with np.errstate(all="ignore"):
             posterior = problem.linearised(values)

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from estim.arrays import FloatArray, IntArray, all_finite, squared_rows
+from estim.arrays import FloatArray, IntArray, all_finite, positive_or, squared_rows
 from estim.checks import P_POOR_FIT
 from estim.common import InputError, Status
 from estim.curve_fitting.single import fit_curve
 from estim.distributions import chi2_tail
 from estim.given_numbers import real_numbers
-from estim.levenberg_marquardt import Indices, LeastSquares
+from estim.levenberg_marquardt import LeastSquares
 
 _SETTLED, _MOST_STEPS = 1e-12, 60
 _CONVERGED = 1e-3  # standard deviations
@@ -125,14 +125,14 @@ def fit_many(
     problem = first.held.problem
     run, priors = problem.runs[0], [p.prior for p in problem.parameters]
 
-    def residuals(values: FloatArray, which: Indices) -> FloatArray:
+    def residuals(values: FloatArray, which: IntArray) -> FloatArray:
         named = run.bind(problem.named(values))
         return (run.curve.value(points[which], named) - sets[which]) / errors[which]
 
     begin = np.array([{**first.values, **(start or {})}[name] for name in first.names])
     low, high = np.array([p.low for p in priors]), np.array([p.high for p in priors])
     size = np.maximum(np.abs(begin), np.nan_to_num(first.held.scale))  # one may lie on a limit of 0
-    size = np.where(size > 0.0, size, 1.0)
+    size = positive_or(size, 1.0)
     solved, moving = np.split(np.arange(len(priors)), [0])
     function = LeastSquares(residuals, low, high, size, solved, moving, _STEP, sets.shape[1])
     values, chi2, _ = function.descend(

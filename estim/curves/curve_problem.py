@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray, IntArray, sds_of
+from estim.arrays import FloatArray, IntArray, root_mean_square, sds_of
 from estim.common import InputError, Notation, Quantity, phrase, read_quantity
 from estim.curves.columns import column, errors_of, share_of, skew_of
 from estim.curves.count_data import (
@@ -486,7 +486,7 @@ def _errors_of_x(
             f"must be below the standard deviation of x, {float(np.std(x, ddof=1)):.4g}: points "
             "that may lie anywhere along x hold no curve",
             field=field,
-            value=float(np.sqrt(np.mean(sizes**2))),
+            value=root_mean_square(sizes),
         )
     return sizes, cov
 
@@ -802,5 +802,5 @@ def roughness(y: FloatArray, *, robust: bool) -> float:
     # a quarter of normal deviations are smaller than 0.3186 of their standard deviation
     rough = float(np.quantile(second, 0.25)) / 0.3186 if robust and second.size else 0.0
     if not rough and second.size:
-        rough = float(np.sqrt(np.mean(second**2)))
+        rough = root_mean_square(second)
     return rough or float(np.std(y)) or 1.0

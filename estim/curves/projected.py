@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from estim.arrays import FloatArray, all_finite, max_abs
+from estim.arrays import FloatArray, all_finite, max_abs, positive_or
 from estim.curves.dimensions import dimensions_of
 from estim.curves.dual_numbers import Dual, plain
 from estim.curves.formula import Formula, evaluate, names_in
@@ -98,8 +98,7 @@ class ProjectedCurve:
         """Name -> value of the parameters that are sought; those solved for within their limits."""
         rest, columns = self._parts(nonlinear[None, :])
         with np.errstate(over="ignore"):  # inf: such a parameter is 0
-            size = np.linalg.norm(columns[:, 0], axis=1)
-        size[size == 0.0] = 1.0
+            size = positive_or(np.linalg.norm(columns[:, 0], axis=1), 1.0)
         solved = (
             np.linalg.lstsq((columns[:, 0] / size[:, None]).T, rest[0], rcond=None)[0] / size
             if self.linear

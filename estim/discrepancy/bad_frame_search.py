@@ -33,10 +33,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from estim.arrays import FloatArray, sds_of
+from estim.arrays import FloatArray, IntArray, root_mean_square, sds_of
 from estim.discrepancy.linearised import Linearised, linearise_beside
 from estim.discrepancy.mixture_likelihood import compact
 from estim.discrepancy.scale_mixture import Deviation
@@ -50,7 +49,7 @@ _SHIFTED = ("step", "frame")  # kinds in which positions are wrong
 _STILL = 2.5  # sds: a size below is none
 _AT_ONCE = 2_000_000  # numbers of points and patterns
 _WIDE = 30.0  # times what was found: sd of a size that is left to the data
-_FEW_LOST = float(np.sqrt(np.mean(np.square(_LOST))))  # frames
+_FEW_LOST = root_mean_square(_LOST)  # frames
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,8 +140,8 @@ class Frames(Shifts):
 
     t: FloatArray
     x: FloatArray
-    lines: NDArray[np.int64]
-    at: NDArray[np.int64] | None = None
+    lines: IntArray
+    at: IntArray | None = None
     slope: FloatArray | None = None
 
     @property

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estim.arrays import FloatArray, diagonal_scale
+from estim.arrays import FloatArray, diagonal_scale, positive_or, root_mean_square
 from estim.common import PROBABILITIES, later
 from estim.discrepancy.curve_covariances import (
     DEVIATION,
@@ -203,8 +203,7 @@ def _apart(jacobian: FloatArray) -> FloatArray:
     cancel leave no inverse of their information.
     """
     n_par = jacobian.shape[1]
-    sizes = np.linalg.norm(jacobian, axis=0)
-    sizes = np.where(sizes > 0.0, sizes, 1.0)
+    sizes = positive_or(np.linalg.norm(jacobian, axis=0), 1.0)
     upper = np.linalg.qr(np.vstack([jacobian / sizes, np.zeros((n_par, n_par))]), mode="r")
     # what the slopes say nothing of stays as it is
     upper += np.diag(1.0 * (np.abs(np.diag(upper)) < 1e-12))
@@ -255,7 +254,7 @@ def _shapes(
 
 def _scales(lacks: Discrepancy, root: Root, residuals: FloatArray) -> dict[str, float]:
     """Kind -> scale of its amplitude, unit of y."""
-    seen = _TIMES_NOISE * float(np.sqrt(np.mean(np.square(residuals))))
+    seen = _TIMES_NOISE * root_mean_square(residuals)
     scales = {DEVIATION: lacks.deviation} if lacks.deviation else {}
     return scales | (
         {TIME: max(seen, _TIMES_NOISE * _typical(root))} if lacks.along is not None else {}
@@ -272,7 +271,7 @@ def _beside(run: Observations, problem: Problem, values: FloatArray) -> TrialInf
 
 def _prior(problem: Problem, values: FloatArray) -> TrialInformation:
     """What the priors say at `values`."""
-    return problem.prior_information(values), -problem.prior_gradient(values[None, :])[0]
+    return problem.prior_information(values), -problem.prior_gradient(values)
 
 
 def _size(linear: Linearised, kind: str, scale: float, long: float) -> DeviationSize:

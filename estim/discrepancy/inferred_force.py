@@ -8,9 +8,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray, max_abs
+from estim.arrays import FloatArray, IntArray, max_abs, root_mean_square
 from estim.common import QUANTILES
 from estim.discrepancy.force import FORCE, Response, Track, force_kernel, force_priors
 from estim.discrepancy.linearised import Linearised, mixture_quantiles
@@ -26,7 +25,7 @@ class WithMean:
     @property
     def typical(self) -> float:
         """Root mean square of the mean."""
-        return float(np.sqrt(np.mean(np.square(self.mean))))
+        return root_mean_square(self.mean)
 
     @property
     def most(self) -> float:
@@ -137,7 +136,7 @@ class Seen:
     kept : (n_kept,) components.  weights : (n_kept,) of sum 1.  means, sds : (n_kept, n_place).
     """
 
-    kept: NDArray[np.int64]
+    kept: IntArray
     weights: FloatArray
     means: FloatArray
     sds: FloatArray

@@ -22,11 +22,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 from scipy.special import ndtr
 
-from estim.arrays import FloatArray, squared_rows
+from estim.arrays import FloatArray, IntArray, squared_rows
 from estim.discrepancy.scale_mixture import Deviation, Family
 from estim.problem import Root, beside
 
@@ -65,7 +65,7 @@ class Linearised:
         """(n_par, n_par) within components and between them."""
         return self.moments(np.arange(self.weights.size))[2]
 
-    def moments(self, chosen: NDArray[np.int64]) -> tuple[float, FloatArray, FloatArray]:
+    def moments(self, chosen: IntArray) -> tuple[float, FloatArray, FloatArray]:
         """Probability, mean (n_par,) and covariance (n_par, n_par) of some components together."""
         probability = float(self.weights[chosen].sum())
         shares = self.weights[chosen] / probability
@@ -83,12 +83,12 @@ class Linearised:
         covariances = self.covariances[:, :n_par, :n_par]
         return replace(self, steps=self.steps[:, :n_par], covariances=covariances)
 
-    def from_narrow_to_wide(self) -> NDArray[np.int64]:
+    def from_narrow_to_wide(self) -> IntArray:
         """The components by the volume of their covariances."""
         return np.argsort(np.linalg.slogdet(self.covariances)[1])
 
     @property
-    def likelier(self) -> NDArray[np.int64]:
+    def likelier(self) -> IntArray:
         """The components with a deviation, where it is more likely than not that there is one; else
         those without.
         """
@@ -158,7 +158,7 @@ class Linearised:
         )
         return low, middle, high
 
-    def probable(self, share: float) -> NDArray[np.int64]:
+    def probable(self, share: float) -> IntArray:
         """The most probable components, which hold this share of the probability, in their
         order.
         """
@@ -292,7 +292,7 @@ def linearise_beside(
     )
 
 
-def _at_least_stated(family: Family) -> NDArray[np.int64]:
+def _at_least_stated(family: Family) -> IntArray:
     """(n_component,) for each component itself, or, where its scale is below 1, the one with the
     same amplitude and scale 1.
     """

@@ -15,10 +15,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from estim.arrays import FloatArray, log_sum_exp
+from estim.arrays import FloatArray, IntArray, log_sum_exp
 from estim.discrepancy.linearised import Linearised
 from estim.discrepancy.precomputed_terms import Terms, Weight, terms_of
 from estim.discrepancy.scale_mixture import Deviation, Family
@@ -74,7 +73,7 @@ class Mixture:
 
     def drawn(
         self, residuals: FloatArray, rng: np.random.Generator
-    ) -> Iterator[tuple[Family, int, NDArray[np.int64]]]:
+    ) -> Iterator[tuple[Family, int, IntArray]]:
         """Each component, a place in its family, with those of the residuals (n_draw, n_obs) that
         drew it, by its probability there.
         """

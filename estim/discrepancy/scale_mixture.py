@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray, IntArray
 from estim.discrepancy.grid import Grid
 from estim.problem import Root
 
@@ -73,7 +73,7 @@ class Family:
         """(n_component, n_dir)."""
         return np.square(self.scale)[:, None] + np.square(self.amplitude)[:, None] * self.spectrum
 
-    def chosen(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> Family:
+    def chosen(self, keep: BoolArray | IntArray) -> Family:
         """The family with some of its components alone."""
         return replace(
             self,

@@ -12,9 +12,8 @@ from one frame to the next).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, IntArray
 
 # sds of a reading, by which the body moves to either side; readings for a line
 _REACH, _FEW = 2.0, 5
@@ -47,7 +46,7 @@ def settled(t: FloatArray, x: FloatArray, speed: FloatArray, sd: float) -> Float
     return smoothed
 
 
-def _between(values: FloatArray, first: NDArray[np.int64], last: NDArray[np.int64]) -> FloatArray:
+def _between(values: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
     """Sums of values[first:last]."""
     total = np.append(0.0, np.cumsum(values))
     return total[last] - total[first]

@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, positive_or
 from estim.checks import P_POOR_FIT, check_goodness
 from estim.common import Notation, NumericalError, Status, later, phrase
 from estim.discrepancy import AutoCorrelated
@@ -257,8 +257,7 @@ def _pushed_below(cause: Cause, base: Fit) -> bool:
     start = cause.starting(base, _NEAR)
     posterior = cause.problem.linearised(start)
     rows = posterior.jacobian(start)
-    scale = np.linalg.norm(rows, axis=0)
-    scale[scale == 0.0] = 1.0
+    scale = positive_or(np.linalg.norm(rows, axis=0), 1.0)
     step = -np.linalg.lstsq(rows / scale, posterior.residuals(start), rcond=None)[0] / scale
     return bool(start[i] + step[i] <= 0.0)
 

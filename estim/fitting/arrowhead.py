@@ -13,9 +13,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray, finite_or
+from estim.arrays import FloatArray, IntArray, finite_or, positive_or
 from estim.levenberg_marquardt import bounded_steps
 from estim.problem import Posterior, Problem
 
@@ -23,8 +22,6 @@ MANY_RUNS = 16
 _ROUNDING = 1e-13  # of chi^2
 _LEAST_DAMPING, _FIRST_DAMPING, _FACTOR, _MOST_DAMPING = 1e-13, 1e-6, 10.0, 1e12
 _NOTHING = 1e-13  # of the largest singular value
-
-Indices = NDArray[np.int64]
 
 
 def many(problem: Problem) -> bool:
@@ -34,7 +31,7 @@ def many(problem: Problem) -> bool:
     return len(problem.groups) > MANY_RUNS
 
 
-def own_columns(columns: Sequence[Indices], n_par: int) -> list[Indices]:
+def own_columns(columns: Sequence[IntArray], n_par: int) -> list[IntArray]:
     """For each group, given the columns that it uses, the parameters that no other one uses."""
     uses = np.zeros(n_par, dtype=np.int64)
     for used in columns:
@@ -43,7 +40,7 @@ def own_columns(columns: Sequence[Indices], n_par: int) -> list[Indices]:
 
 
 def spreads_by_runs(
-    roots: Sequence[FloatArray], columns: Sequence[Indices], pulls: FloatArray
+    roots: Sequence[FloatArray], columns: Sequence[IntArray], pulls: FloatArray
 ) -> list[FloatArray]:
     """For each group a root F (n_used, n_used or fewer) of the covariance F F^T of the least
     squares of all, between the parameters `columns` that it uses.
@@ -57,8 +54,7 @@ def spreads_by_runs(
         rows.append(np.zeros((len(triangle), len(pulls))))
         rows[-1][:, used] = triangle
     design = np.linalg.qr(np.vstack(rows), mode="r")
-    scale = np.linalg.norm(design, axis=0)
-    scale[scale == 0.0] = 1.0
+    scale = positive_or(np.linalg.norm(design, axis=0), 1.0)
     design /= scale
     whole = np.min(np.abs(np.diag(design)), initial=1.0) > _NOTHING
     spread = np.linalg.inv(design) if whole else np.linalg.pinv(design, rcond=_NOTHING)
@@ -122,7 +118,7 @@ def _shape(posterior: Posterior, values: FloatArray) -> tuple[FloatArray, FloatA
     """Slope (n_par,) and curvature (n_par, n_par) of that, points without derivatives left out."""
     pairs = posterior.narrow_scoring(values)
     problem = posterior.problem
-    slope, curvature = problem.prior_gradient(values[None, :])[0], problem.prior_information(values)
+    slope, curvature = problem.prior_gradient(values), problem.prior_information(values)
     for (jacobian, residuals), used in zip(pairs, problem.columns, strict=True):
         columns = finite_or(jacobian, 0.0)
         slope[used] += columns.T @ residuals

@@ -29,7 +29,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray, sds_of
+from estim.arrays import FloatArray, IntArray, positive_or, sds_of
 from estim.common import (
     PROBABILITIES,
     Amount,
@@ -90,7 +90,6 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
             (Finding(Kind.NO_SCATTER),),
             (),
         )
-    free = fixed.scale  # of a parameter on its edge too
     sds = np.where(best.at_bound, np.nan, sds_of(cov))
     informed = fixed.problem.prior_information(best.values)
     dofs = (
@@ -103,7 +102,9 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     skewed = fixed.problem.counted or any(
         noise.share or noise.sides is not None for noise in noises
     )
-    beside = _within_reach(fixed, np.where(best.at_bound, free, sds_of(cov)), dofs)
+    # an edge lies inside their 95 % intervals
+    half = _quantile(_WIDEST, dofs) * np.where(best.at_bound, fixed.scale, sds_of(cov))
+    beside = fixed.problem.room(fixed.values) < half
     symmetric = _symmetric(names, best.values, sds, dofs)
     bent = vague(fixed, sds)
     curved = bent | (bending(fixed) >= _CURVED)
@@ -114,16 +115,16 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     profiles, left_open = profiled(fixed, held(float(np.min(dofs))), np.flatnonzero(asked))
     intervals = {**symmetric, **profiles}
     notes: list[Finding] = []
+    room = fixed.problem.room(best.values)
     unheld = {f.parameters[0].name for f in left_open if f.kind is not Kind.BETTER_ELSEWHERE}
     for i, (name, parameter) in enumerate(zip(names, fixed.problem.parameters, strict=True)):
         if name in unheld:
             sds[i] = np.nan
             continue
-        distance = min(best.values[i] - parameter.prior.low, parameter.prior.high - best.values[i])
         edge = edge_of(parameter.prior, float(best.values[i]))
-        if best.at_bound[i] or distance < sds[i]:
+        if best.at_bound[i] or room[i] < sds[i]:
             # and not anywhere, hidden by another one on its limit
-            there = best.at_bound[i] and distance <= _THERE * np.ptp(intervals[name][_WIDEST])
+            there = best.at_bound[i] and room[i] <= _THERE * np.ptp(intervals[name][_WIDEST])
             notes.append(
                 Finding(
                     Kind.AT_LIMIT if there else Kind.NEAR_LIMIT, parameters=(Amount(name, edge),)
@@ -163,19 +164,8 @@ def _degrees_of_freedom(cov: FloatArray, pulls: FloatArray, dof: float) -> Float
     of the priors.
     """
     size = np.diag(cov)
-    share = 1.0 - np.einsum("ij,jk,ik->i", cov, pulls, cov) / np.where(size > 0.0, size, 1.0)
+    share = 1.0 - np.einsum("ij,jk,ik->i", cov, pulls, cov) / positive_or(size, 1.0)
     return dof / np.clip(share, 1e-3, 1.0) ** 2
-
-
-def _within_reach(fit: Fit, sds: FloatArray, dofs: FloatArray) -> BoolArray:
-    """(n_par,) whether an edge of a parameter's prior lies inside its 95 % interval."""
-    half = _quantile(_WIDEST, dofs) * sds
-    priors = [p.prior for p in fit.problem.parameters]
-    room = [
-        min(value - prior.low, prior.high - value)
-        for prior, value in zip(priors, fit.values, strict=True)
-    ]
-    return np.array(room) < half
 
 
 def _symmetric(

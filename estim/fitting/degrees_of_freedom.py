@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, positive_or
 from estim.fitting.least_squares import Fit
 
 
@@ -35,7 +35,7 @@ class ErrorSizes:
             return np.ones((len(gradients), 1))
         of_groups = np.einsum("ni,gij,nj->ng", gradients, self.parts, gradients)
         total = np.einsum("ni,ij,nj->n", gradients, self.cov, gradients)
-        return of_groups / np.where(total > 0.0, total, 1.0)[:, None]
+        return of_groups / positive_or(total, 1.0)[:, None]
 
     def degrees_of_freedom(self, shares: FloatArray) -> FloatArray:
         """(n,) of standard deviations with these shares (n, n_group), by Welch and Satterthwaite

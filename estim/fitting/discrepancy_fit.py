@@ -22,15 +22,10 @@ def fit_discrepancy(white: Fit) -> Fit:
         for run in problem.runs
         if run.lacks is not None
     }
-    runs = tuple(
-        replace(run, noise=posed[run.name].noise) if run.lacks is not None else run
-        for run in problem.runs
-    )
-    low, high = problem.support()
-    start = np.clip(
-        np.mean([deviation.found.mean for deviation in posed.values()], axis=0), low, high
-    )
-    fit = refit(Problem(problem.parameters, runs), start)
+    means = [deviation.found.mean for deviation in posed.values()]
+    start = np.clip(np.mean(means, axis=0), *problem.support())
+    noises = {name: deviation.noise for name, deviation in posed.items()}
+    fit = refit(problem.with_noises(noises), start)
     return replace(
         fit,
         deviations=tuple(deviation.found for deviation in posed.values()),
@@ -47,17 +42,12 @@ def sds_near_limits(
     """Standard deviations (n_par,) of the linearised posterior, nan for a parameter less than one
     from a limit, and why.
     """
-    sds, notes = sds_of(found.cov), []
-    for i, parameter in enumerate(problem.parameters):
-        low, high = parameter.prior.low, parameter.prior.high
-        if min(found.mean[i] - low, high - found.mean[i]) < sds[i]:
-            notes.append(
-                Finding(
-                    Kind.NEAR_LIMIT,
-                    parameters=(
-                        Amount(parameter.name, edge_of(parameter.prior, float(found.mean[i]))),
-                    ),
-                )
-            )
-            sds[i] = np.nan
-    return sds, tuple(notes)
+    sds = sds_of(found.cov)
+    near = problem.room(found.mean) < sds
+    edges = [
+        Amount(p.name, edge_of(p.prior, float(mean)))
+        for p, mean, beside in zip(problem.parameters, found.mean, near, strict=True)
+        if beside
+    ]
+    notes = tuple(Finding(Kind.NEAR_LIMIT, parameters=(edge,)) for edge in edges)
+    return np.where(near, np.nan, sds), notes

@@ -9,7 +9,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, all_finite, max_abs, sds_of
+from estim.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    all_finite,
+    max_abs,
+    root_mean_square,
+    sds_of,
+)
 from estim.common import Amount, Finding, Kind
 from estim.fitting.gauss_newton import (
     End,
@@ -20,7 +28,7 @@ from estim.fitting.gauss_newton import (
     unit_at,
 )
 from estim.fitting.least_squares import WITHIN_REACH
-from estim.fitting.separable import Indices, SeparableSearch
+from estim.fitting.separable import SeparableSearch
 from estim.problem import TURNS, Symmetry
 
 SAME = 1e-6  # relative difference of sums of squares between equal optima
@@ -49,9 +57,8 @@ def chi2_limit(search: SeparableSearch, best: End) -> float:
     """The sum of squares beyond which an optimum holds next to nothing of the posterior; by the
     residuals where their size is not stated.
     """
-    dof = max(1, search.posterior.problem.n_obs - search.free.size)
     if search.unstated:
-        return best[1] * math.exp(min(2.0 * WITHIN_REACH / dof, 10.0)) + search.rounding
+        return best[1] * math.exp(min(2.0 * WITHIN_REACH / search.dof, 10.0)) + search.rounding
     return best[1] + 2.0 * WITHIN_REACH
 
 
@@ -146,7 +153,7 @@ def choose(
         ):  # far from all of them, or from nowhere
             chosen = min(through, key=lambda i: _roughness(search, named[i]))
 
-    def told(kind: Kind, others: list[FloatArray], which: Indices) -> None:
+    def told(kind: Kind, others: list[FloatArray], which: IntArray) -> None:
         names = search.posterior.problem.names
         parts = tuple(
             Finding(Kind.VALUES, parameters=tuple(Amount(names[k], float(other[k])) for k in which))
@@ -218,7 +225,7 @@ def _is_optimum(search: SeparableSearch, end: End) -> bool:
     return bool(np.all(step <= PLACE * unit_at(search, end) * sds_of(cov)))
 
 
-def _moving(search: SeparableSearch, end: End) -> Indices:
+def _moving(search: SeparableSearch, end: End) -> IntArray:
     """The parameters that are moved and not pressed onto a limit at an end."""
     jacobian, residuals = search.scoring(end[0])
     return search.free[~near_bound(search, end[0], jacobian, residuals, end[1])[search.free]]
@@ -247,8 +254,9 @@ def _log_share(search: SeparableSearch, end: End) -> float:
 
 def _height(search: SeparableSearch, chi2: float) -> float:
     """Log likelihood at a sum of squares, by the residuals where their size is not stated."""
-    dof = max(1, search.posterior.problem.n_obs - search.free.size)
-    return -0.5 * dof * math.log(chi2 + search.rounding) if search.unstated else -0.5 * chi2
+    if search.unstated:
+        return -0.5 * search.dof * math.log(chi2 + search.rounding)
+    return -0.5 * chi2
 
 
 def is_one(search: SeparableSearch, end: End, other: End) -> bool:
@@ -262,7 +270,7 @@ def is_one(search: SeparableSearch, end: End, other: End) -> bool:
     return moved.size > 1 or not bool(np.all(_has_range(search, moved)))
 
 
-def _has_range(search: SeparableSearch, which: Indices) -> BoolArray:
+def _has_range(search: SeparableSearch, which: IntArray) -> BoolArray:
     return np.isfinite(search.low[which]) & np.isfinite(search.high[which])
 
 
@@ -290,7 +298,7 @@ def _same_curve(
     for run in problem.runs:
         x = np.linspace(run.x.min(), run.x.max(), 3 * run.n_obs + 7) if between else run.x
         a, b = (run.drawn(point, x) for point in (problem.named(values), named))
-        scatter = float(np.sqrt(np.mean(np.square(run.y - run.drawn(named))))) if unfelt else 0.0
+        scatter = root_mean_square(run.y - run.drawn(named)) if unfelt else 0.0
         tolerance = max(1e-5 * max_abs(a), unfelt * scatter, 1e-305)
         if not np.max(np.abs(a - b)) <= tolerance:
             return False
@@ -341,11 +349,11 @@ def _is_alias(search: SeparableSearch, end: End, other: End) -> bool:
         rounded = _EXACT * step < max_abs(run.x - even) <= _ROUNDED * step
         x = even if rounded else np.sort(run.x)
         at_points, between = (
-            float(np.sqrt(np.mean(np.square(run.drawn(named, at) - run.drawn(others, at)))))
+            root_mean_square(run.drawn(named, at) - run.drawn(others, at))
             for at in (x, x + _ASIDE * np.diff(x, append=x[-1]))
         )
         # of the points about a curve
-        scatter = float(np.sqrt(np.mean(np.square(run.y - run.drawn(named)))))
+        scatter = root_mean_square(run.y - run.drawn(named))
         if not at_points <= _NEARLY * scatter:
             return False
         moved |= rounded
@@ -385,4 +393,4 @@ def distance(
         apart = np.where(a * b < 0.0, 100.0, 0.0) + factors**2
         apart = np.where(np.isfinite(turn), ((a - b) / turn) ** 2, apart)
     signs = np.sum(values[..., search.linear] * other[search.linear] < 0.0, axis=-1)
-    return np.asarray(np.sum(apart, axis=-1) + 30.0 * signs)
+    return np.sum(apart, axis=-1) + 30.0 * signs

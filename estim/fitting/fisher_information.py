@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, finite_or, sds_of
+from estim.arrays import BoolArray, FloatArray, finite_or, positive_or, sds_of
 from estim.problem import Posterior, Problem
 
 _ON_LIMIT = 1e-2  # standard deviations
@@ -51,11 +51,8 @@ def on_limit(problem: Problem, values: FloatArray, matrix: FloatArray) -> BoolAr
 
     matrix : (n_par, n_par) information at `values`, priors included.
     """
-    low, high = problem.support()
-    known = np.sqrt(np.diag(matrix))
-    room = np.minimum(values - low, high - values)
-    felt = known > 0.0
-    return (room <= 0.0) | (felt & (room * np.where(felt, known, 1.0) <= _ON_LIMIT))
+    known, room = np.sqrt(np.diag(matrix)), problem.room(values)
+    return (room <= 0.0) | ((known > 0.0) & (room * positive_or(known, 1.0) <= _ON_LIMIT))
 
 
 def known_from_data(posterior: Posterior, values: FloatArray) -> DataInformation:

@@ -29,7 +29,6 @@ _WIDE = 1e-4  # of a parameter's size, for mixed second differences
 _SETTLED, _N_STEP = 1e-9, 14
 _BEYOND = np.array([0.7, 1.0, 1.4])  # of the way to where the curve is the same to second order
 _FAR = np.geomspace(1.0, 3.0, 5)  # places in a reach
-_BATCH = 100_000  # residuals in one call
 
 
 def further_optima(
@@ -166,9 +165,7 @@ def _dips(search: SeparableSearch, values: FloatArray, i: int) -> FloatArray:
     points[:, i] = places
     heights = np.empty(places.size)
     moved = points.copy()
-    rows = max(1, _BATCH // max(1, n_obs * (1 + n_par)))
-    for first in range(0, places.size, rows):
-        batch = slice(first, first + rows)
+    for batch in search.squares.parts(places.size, others.size):
         base, columns = search.squares.tangents(points[batch], others, search.squares.step)
         with np.errstate(all="ignore"):
             step = solve(columns, -base[:, :, None])
@@ -215,13 +212,8 @@ def _places(
             [straight, *(side[(side > low) & (side < high)] for side in (by_factors, -by_factors))]
         )
     )
-    rows = max(1, _BATCH // max(1, search.posterior.problem.n_obs * (1 + search.free.size)))
-    rate = np.concatenate(
-        [
-            _bending(search, values, i, coarse[k : k + rows], high)
-            for k in range(0, coarse.size, rows)
-        ]
-    )
+    parts = search.squares.parts(coarse.size, search.free.size)
+    rate = np.concatenate([_bending(search, values, i, coarse[part], high) for part in parts])
     length = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(coarse))])
     if not (math.isfinite(length[-1]) and length[-1] > _SPACING):
         return np.zeros(0)

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, all_finite
+from estim.arrays import BoolArray, FloatArray, all_finite, positive_or, sds_of
 from estim.fitting.separable import RESOLVED, SeparableSearch
 
 SILENT = 1e-11  # ratio of singular values
@@ -111,8 +111,7 @@ def step_between(
     """
     from scipy.optimize import lsq_linear
 
-    scale = np.linalg.norm(rows, axis=0)
-    scale[scale == 0.0] = 1.0
+    scale = positive_or(np.linalg.norm(rows, axis=0), 1.0)
     scaled = rows / scale
     step = np.linalg.lstsq(scaled, -aim, rcond=silent)[0] / scale
     if np.all((step >= low) & (step <= high)):
@@ -165,8 +164,7 @@ def inverse_information(
     """
     if not jacobian.shape[1]:
         return np.zeros((0, 0)), 1.0
-    scale = np.linalg.norm(jacobian, axis=0)
-    scale[scale == 0.0] = 1.0
+    scale = positive_or(np.linalg.norm(jacobian, axis=0), 1.0)
     _, singular, right = np.linalg.svd(jacobian / scale, full_matrices=False)
     condition = (
         float(singular[-1] / singular[0])
@@ -179,8 +177,7 @@ def inverse_information(
 
 def unit_at(search: SeparableSearch, best: End) -> float:
     """The standard deviation of a residual, by the residuals where it is not stated."""
-    dof = max(1, search.posterior.problem.n_obs - search.free.size)
-    return math.sqrt(best[1] / dof) if search.unstated else 1.0
+    return math.sqrt(best[1] / search.dof) if search.unstated else 1.0
 
 
 def spread_at(search: SeparableSearch, best: End) -> FloatArray:
@@ -191,7 +188,7 @@ def spread_at(search: SeparableSearch, best: End) -> FloatArray:
         spread = np.zeros(best[0].size)
         if all_finite(jacobian):
             cov = inverse_information(jacobian)[0]
-            spread[search.free] = unit_at(search, best) * np.sqrt(np.maximum(np.diag(cov), 0.0))
+            spread[search.free] = unit_at(search, best) * sds_of(cov)
         search.spreads[key] = spread
     return search.spreads[key]
 

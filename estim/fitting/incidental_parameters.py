@@ -69,8 +69,7 @@ def measure_of(
     ]
     # (n_par, n_shared): where all parameters follow one sd along each column of root
     along = np.linalg.solve(root, cov[shared]).T
-    along[held] = 0.0
-    along[still] = 0.0
+    along[held], along[still] = 0.0, 0.0
     steps = np.vstack([along.T, -along.T])
     # a step ends where it meets a limit; cut off in one parameter alone it would leave the ridge
     # along which the others follow

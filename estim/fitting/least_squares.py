@@ -16,7 +16,15 @@ from itertools import compress
 
 import numpy as np
 
-from estim.arrays import FloatArray, all_finite, diagonal_scale, finite_or, max_abs, sds_of
+from estim.arrays import (
+    FloatArray,
+    all_finite,
+    diagonal_scale,
+    finite_or,
+    max_abs,
+    positive_or,
+    sds_of,
+)
 from estim.common import Finding, InputError, NumericalError, phrase
 from estim.discrepancy import FoundDeviation, FoundForce, NormalParts
 from estim.distributions import chi2_tail
@@ -36,9 +44,9 @@ _FEW_ROUNDS = 6
 _EXACT, _ROUGH = 1e-12, 1e-6
 WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
 _FINE = 1e-2
-# of -2 log density without a parameter, beyond which its sign is known and it is sampled by size;
-# as high as where the ends of counts count as none (`estim.fitting.unbounded_sides`)
-_ONE_SIGN = 30.0
+# of -2 log density: chains of some seeds go beyond a rise of 27.5, none beyond 30.3; where that
+# without a parameter is higher, its sign is known and it is sampled by size
+NEVER_MET = 30.0
 _ILL = 1e12  # condition of the information, columns of unit length
 _NOTHING_SAID = 1e-15  # ratio of its eigenvalues
 
@@ -162,7 +170,7 @@ class Fit:
     @cached_property
     def coordinates(self) -> Coordinates:
         """In which the posterior is nearly normal."""
-        level = math.inf if self.singular else _ONE_SIGN
+        level = math.inf if self.singular else NEVER_MET
         return search_of(self.posterior, self.values, self.cov, level).coordinates
 
     @cached_property
@@ -244,9 +252,7 @@ def fit_least_squares(
     rough = _rough_ends(begun)
     if not rough:
         raise _no_curvature(*begun[0])
-    objective = np.array(
-        [-float(posterior.log_density(values[None, :])[0]) for values, posterior, *_ in rough]
-    )
+    objective = np.array([-posterior.height(values) for values, posterior, *_ in rough])
     best = int(np.nanargmin(objective))
     values, posterior, *_ = rough[best]
     if float(np.mean(posterior.size_residuals(values) ** 2)) > hopeless:
@@ -256,8 +262,9 @@ def fit_least_squares(
         )
     held: tuple[Held, ...] = ()
     if many(problem):
-        end = settle_by_runs(values, posterior, best=_best, spread=_curved)
-        values, posterior, moved, held = end.values, end.posterior, end.moved, end.held
+        values, posterior, moved, held = settle_by_runs(
+            values, posterior, best=_best, spread=_curved
+        )
     else:
         values, posterior, moved, _ = _settle(values, posterior, max_rounds=max_rounds)
     if math.isnan(moved):
@@ -360,8 +367,7 @@ def _curved(posterior: Posterior, values: FloatArray) -> FloatArray | None:
     matrix = information(posterior, values)
     if not all_finite(matrix):
         return None
-    scale = sds_of(_inverse(matrix))
-    return np.where(scale > 0.0, scale, np.inf)
+    return positive_or(sds_of(_inverse(matrix)), np.inf)
 
 
 def _settle(
@@ -495,11 +501,20 @@ def settled(led: str) -> str:
     return phrase("converged; {led}", led=led)
 
 
-def far_apart(values: FloatArray, ends: list[FloatArray], scale: FloatArray) -> FloatArray:
-    """(n_other, n_par) those of `ends` that lie more than some standard deviations from `values`
-    and from each other.
+def unsettled(sds: float) -> str:
+    """What a fit says whose last round still moved a parameter by some standard deviations."""
+    return phrase(
+        "did not converge: its last iteration still shifted a parameter by {sds:.2g} "
+        "standard deviations",
+        sds=sds,
+    )
+
+
+def far_apart(values: FloatArray, ends: list[FloatArray], sds: FloatArray) -> FloatArray:
+    """(n_other, n_par) those of `ends` that lie more than some standard deviations `sds` (n_par,)
+    from `values` and from each other.
     """
-    distinct = [values]
+    distinct, scale = [values], positive_or(sds, np.inf)
     for end in ends:
         if all(np.max(np.abs(end - other) / scale) > 3.0 for other in distinct):
             distinct.append(end)
@@ -526,8 +541,7 @@ def _describe(
     cov = _inverse(matrix)
     curvature = sds_of(cov)
     sds = np.full(problem.n_par, np.nan) if singular else curvature.copy()
-    low, high = problem.support()
-    sds[np.minimum(values - low, high - values) < curvature] = np.nan
+    sds[problem.room(values) < curvature] = np.nan
     curve = problem.of_curve
     # what lies on a limit is held there, and so is what its prior says
     pulls = [i for i in curve if problem.parameters[i].prior.informative and not known.on_limit[i]]
@@ -539,20 +553,10 @@ def _describe(
     chi2 = float(of_data + np.sum(posterior.prior_residuals(values)[pulls] ** 2))
     dof = problem.n_obs + len(pulls) - int(np.sum(~known.on_limit[list(curve)]))
     unlike = problem.robust or problem.counted
-    place = np.where(curvature > 0.0, curvature, np.inf)
-    n_same = (
-        len(same)
-        if singular
-        else sum(bool(np.max(np.abs(end - values) / place) < 1.5) for end in same)
-    )
-    message = settled(led_here(n_same, n_start))
-    if moved >= SETTLED:
-        message = phrase(
-            "did not converge: its last iteration still shifted a parameter by {sds:.2g} "
-            "standard deviations",
-            sds=moved,
-        )
-    elif singular:
+    near = [np.max(np.abs(end - values) / positive_or(curvature, np.inf)) < 1.5 for end in same]
+    n_same = len(same) if singular else int(np.sum(near))
+    message = settled(led_here(n_same, n_start)) if moved < SETTLED else unsettled(moved)
+    if singular and moved < SETTLED:
         message = phrase(
             "converged, but some combination of the parameters is not determined, so there "
             "are no standard deviations"
@@ -571,7 +575,7 @@ def _describe(
         else math.nan,
         n_start=n_start,
         n_same=n_same,
-        others=far_apart(values, ends, place),
+        others=far_apart(values, ends, curvature),
         singular=singular,
         success=moved < SETTLED,
         moved=moved,

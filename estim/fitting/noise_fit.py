@@ -36,8 +36,7 @@ def fit_noise(posterior: Posterior, values: FloatArray) -> FloatArray:
         off = posterior.prior_residuals(full)[free]
         minus = 0.5 * float(off @ off) - float(posterior.log_likelihood(full[None, :])[0])
         slopes = (
-            problem.prior_gradient(full[None, :])[0, free]
-            - posterior.log_density_noise_gradient(full)[free]
+            problem.prior_gradient(full)[free] - posterior.log_density_noise_gradient(full)[free]
         )
         return minus, coordinates.slopes(full[free]) * scale * slopes
 

@@ -21,10 +21,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estim.arrays import BoolArray, FloatArray, Named, all_finite, sds_of
-from estim.common import Amount, Finding, InputError, Kind, NumericalError, phrase
+from estim.common import Amount, Finding, InputError, Kind, NumericalError
 from estim.fitting.distinct_optima import (
     MOST_OTHERS,
     PLACE,
@@ -48,6 +47,7 @@ from estim.fitting.gauss_newton import (
     near_bound,
     spread_at,
     stepped,
+    unit_at,
 )
 from estim.fitting.least_squares import (
     WITHIN_REACH,
@@ -57,6 +57,7 @@ from estim.fitting.least_squares import (
     led_here,
     refit,
     settled,
+    unsettled,
 )
 from estim.fitting.multistart import ALIKE, N_START, starts_around
 from estim.fitting.noise_fit import fit_noise
@@ -124,7 +125,7 @@ class Optimum:
     mover: str
     condition: float
     resolved: float
-    at_bound: NDArray[np.bool_]
+    at_bound: BoolArray
     n_start: int
     n_same: int
     others: FloatArray
@@ -200,7 +201,7 @@ def _with_errors(problem: Problem, place: FloatArray) -> Iterator[End]:
         fitted = fit_noise(posterior, np.where(sizes, share * place, place))
         named = dict(zip(problem.names, fitted.tolist(), strict=True))
         width = np.mean([_log_sd(run, named) for run in problem.runs if run.noise.robust])
-        height = float(posterior.log_density(fitted[None, :])[0])
+        height = posterior.height(fitted)
         yield fitted, height + (len(problem.of_curve) + 1) * float(width)
 
 
@@ -257,7 +258,8 @@ def _found(
     best = min(tried, key=lambda end: end[1])
     _refuse_vanishing(search.posterior.problem, best[0])
     if not searched:
-        return _polished(search, best[0], n_start=1, n_same=1)
+        alone, symmetry = np.zeros((0, start.size)), no_symmetry(search.posterior.problem)
+        return _polished(search, best[0], alone, symmetry, (), n_start=1, n_same=1)
     nonlinear = search.nonlinear.tolist()
     symmetry, first = find_symmetry(search.posterior.problem, best[0], nonlinear, rng), best
     best, every = _scanned(search, best, tried, symmetry)
@@ -302,8 +304,7 @@ def _chosen(
     n_same = sum(
         is_at(end[0], values, spread, symmetry) or is_one(search, end, chosen) for end in tried
     )
-    optimum = _polished(search, values, n_start=n_start, n_same=n_same)
-    return replace(optimum, others=others, symmetry=symmetry, aliases=aliases)
+    return _polished(search, values, others, symmetry, aliases, n_start=n_start, n_same=n_same)
 
 
 def _repeated(
@@ -343,14 +344,14 @@ def _repeated(
         away = np.abs(image - near)[np.isfinite(repeat)]
         return round(far, 9), float(np.sum(negative & signed)), float(np.sum(away))
 
-    values = min(images, key=order, default=found.values)
-    return replace(
-        _polished(
-            search, values, n_start=found.n_start, n_same=sum(chi2 <= limit for _, chi2 in tried)
-        ),
-        others=found.others,
-        symmetry=replace(found.symmetry, repeat=repeat),
-        aliases=tuple(f for f in found.aliases if f.kind is not Kind.OTHER_NUMBERS),
+    return _polished(
+        search,
+        min(images, key=order, default=found.values),
+        found.others,
+        found.symmetry,
+        tuple(f for f in found.aliases if f.kind is not Kind.OTHER_NUMBERS),
+        n_start=found.n_start,
+        n_same=sum(chi2 <= limit for _, chi2 in tried),
     )
 
 
@@ -367,7 +368,7 @@ def _unheld(search: SeparableSearch, found: Optimum, period: FloatArray) -> Find
     best = found.chi2 + found.rounding
     hardly: list[tuple[float, int]] = []
     # of the squares of n residuals those of n - n_par are left when the others are integrated out
-    dof = max(1, problem.n_obs - search.free.size)
+    dof = search.dof
     spread = spread_at(search, (found.values, found.chi2))
 
     # the squares of a log density have any height
@@ -522,11 +523,7 @@ def fit_optimum(
     fit = replace(fit, n_start=best.n_start, n_same=best.n_same, message=words)
     if best.settled or best.singular or fit.singular:
         return fit
-    words = phrase(
-        "did not converge: its last iteration still shifted a parameter by {sds:.2g} "
-        "standard deviations",
-        sds=best.step,
-    )
+    words = unsettled(best.step)
     return replace(fit, success=False, moved=best.step, mover=best.mover, message=words)
 
 
@@ -566,7 +563,7 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
     places = [*(candidate.values for candidate in known), *fit.others]
     heights = fit.posterior.log_density(np.array(places).reshape(-1, fit.values.size))
     best = int(np.argmax(heights[: len(known)])) if known else 0
-    if known and heights[best] > fit.posterior.log_density(fit.values[None, :])[0] + 0.5:
+    if known and heights[best] > fit.posterior.height(fit.values) + 0.5:
         words = settled(led_here(0, fit.n_start))
         fit = replace(known[best], n_start=fit.n_start, n_same=0, message=words)
     ranked = [
@@ -574,8 +571,7 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
         for i in np.argsort(-heights, kind="stable")
         if heights[i] > np.max(heights) - WITHIN_REACH
     ]
-    scale = np.where(fit.scale > 0.0, fit.scale, np.inf)
-    return replace(fit, others=far_apart(fit.values, ranked, scale))
+    return replace(fit, others=far_apart(fit.values, ranked, fit.scale))
 
 
 def _refitted(fit: Fit, start: FloatArray) -> Fit | None:
@@ -598,7 +594,6 @@ def with_other_modes(fit: Fit, best: Optimum) -> Fit:
     # the size of the errors, where `fit` has it as a further parameter
     more = fit.values.size - best.values.size
     symmetry = best.symmetry.widened(more)
-    scale = np.where(fit.scale > 0.0, fit.scale, np.inf)
     modes = []
     for point in best.others[:MOST_OTHERS]:
         start = symmetry.nearest(np.append(point, fit.values[point.size :]), fit.values)
@@ -611,7 +606,7 @@ def with_other_modes(fit: Fit, best: Optimum) -> Fit:
             modes.append(start)
     return replace(
         fit,
-        others=far_apart(fit.values, modes, scale),
+        others=far_apart(fit.values, modes, fit.scale),
         symmetry=symmetry,
         aliases=best.aliases,
         unheld=best.unheld,
@@ -625,8 +620,7 @@ def _at_kink(search: SeparableSearch, values: FloatArray, tolerance: float) -> F
     """
     chi2 = search.chi2(values)
     spread = spread_at(search, (values, chi2))
-    unit = chi2 / max(1, search.posterior.problem.n_obs - search.free.size)
-    least = _SMALL * (unit if search.unstated else 1.0)
+    least = _SMALL * unit_at(search, (values, chi2)) ** 2
     for i in search.nonlinear:
         held = replace(search, nonlinear=search.nonlinear[search.nonlinear != i])
         ends = []
@@ -643,9 +637,18 @@ def _at_kink(search: SeparableSearch, values: FloatArray, tolerance: float) -> F
     return None
 
 
-def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_same: int) -> Optimum:
-    """The optimum that Gauss-Newton steps from `values` lead to.  Raises InputError where the curve
-    has no finite derivatives there.
+def _polished(
+    search: SeparableSearch,
+    values: FloatArray,
+    others: FloatArray,
+    symmetry: Symmetry,
+    aliases: tuple[Finding, ...],
+    *,
+    n_start: int,
+    n_same: int,
+) -> Optimum:
+    """The optimum that Gauss-Newton steps from `values` lead to, with what else was found.  Raises
+    InputError where the curve has no finite derivatives there.
     """
     free, likelihoods = search.free, search.posterior.likelihoods
     resolved = max(search.resolved, *(likelihood.resolved for likelihood in likelihoods))
@@ -685,9 +688,6 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
     cov, condition = inverse_information(jacobian[:, moving], resolved)
     full = np.zeros((values.size, values.size))
     full[np.ix_(moving, moving)] = cov
-    alone = np.zeros((0, values.size))
-    problem = search.posterior.problem
-    # last step, in standard deviations
     return Optimum(
         values,
         full,
@@ -695,13 +695,13 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
         rounded,
         step_size,
         tolerance,
-        problem.names[mover],
+        search.posterior.problem.names[mover],
         condition,
         resolved,
         near,
         n_start,
         n_same,
-        alone,
-        no_symmetry(problem),
-        (),
+        others,
+        symmetry,
+        aliases,
     )

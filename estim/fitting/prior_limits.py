@@ -20,17 +20,14 @@ from typing import Literal
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, positive_or
 from estim.common import Amount, Finding, Kind
 from estim.distributions import normal_tail, student_tail
 from estim.fitting.gauss_newton import step_between
 from estim.fitting.least_squares import Fit
 from estim.problem import Prior
 from estim.words import one_sided
-
-Indices = NDArray[np.int64]
 
 # probability of so much pressure by chance, below which edge and data contradict each other
 PRESSED_BELOW = 0.01
@@ -81,8 +78,7 @@ def around(fit: Fit) -> Quadratic:
     good part of the probability.
     """
     problem, curve = fit.problem, fit.problem.of_curve
-    scale = fit.scale[curve]
-    scale = np.where(scale > 0.0, scale, 1.0)
+    scale = positive_or(fit.scale[curve], 1.0)
     whole = fit.forces or fit.deviations
     told, score = (
         whole[0].told

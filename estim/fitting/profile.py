@@ -387,7 +387,7 @@ def _stands(search: ProfileSearch, point: End, most: float) -> bool:
     that rounding errors make low, where terms cancel, does not.
     """
     at = search.coordinates
-    squared = np.greater(at.unit, 0.0)  # by places: a little of a square at 0 is no little value
+    squared = at.squared  # by places: a little of a square at 0 is no little value
     steps = _LITTLE * np.diag(search.conditional)
     by_value = np.where(squared, 0.0, steps * at.slopes(at.centre))
     by_place = np.where(squared, steps, 0.0)

@@ -245,7 +245,7 @@ def _known_by_size(
     if not level < np.inf or values.size > _MANY:
         return known
     tied = made_up_for(values, search.cov)
-    squared = np.greater(search.coordinates.unit, 0.0)
+    squared = search.coordinates.squared
     candidates = np.flatnonzero(tied & ~squared & ~at_limit)
     at, starts = search.coordinates.of(values), []
     for i in candidates:

@@ -18,9 +18,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, IntArray
 from estim.fitting.arrowhead import own_columns
 from estim.problem import Likelihood, Posterior, Problem
 
@@ -32,8 +31,6 @@ _BETWEEN = 3  # rounds between two of these
 _HELPS = 0.02  # of the first swing, which the rounds at a share must come below
 _WITH_IT = 0.3  # of the farthest, what is held with it
 LEAST_SHARE = 0.05  # of a step of rounds that swing
-
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -53,19 +50,7 @@ class Held:
     felt: float
 
 
-@dataclass(frozen=True, eq=False)
-class FixedPoint:
-    """values : (n_par,).  posterior : with the covariances there, or where they are held.  moved :
-    by the last round, nan without curvature.
-    """
-
-    values: FloatArray
-    posterior: Posterior
-    moved: float
-    held: tuple[Held, ...]
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Pace:
     """Of one group.
 
@@ -75,7 +60,7 @@ class _Pace:
     felt : see `Held`.  held : whether it is.
     """
 
-    mine: Indices
+    mine: IntArray
     share: float = 1.0
     since: int | None = None
     swing: float = math.inf
@@ -92,68 +77,67 @@ def settle_by_runs(
     *,
     best: Callable[[Posterior, FloatArray], FloatArray],
     spread: Callable[[Posterior, FloatArray], FloatArray | None],
-) -> FixedPoint:
+) -> tuple[FloatArray, Posterior, float, tuple[Held, ...]]:
     """Rounds from a posterior linearised at `values` (n_par,) until they settle, at most
     `MAX_ROUNDS`.
 
     best : where the density is highest with given covariances.
     spread : (n_par,) standard deviations there, None without curvature.
+
+    Returns the values, the posterior with the covariances there, or where they are held, by how
+    much the last round moved, nan without curvature, and the groups that are held.
     """
     problem = posterior.problem
     paces = [_Pace(mine) for mine in own_columns(problem.columns, problem.n_par)]
-    pace, before, moved, last = np.ones(values.size), np.zeros_like(values), math.inf, 0
+    before, moved, last = np.zeros_like(values), math.inf, 0
     far, scale = np.full(len(paces), math.inf), np.ones(values.size)
     for number in range(MAX_ROUNDS):
+        shares = np.ones(values.size)
+        for one in paces:
+            shares[one.mine] = one.share
         step = best(posterior, values) - values
-        values = values + pace * step
+        values = values + shares * step
         posterior = _linearised(problem, values, paces)
         curved = spread(posterior, values)
         if curved is None:
-            return FixedPoint(values, posterior, math.nan, ())
+            return values, posterior, math.nan, ()
         scale = curved
         step = step / scale
         moved = float(np.max(np.abs(step), initial=0.0))
         if moved < SETTLED:
             break
-        now = np.array([float(np.max(np.abs(step[group.mine]), initial=0.0)) for group in paces])
+        now = np.array([float(np.max(np.abs(step[one.mine]), initial=0.0)) for one in paces])
         # before a swing is taken for one
         if number >= 5:
-            paces = _been(paces, posterior, values)
+            _remember(paces, posterior, values)
             swings = (now > 0.5 * far) & (now > _WITH_IT * np.max(now))  # the others only follow
-            paces = [
-                _relaxed(group, step, before, number, now[i], swings=bool(swings[i]))
-                for i, group in enumerate(paces)
-            ]
             others = np.ones(values.size, dtype=bool)
-            for group in paces:
-                if group.since is not None:
-                    others[group.mine] = False
+            for i, one in enumerate(paces):
+                _relax(one, step, before, number, now[i], swings=bool(swings[i]))
+                others[one.mine] = one.since is None
             largest = float(np.max(np.abs(step[others]), initial=0.0))
-            paces = [
-                group
-                if group.held or group.since is None
-                else replace(group, felt=max(group.felt, largest))
-                for group in paces
-            ]
+            for one in paces:
+                if one.since is not None and not one.held:
+                    one.felt = max(one.felt, largest)
             worst = _to_hold(
                 paces, now, far, number, tired=number >= _PATIENCE and number - last >= _BETWEEN
             )
+            for one in worst:
+                one.held, one.share, one.felt = True, 1.0, max(one.felt, largest)
+                values[one.mine] = one.place
             if worst:
-                last = number
-                paces = [
-                    replace(group, held=True, share=1.0, felt=max(group.felt, largest))
-                    if i in worst
-                    else group
-                    for i, group in enumerate(paces)
-                ]
-                for i in worst:
-                    values[paces[i].mine] = paces[i].place
-                posterior = _linearised(problem, values, paces)
-        pace = np.ones(values.size)
-        for group in paces:
-            pace[group.mine] = group.share
+                last, posterior = number, _linearised(problem, values, paces)
         before, far = step, now
-    return FixedPoint(values, posterior, moved, _held(paces, problem, values, scale))
+    held = tuple(
+        Held(
+            group.run_names,
+            float(np.max(np.abs(values[one.mine] - one.place) / scale[one.mine], initial=0.0)),
+            one.felt,
+        )
+        for one, group in zip(paces, problem.groups, strict=True)
+        if one.held and one.place is not None
+    )
+    return values, posterior, moved, held
 
 
 def _linearised(problem: Problem, values: FloatArray, paces: list[_Pace]) -> Posterior:
@@ -168,71 +152,55 @@ def _linearised(problem: Problem, values: FloatArray, paces: list[_Pace]) -> Pos
     )
 
 
-def _been(paces: list[_Pace], posterior: Posterior, values: FloatArray) -> list[_Pace]:
-    """Each with the place where it is, if its own density, with the covariance taken there, is
-    higher than at those before.
+def _remember(paces: list[_Pace], posterior: Posterior, values: FloatArray) -> None:
+    """The place where each group is, if its own density, with the covariance taken there, is higher
+    than at those before.
     """
     parameters = posterior.problem.parameters
     named = posterior.problem.named(values[None, :])
-    updated = []
     for pace, likelihood in zip(paces, posterior.likelihoods, strict=True):
-        if not pace.held:
-            height = float(likelihood.log_likelihood(named)[0]) + sum(
-                float(parameters[i].prior.log_density(values[i : i + 1])[0]) for i in pace.mine
-            )
-            pace = (
-                replace(pace, height=height, place=values[pace.mine], likelihood=likelihood)
-                if height > pace.height
-                else pace
-            )
-        updated.append(pace)
-    return updated
+        if pace.held:
+            continue
+        height = float(likelihood.log_likelihood(named)[0]) + sum(
+            float(parameters[i].prior.log_density(values[i : i + 1])[0]) for i in pace.mine
+        )
+        if height > pace.height:
+            pace.height, pace.place, pace.likelihood = height, values[pace.mine], likelihood
 
 
-def _relaxed(
+def _relax(
     one: _Pace, step: FloatArray, before: FloatArray, number: int, now: float, *, swings: bool
-) -> _Pace:
-    """With the share of its next step; `step` and `before` (n_par,) are the whole steps of this
-    round and the one before.
+) -> None:
+    """The share of its next step; `step` and `before` (n_par,) are the whole steps of this round
+    and the one before.
     """
     if one.held or (one.since is None and not (swings and step[one.mine] @ before[one.mine] < 0.0)):
-        return one
+        return
     if one.since is None:
-        one = replace(one, since=number, swing=now)
+        one.since, one.swing = number, now
     turn = step[one.mine] - before[one.mine]
     size = float(turn @ turn)
     share = -one.share * float(before[one.mine] @ turn) / size if size > 0.0 else one.share
-    return replace(one, share=min(max(share, LEAST_SHARE), 1.0))
+    one.share = min(max(share, LEAST_SHARE), 1.0)
 
 
 def _to_hold(
     paces: list[_Pace], now: FloatArray, far: FloatArray, number: int, *, tired: bool
-) -> list[int]:
+) -> list[_Pace]:
     """The groups whose covariance is to be held from here on."""
     free = [
-        i
-        for i, pace in enumerate(paces)
-        if not pace.held and pace.place is not None and now[i] >= SETTLED
+        (pace, moved, before)
+        for pace, moved, before in zip(paces, now, far, strict=True)
+        if not pace.held and pace.place is not None and moved >= SETTLED
     ]
     lost = [
-        i
-        for i in free
-        if number - (paces[i].since or number) >= _TRIED and now[i] > _HELPS * paces[i].swing
+        pace
+        for pace, moved, _ in free
+        if number - (pace.since or number) >= _TRIED and moved > _HELPS * pace.swing
     ]
     if lost or not tired or not free:
         return lost
-    farthest = max(now[i] for i in free)
-    return [i for i in free if now[i] > _WITH_IT * farthest and now[i] > 0.5 * far[i]]
-
-
-def _held(
-    paces: list[_Pace], problem: Problem, values: FloatArray, scale: FloatArray
-) -> tuple[Held, ...]:
-    held = []
-    for pace, group in zip(paces, problem.groups, strict=True):
-        if pace.held and pace.place is not None:
-            off = float(
-                np.max(np.abs(values[pace.mine] - pace.place) / scale[pace.mine], initial=0.0)
-            )
-            held.append(Held(group.run_names, off, pace.felt))
-    return tuple(held)
+    farthest = max(moved for _, moved, _ in free)
+    return [
+        pace for pace, moved, before in free if moved > _WITH_IT * farthest and moved > 0.5 * before
+    ]

@@ -13,14 +13,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray, all_finite, max_abs
+from estim.arrays import FloatArray, IntArray, all_finite, max_abs, positive_or
 from estim.common import InputError
 from estim.levenberg_marquardt import LeastSquares
 from estim.problem import EXACT, Posterior, Problem
-
-Indices = NDArray[np.int64]
 
 _SAFETY = 20.0
 RESOLVED = _SAFETY * EXACT  # `SeparableSearch.resolved` where derivatives are exact
@@ -36,13 +33,18 @@ class SeparableSearch:
     held: FloatArray  # (n_par,) the user's start, and the values of the noise parameters
     low: FloatArray
     high: FloatArray
-    linear: Indices
-    nonlinear: Indices
+    linear: IntArray
+    nonlinear: IntArray
     unstated: bool = False  # whether only the residuals say how large the errors are
 
     @property
-    def free(self) -> Indices:
+    def free(self) -> IntArray:
         return np.sort(np.concatenate([self.linear, self.nonlinear]))
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom of the sum of squares; 1 at least."""
+        return max(1, self.posterior.problem.n_obs - self.free.size)
 
     @cached_property
     def limited(self) -> bool:
@@ -73,7 +75,7 @@ class SeparableSearch:
         # a parameter with a prior is no smaller than this share of its standard deviation
         size = np.maximum(np.abs(self.held), 1e-3 * of_prior)
 
-        def residuals(points: FloatArray, _which: Indices) -> FloatArray:
+        def residuals(points: FloatArray, _which: IntArray) -> FloatArray:
             of_data = self.posterior.residuals_at(points)
             if not pulling:
                 return of_data
@@ -84,7 +86,7 @@ class SeparableSearch:
             residuals,
             self.low,
             self.high,
-            np.where(size > 0.0, size, 1.0),
+            positive_or(size, 1.0),
             self.linear,
             self.nonlinear,
             max(1e-6, math.sqrt(self.resolved / _SAFETY)),

@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations, product
+from itertools import combinations, islice, product
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, finite_or
 from estim.problem import TURNS, Flat, Problem, Symmetry, own_values
 
 # looked at; where a curve takes one set of parameters at a time
@@ -37,30 +37,19 @@ def find_symmetry(
     period = np.full(n_par, np.inf)
     sources = _free_arguments(problem)
     turned: list[Map] = [{a: ({a: 1.0}, turn)} for a in sources for turn in TURNS]
-    for map_ in checker.survivors(turned, trials):
-        if (lifted := checker.lifted(map_)) is not None:
-            period = np.fmin(period, np.where(lifted[1] != 0.0, lifted[1], np.inf))
-    arguments = list(sources)
+    for _, shift in checker.survivors(turned, trials):
+        period = np.fmin(period, np.where(shift != 0.0, shift, np.inf))
     most = (
         _MOST_MAPS
         if all(getattr(run.curve, "broadcasts", True) for run in problem.runs)
         else _MOST_CALLS
     )
-    maps = [
-        map_
-        for _, map_ in zip(
-            range(most), _maps(arguments, _turned(problem, sources, period)), strict=False
-        )
-    ]
-    elements = [(np.eye(n_par), np.zeros(n_par))]
-    for map_ in checker.survivors(maps, trials):
-        lifted = checker.lifted(map_)
-        if lifted is not None:
-            elements.append(lifted)
-    elements = _closed(elements, period)
+    maps = list(islice(_maps(list(sources), _turned(problem, sources, period)), most))
+    same = (np.eye(n_par), np.zeros(n_par))
+    matrices, shifts = zip(*_closed([same, *checker.survivors(maps, trials)], period), strict=True)
     bare = Symmetry(
-        np.array([e[0] for e in elements]),
-        np.array([e[1] for e in elements]),
+        np.array(matrices),
+        np.array(shifts),
         period,
         *problem.support(),
         np.ones(n_par),
@@ -152,15 +141,17 @@ class _Found:
 
     def survivors(
         self, maps: list[Map], trials: list[tuple[FloatArray, list[FloatArray]]]
-    ) -> list[Map]:
-        """Those maps that hold at all trials; the first trial looks at all of them in one call."""
+    ) -> list[Lifted]:
+        """Those maps that hold at all trials, as maps of parameters; the first trial looks at all
+        of them in one call.
+        """
         if not maps:
             return []
         first = self._agree(maps, trials[0])
         return [
-            map_
+            lifted
             for map_, same in zip(maps, first, strict=True)
-            if same and self.holds(map_, trials)
+            if same and self.holds(map_, trials) and (lifted := self.lifted(map_)) is not None
         ]
 
     def holds(self, map_: Map, trials: list[tuple[FloatArray, list[FloatArray]]]) -> bool:
@@ -185,7 +176,7 @@ class _Found:
         limit: float = _SAME,
     ) -> list[bool]:
         values, places = trial
-        named = {p.name: float(v) for p, v in zip(self.problem.parameters, values, strict=True)}
+        named = dict(zip(self.problem.names, values.tolist(), strict=True))
         same = np.ones(len(maps), dtype=bool)
         for run, x in zip(self.problem.runs, places, strict=True):
             here = {
@@ -208,7 +199,7 @@ class _Found:
                     if math.isfinite(size)
                     else False
                 )
-        return [bool(flag) for flag in same]
+        return same.tolist()
 
     def lifted(self, map_: Map) -> Lifted | None:
         """A map of arguments as one of parameters; None where the runs or the priors do not allow
@@ -267,12 +258,9 @@ def _closed(elements: list[Lifted], period: FloatArray) -> list[Lifted]:
 
     def reduced(element: Lifted) -> Lifted:
         matrix, shift = element
-        turned = np.isfinite(period)
-        shift = np.where(turned, np.mod(shift, np.where(turned, period, 1.0)), shift)
-        shift = np.where(
-            turned & (np.abs(shift - period) < 1e-9 * np.where(turned, period, 1.0)), 0.0, shift
-        )
-        return matrix, shift
+        turned, turn = np.isfinite(period), finite_or(period, 1.0)
+        shift = np.where(turned, np.mod(shift, turn), shift)
+        return matrix, np.where(turned & (np.abs(shift - turn) < 1e-9 * turn), 0.0, shift)
 
     def key(element: Lifted) -> tuple[object, ...]:
         return tuple(element[0].ravel().tolist()), tuple(np.round(element[1], 6).tolist())

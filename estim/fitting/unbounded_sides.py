@@ -11,10 +11,10 @@ import math
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, finite_or, sds_of
+from estim.arrays import BoolArray, FloatArray, finite_or, positive_or
 from estim.common import Amount, Finding, Kind
 from estim.distributions import chi2_tail
-from estim.fitting.least_squares import Fit
+from estim.fitting.least_squares import NEVER_MET, Fit
 from estim.fitting.profile import ProfileInterval, profile_intervals
 from estim.problem import Parameter, Problem
 
@@ -22,8 +22,6 @@ _PROBABILITY = 0.95
 _VAGUE = 0.5  # ranges of the data
 _STRAIGHT = 0.05  # standard deviations of the residuals, by which a step of one bends them
 _FAR, _LONGER = 10.0, 1.5  # standard deviations; times the other side, in logarithms
-# of -2 log density: chains of some seeds go beyond a rise of 27.5, none beyond 30.3
-_NEVER_MET = 30.0
 
 
 def open_sides(fit: Fit, sds: FloatArray) -> list[Finding]:
@@ -66,7 +64,7 @@ def _endless(fit: Fit) -> list[Finding]:
         for p, free in zip(problem.parameters, problem.unstated, strict=True)
         if free and p.name not in own
     ]
-    level = 1.0 - float(chi2_tail(_NEVER_MET, 1))
+    level = 1.0 - float(chi2_tail(NEVER_MET, 1))
     intervals = profile_intervals(fit, names=[p.name for p in flat], probabilities=(level,))
     return [
         _open("counts", p)
@@ -96,8 +94,7 @@ def bending(fit: Fit) -> FloatArray:
     each parameter goes one standard deviation and the others follow it; inf where the curve ends, 0
     where a sixteenth of the step bends them as much, by rounding errors.
     """
-    sizes, n = sds_of(fit.cov), len(fit.names)
-    steps = fit.cov / np.where(sizes > 0.0, sizes, 1.0)[:, None]
+    n, steps = len(fit.names), fit.cov / positive_or(fit.scale, 1.0)[:, None]
     places = np.vstack([np.zeros(n), steps, -steps, steps / 16.0, steps / -16.0])
     with np.errstate(all="ignore"):
         ends = fit.posterior.residuals_at(np.clip(fit.values + places, *fit.problem.support()))

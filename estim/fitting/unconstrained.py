@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from estim.arrays import max_abs
+from estim.arrays import max_abs, positive_or
 from estim.fitting.gauss_newton import SILENT
 from estim.fitting.least_squares import Fit
 from estim.problem import Observations
@@ -25,10 +25,8 @@ def silent_parameters(fit: Fit) -> tuple[str, ...]:
     columns = fit.posterior.jacobian(fit.values)[:, [fit.names.index(name) for name in names]]
     # a parameter without a derivative is one that nothing can be said of
     columns = np.where(np.all(np.isfinite(columns), axis=0), columns, 0.0)
-    scale = np.linalg.norm(columns, axis=0)
-    _, singular, right = np.linalg.svd(
-        columns / np.where(scale > 0.0, scale, 1.0), full_matrices=True
-    )
+    scale = positive_or(np.linalg.norm(columns, axis=0), 1.0)
+    _, singular, right = np.linalg.svd(columns / scale, full_matrices=True)
     sizes = np.append(singular, np.zeros(len(names) - singular.size))
     share = np.sqrt(np.sum(right[sizes <= max(SILENT * sizes[0], 2.0 * sizes[-1])] ** 2, axis=0))
     return tuple(name for name, part in zip(names, share, strict=True) if part > 0.2)

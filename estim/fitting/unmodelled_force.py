@@ -76,9 +76,8 @@ def fit_with_forces(white: Fit, *, rng: np.random.Generator, scanned: bool = Tru
         )
     except InputError as error:
         return _as_complete(white, error.rule)
-    runs = tuple(replace(run, noise=posed.noises.get(run.name, run.noise)) for run in problem.runs)
     start = np.clip(posed.start, *problem.support())
-    fit = refit(Problem(problem.parameters, runs, posed.shared), start)
+    fit = refit(problem.with_noises(posed.noises, posed.shared), start)
     fit = scanned_fit(fit, rng=rng) if scanned else fit
     forces = posed.inferred_at(problem, fit.values, fit.cov)
     return replace(_led_by(white, fit), forces=forces, parts=posed.parts)
@@ -139,8 +138,7 @@ def _free_fit(white: Fit) -> tuple[Fit, Mapping[str, BadFrames]]:
             for run in problem.runs
             if run.force
         }
-        runs = tuple(replace(run, noise=noises.get(run.name, run.noise)) for run in problem.runs)
-        free = refit(Problem(problem.parameters, runs), values)
+        free = refit(problem.with_noises(noises), values)
         if len(problem.runs) > 1:
             return free, bad
         updated = {
@@ -195,4 +193,4 @@ def expected_information(
         )
         root = expected_root(runs, problem, values, size)
         total = total + root.T @ root
-    return np.asarray(total)
+    return total

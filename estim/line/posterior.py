@@ -39,7 +39,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, root_mean_square
 from estim.common import InputError
 from estim.line.angle_profile import LineData, line_data, scaled_points
 from estim.line.regression import fit_line
@@ -201,7 +201,7 @@ def _posed(data: LineData, priors: Mapping[str, Prior], *, through_origin: bool)
     scatter = priors.get("scatter")
     if isinstance(scatter, HalfNormal):
         most = scatter.scale
-        rms = float(np.sqrt(np.mean((data.y - fit.intercept - fit.slope * data.x) ** 2)))
+        rms = root_mean_square(data.y - fit.intercept - fit.slope * data.x)
         start["log_scatter"] = (float(np.log(min(max(rms, 1e-3 * most), most))), 0.5)
     for name in ("zero_x", "zero_y"):
         if name in priors:

@@ -5,12 +5,10 @@ they leave them.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[Any]
+from estim.arrays import FloatArray
 
 _MOST_STEPS = 80
 _ROUNDING = 1e-14  # by which the last step may lie beyond an end

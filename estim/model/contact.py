@@ -31,13 +31,12 @@ from enum import IntEnum
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from estim.arrays import FloatArray, IntArray
 from estim.model.body import Body
 from estim.model.forces import Forces, energy_series, inertia
 from estim.model.phase_curve import STANDARD_GRAVITY, energy_ratio_derivatives, turning_angle
-
-FloatArray = NDArray[np.float64]
 
 _N_SCAN = 400  # angles at which the end of rolling is looked for
 _N_HALVING = 50
@@ -100,7 +99,7 @@ def contact_forces(
     """
     angle = np.asarray(angle, dtype=float)
     place: dict[str, Any] = {"phi": phi, "theta0": theta0}
-    acting, radius, g = forces or Forces(), np.asarray(body.radius), np.asarray(g)
+    acting, radius, g = forces or Forces(), body.radius, np.asarray(g)
     if rate is None:
         sense: ArrayLike = 1.0
         motion = {
@@ -124,22 +123,16 @@ def contact_forces(
             forces=against,
             order=1,
         )
-    bend = np.asarray(acting.phi_slope) * radius
+    bend = acting.phi_slope * radius
     tilt = phi + bend * angle
     across = theta0 + angle + tilt
-    sine, cosine, gamma = np.sin(across), np.cos(across), np.asarray(body.gamma)
+    sine, cosine, gamma = np.sin(across), np.cos(across), body.gamma
     ratio = np.where(ratio >= 0.0, ratio, np.nan)
     normal = np.cos(tilt) + 2.0 * bend * ratio - gamma * (slope * sine + 2.0 * ratio * cosine)
     friction = np.sin(tilt) + slope + gamma * (slope * cosine - 2.0 * ratio * sine)
     if np.any(acting.viscous_drag) or np.any(acting.quadratic_drag):
         v = np.sqrt(2.0 * g * radius * ratio)
-        friction = (
-            friction
-            + sense
-            * (np.asarray(acting.viscous_drag) + np.asarray(acting.quadratic_drag) * v)
-            * v
-            / g
-        )
+        friction = friction + sense * (acting.viscous_drag + acting.quadratic_drag * v) * v / g
     return ContactForces(np.asarray(normal), np.asarray(friction))
 
 
@@ -149,10 +142,10 @@ def _turned(forces: Forces, sense: ArrayLike) -> Forces:
     """
     return replace(
         forces,
-        moment=np.asarray(forces.moment) * sense,
-        load_resistance=np.asarray(forces.load_resistance) * sense,
-        viscous_drag=np.asarray(forces.viscous_drag) * sense,
-        quadratic_drag=np.asarray(forces.quadratic_drag) * sense,
+        moment=forces.moment * sense,
+        load_resistance=forces.load_resistance * sense,
+        viscous_drag=forces.viscous_drag * sense,
+        quadratic_drag=forces.quadratic_drag * sense,
     )
 
 
@@ -184,7 +177,7 @@ def end_of_rolling(
     g: ArrayLike = STANDARD_GRAVITY,
     release_energy: ArrayLike | None = None,
     forces: Forces | None = None,
-) -> tuple[FloatArray, NDArray[np.int64]]:
+) -> tuple[FloatArray, IntArray]:
     """(angle turned (rad) when rolling without slipping ends, why: `End`), (n_draw, 1) each.
 
     The first of: a turning point, the end of the ramp, |F| > mu N, N < 0.  Found at 400 angles and
@@ -207,9 +200,8 @@ def end_of_rolling(
         "g": g,
     }
     place |= {"release_energy": release_energy, "forces": forces}
-    ramp = np.atleast_2d(np.asarray(ramp_end, dtype=float) / np.asarray(body.radius))
+    ramp = np.atleast_2d(np.asarray(ramp_end) / body.radius)
     turn = np.atleast_2d(turning_angle(body, **place, far=float(np.max(ramp))))
-    mu = np.atleast_2d(np.asarray(mu, dtype=float))
     last, turn, ramp, mu = np.broadcast_arrays(np.minimum(turn, ramp), turn, ramp, mu)
 
     def spare(angle: FloatArray) -> FloatArray:

@@ -11,16 +11,13 @@ force, a moment that depends on the angle too, counts as work done on T + V.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from estim.arrays import FloatArray
 from estim.model.body import Body
 from estim.model.forces import Forces, inertia, ramp_height
 from estim.model.phase_curve import STANDARD_GRAVITY
-
-FloatArray = NDArray[Any]
 
 
 def kinetic_energy(
@@ -49,7 +46,7 @@ def potential_energy(
     forces: Forces | None = None,
 ) -> FloatArray:
     """V/M, J/kg, of the body at `x` (m from release); the paper's zero of height."""
-    angle, bend = np.asarray(x) / body.radius, (forces or Forces()).phi_slope
-    climbed = ramp_height(angle, phi=phi, bend=np.asarray(bend) * body.radius)[0]
+    angle, bend = np.asarray(x) / body.radius, (forces or Forces()).phi_slope * body.radius
+    climbed = ramp_height(angle, phi=phi, bend=bend)[0]
     height = np.asarray(theta0) * np.sin(phi) + climbed
     return np.asarray(g) * body.radius * (height + body.gamma * np.cos(np.asarray(theta0) + angle))

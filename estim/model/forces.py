@@ -37,17 +37,16 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from estim.model.body import Body
-
-FloatArray = NDArray[np.float64]
+from estim.arrays import FloatArray
+from estim.model.body import Body, Quantity
 
 
 @dataclass(frozen=True, eq=False)
 class Forces:
     """What acts beside weight and plain rolling resistance; zero does nothing.
-    Scalars or (n_draw, 1).
+    Each a number or an array (n_draw, 1).
 
     moment : a moment that does not depend on the load / (M g R).
     load_resistance : rolling resistance / load.  viscous_drag : 1/s.  quadratic_drag : 1/m.
@@ -61,15 +60,15 @@ class Forces:
     [[0.382, 0.569]]
     """
 
-    moment: ArrayLike = 0.0
-    load_resistance: ArrayLike = 0.0
-    viscous_drag: ArrayLike = 0.0
-    quadratic_drag: ArrayLike = 0.0
-    once_cos: ArrayLike = 0.0
-    once_sin: ArrayLike = 0.0
-    twice_cos: ArrayLike = 0.0
-    twice_sin: ArrayLike = 0.0
-    phi_slope: ArrayLike = 0.0
+    moment: Quantity = 0.0
+    load_resistance: Quantity = 0.0
+    viscous_drag: Quantity = 0.0
+    quadratic_drag: Quantity = 0.0
+    once_cos: Quantity = 0.0
+    once_sin: Quantity = 0.0
+    twice_cos: Quantity = 0.0
+    twice_sin: Quantity = 0.0
+    phi_slope: Quantity = 0.0
 
     @property
     def with_speed(self) -> bool:
@@ -79,11 +78,11 @@ class Forces:
         )
 
     @property
-    def turning(self) -> tuple[tuple[int, ArrayLike, ArrayLike], ...]:
+    def turning(self) -> tuple[tuple[int, Quantity, Quantity], ...]:
         """(times per turn, cosine part, sine part)."""
         return (1, self.once_cos, self.once_sin), (2, self.twice_cos, self.twice_sin)
 
-    def values(self) -> Iterator[ArrayLike]:
+    def values(self) -> Iterator[Quantity]:
         """Its fields in their order, each in its SI unit."""
         return (getattr(self, field.name) for field in fields(self))
 
@@ -205,7 +204,7 @@ def inertia(
 ) -> FloatArray:
     """D after the body has turned by `angle` (rad), dimensionless."""
     angle = np.asarray(angle, dtype=float)
-    bend = 1.0 + np.asarray(forces.phi_slope) * body.radius
+    bend = 1.0 + forces.phi_slope * body.radius
     return np.asarray(
         1.0
         + body.inertia_ratio
@@ -214,7 +213,7 @@ def inertia(
 
 
 def ramp_height(
-    angle: ArrayLike, *, phi: ArrayLike, bend: ArrayLike
+    angle: ArrayLike, *, phi: ArrayLike, bend: Quantity
 ) -> tuple[FloatArray, FloatArray]:
     """Height gained and level distance covered / R after a turn by `angle` u (rad): the integrals
     of sin and cos of phi + bend u.
@@ -222,7 +221,7 @@ def ramp_height(
     u sin(phi + bend u/2) sinc(bend u/2) and the same with cos.     bend : phi' R, 1
     """
     angle = np.asarray(angle, dtype=float)
-    half = 0.5 * np.asarray(bend) * angle
+    half = 0.5 * bend * angle
     along = angle * np.sinc(half / np.pi)
     return along * np.sin(phi + half), along * np.cos(phi + half)
 
@@ -245,19 +244,17 @@ def work(
     """
     angle = np.asarray(angle, dtype=float)
     middle = np.asarray(theta0) + 0.5 * angle
-    height, level = ramp_height(angle, phi=phi, bend=np.asarray(forces.phi_slope) * body.radius)
+    height, level = ramp_height(angle, phi=phi, bend=forces.phi_slope * body.radius)
     total = (
-        2.0 * np.asarray(body.gamma) * np.sin(middle) * np.sin(0.5 * angle)
+        2.0 * body.gamma * np.sin(middle) * np.sin(0.5 * angle)
         - height
         - np.asarray(rolling_resistance) * level
     )
-    total = total - np.asarray(forces.moment) * angle
+    total = total - forces.moment * angle
     for k, cosine, sine in forces.turning:
         if np.any(cosine) or np.any(sine):
             chord = 2.0 / k * np.sin(0.5 * k * angle)
-            total = total - chord * (
-                np.asarray(cosine) * np.cos(k * middle) + np.asarray(sine) * np.sin(k * middle)
-            )
+            total = total - chord * (cosine * np.cos(k * middle) + sine * np.sin(k * middle))
     return np.asarray(total)
 
 
@@ -280,16 +277,15 @@ def energy_series(
     forces being known.
     """
     angle = np.asarray(angle, dtype=float)
-    radius = np.asarray(body.radius, dtype=float)
-    g = np.asarray(g, dtype=float)
-    bend = np.asarray(forces.phi_slope) * radius
-    theta, phi_x, gamma = np.asarray(theta0) + angle, phi + bend * angle, np.asarray(body.gamma)
+    radius, g = body.radius, np.asarray(g, dtype=float)
+    bend = forces.phi_slope * radius
+    theta, phi_x, gamma = np.asarray(theta0) + angle, phi + bend * angle, body.gamma
     sin_ramp, cos_ramp = _sine(phi_x, bend, order), _sine(phi_x + 0.5 * np.pi, bend, order)
     sin_tilted = _sine(theta + phi_x, 1.0 + bend, order)
     cos_tilted = _sine(theta + phi_x + 0.5 * np.pi, 1.0 + bend, order)
     d = [2.0 * gamma * c for c in cos_tilted]
     d[0] = d[0] + 1.0 + body.inertia_ratio
-    load = np.asarray(forces.load_resistance)
+    load = forces.load_resistance
     friction = np.asarray(rolling_resistance) + load
     push = [
         gamma * s - h - friction * c
@@ -302,12 +298,9 @@ def energy_series(
             _sine(k * theta, float(k), order),
             strict=True,
         )
-        push = [
-            p - np.asarray(cosine) * c - np.asarray(sine) * s
-            for p, (c, s) in zip(push, pairs, strict=True)
-        ]
-    quadratic = 2.0 * radius * np.asarray(forces.quadratic_drag)
-    viscous = np.asarray(forces.viscous_drag) * np.sqrt(2.0 * radius / g)
+        push = [p - cosine * c - sine * s for p, (c, s) in zip(push, pairs, strict=True)]
+    quadratic = 2.0 * radius * forces.quadratic_drag
+    viscous = forces.viscous_drag * np.sqrt(2.0 * radius / g)
     # what the turning centre of mass takes off the load, per unit of q/D
     carried = [2.0 * load * gamma * c for c in cos_tilted]
     carried[0] = carried[0] - 2.0 * load * bend

@@ -6,17 +6,14 @@ is vectorised over draws: parameters as scalars or (n_draw, 1).
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from estim.arrays import FloatArray
 from estim.model.body import Body
 from estim.model.forces import Forces
 from estim.model.phase_curve import STANDARD_GRAVITY
 from estim.model.time_integration import driven_motion, driven_passage
-
-FloatArray = NDArray[Any]
 
 
 def travel_time(
@@ -40,9 +37,8 @@ def travel_time(
     >>> travel_time([0.1, 0.2], body, phi=0.07, theta0=1.0).round(3).tolist()
     [[0.586, 0.795]]
     """
-    angle = np.atleast_1d(np.asarray(x, dtype=float)) / np.asarray(body.radius)
     return driven_passage(
-        angle,
+        np.asarray(x) / body.radius,
         body,
         phi=phi,
         theta0=theta0,
@@ -76,7 +72,7 @@ def trajectory(
     (1, 2)
     """
     return driven_motion(
-        np.atleast_1d(np.asarray(t, dtype=float)),
+        t,
         body,
         phi=phi,
         theta0=theta0,

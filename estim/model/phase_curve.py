@@ -24,14 +24,13 @@ speeds alone never tell the three apart.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from estim.arrays import BoolArray, FloatArray
 from estim.model.body import Body
 from estim.model.bracketed_newton import zero_between
 from estim.model.forces import Forces, energy_series, inertia, work
 from estim.model.time_integration import driven_passage
-
-FloatArray = NDArray[np.float64]
 
 STANDARD_GRAVITY = 9.80665  # m/s^2, exact by convention (3rd CGPM, 1901)
 
@@ -183,11 +182,11 @@ def energy_terms(
     Angles that are the same for all draws thus cost two small matrix products and no trigonometry
     for each draw.
     """
-    theta0, gamma = np.asarray(theta0), np.asarray(body.gamma)
+    theta0, gamma = np.asarray(theta0), body.gamma
     tilted = theta0 + phi
     across, along = 2.0 * gamma * np.cos(tilted), 2.0 * gamma * np.sin(tilted)
     w = [gamma * np.cos(theta0), gamma * np.sin(theta0), -effective_slope(phi, rolling_resistance)]
-    return w, [1.0 + np.asarray(body.inertia_ratio) + across, -across, -along]
+    return w, [1.0 + body.inertia_ratio + across, -across, -along]
 
 
 def _combined(coefficients: list[FloatArray], functions: tuple[FloatArray, ...]) -> FloatArray:
@@ -259,9 +258,7 @@ def theta_min(
     >>> round(float(theta_min(0.19, 0.07)), 3)
     0.377
     """
-    slope, gamma = np.broadcast_arrays(
-        effective_slope(phi, rolling_resistance), np.asarray(gamma, dtype=float)
-    )
+    slope, gamma = np.broadcast_arrays(effective_slope(phi, rolling_resistance), gamma)
     sine = np.divide(slope, gamma, out=np.full(slope.shape, np.nan), where=gamma > 0.0)
     return np.arcsin(np.where(np.abs(sine) <= 1.0, sine, np.nan))
 
@@ -283,7 +280,7 @@ def theta_max(
 
 def ascends(
     body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0
-) -> NDArray[np.bool_]:
+) -> BoolArray:
     """Whether the body starts from rest with theta increasing: gamma sin(theta0) > s.
 
     phi, theta0 : rad.  rolling_resistance : c_rr, dimensionless.  Scalars or arrays.
@@ -334,9 +331,7 @@ def turning_angle(
             far, body, **place, g=g, release_energy=energy, forces=forces or Forces()
         ).stop
     gamma, theta0, slope = np.broadcast_arrays(
-        np.asarray(body.gamma, dtype=float),
-        np.asarray(theta0, dtype=float),
-        effective_slope(phi, rolling_resistance),
+        body.gamma, theta0, effective_slope(phi, rolling_resistance)
     )
     starts = gamma * np.sin(theta0) > slope
     turns = starts & (np.abs(slope) < gamma)

@@ -12,12 +12,12 @@ a parabola.  An encoder has no bow.  None of it can be seen in residuals alone.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[Any]
+from estim.arrays import FloatArray, positive_or
+from estim.model.body import Quantity
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,18 +35,16 @@ class Readings:
     (0.01, 0.0)
     """
 
-    scale_x: ArrayLike = 0.0
-    scale_t: ArrayLike = 0.0
-    bow: ArrayLike = 0.0
-    length: ArrayLike = 1.0
-    start: ArrayLike = 0.0
+    scale_x: Quantity = 0.0
+    scale_t: Quantity = 0.0
+    bow: Quantity = 0.0
+    length: Quantity = 1.0
+    start: Quantity = 0.0
 
     def parabola(self) -> tuple[FloatArray, FloatArray]:
         """(a, k) of x_read = a x - k x^2."""
-        k = 4.0 * np.asarray(self.bow) / np.square(self.length)
-        return 1.0 + np.asarray(self.scale_x) + k * (
-            np.asarray(self.length) - 2.0 * np.asarray(self.start)
-        ), k
+        k = 4.0 * self.bow / np.square(self.length)
+        return 1.0 + self.scale_x + k * (self.length - 2.0 * self.start), k
 
     def position(self, x: ArrayLike) -> FloatArray:
         """What is read of the true positions x (m from release)."""
@@ -65,7 +63,7 @@ class Readings:
             square = a * a - 4.0 * k * reading
             slope = a + np.sqrt(np.where(square >= 0.0, square, np.nan))
         # a scale of 0 or less reads nothing
-        return np.asarray(2.0 * reading / np.where(slope > 0.0, slope, np.nan))
+        return np.asarray(2.0 * reading / positive_or(slope, np.nan))
 
     def stretch(self, x: ArrayLike) -> FloatArray:
         """dx_read/dx at true positions x (m), dimensionless."""
@@ -74,17 +72,15 @@ class Readings:
 
     def time(self, t: ArrayLike) -> FloatArray:
         """What the clock shows at the true time t (s) since release."""
-        return np.asarray((1.0 + np.asarray(self.scale_t)) * np.asarray(t, dtype=float))
+        return np.asarray((1.0 + self.scale_t) * np.asarray(t, dtype=float))
 
     def true_time(self, reading: ArrayLike) -> FloatArray:
         """The true time (s) since release that the clock shows as `reading`."""
-        return np.asarray(np.asarray(reading, dtype=float) / (1.0 + np.asarray(self.scale_t)))
+        return np.asarray(np.asarray(reading, dtype=float) / (1.0 + self.scale_t))
 
     def speed(self, v: ArrayLike, x: ArrayLike) -> FloatArray:
         """The speed (m/s) that readings give for a true speed v at the true position x (m)."""
-        return np.asarray(
-            np.asarray(v, dtype=float) * self.stretch(x) / (1.0 + np.asarray(self.scale_t))
-        )
+        return np.asarray(np.asarray(v, dtype=float) * self.stretch(x) / (1.0 + self.scale_t))
 
 
 def blurred_sigma(

@@ -24,11 +24,10 @@ All functions broadcast, as those of `estim.model.phase_curve`.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from estim.arrays import FloatArray
 from estim.model.phase_curve import effective_slope
-
-FloatArray = NDArray[np.float64]
 
 _N_HALVING = 60
 
@@ -49,9 +48,7 @@ def range_of_release(
     >>> round(float(low), 3), round(float(high), 3)
     (0.377, 2.765)
     """
-    slope, gamma = np.broadcast_arrays(
-        effective_slope(phi, rolling_resistance), np.asarray(gamma, dtype=float)
-    )
+    slope, gamma = np.broadcast_arrays(effective_slope(phi, rolling_resistance), gamma)
     sine = np.divide(slope, gamma, out=np.array(np.sign(slope)), where=np.abs(slope) < gamma)
     lowest = np.arcsin(sine)
     return lowest, np.pi - lowest
@@ -72,9 +69,9 @@ def release_for_turn(
     >>> round(float(release_for_turn(3.0, 0.19, 0.07)), 3)
     1.055
     """
-    angle, gamma = np.asarray(angle, dtype=float), np.asarray(gamma, dtype=float)
-    slope = effective_slope(phi, rolling_resistance)
-    angle, gamma, slope = np.broadcast_arrays(angle, gamma, slope)
+    angle, gamma, slope = np.broadcast_arrays(
+        angle, gamma, effective_slope(phi, rolling_resistance)
+    )
     chord = 2.0 * gamma * np.sin(0.5 * angle)
     possible = (angle > 0.0) & (angle < 2.0 * np.pi) & (np.abs(angle * slope) <= chord)
     sine = np.divide(angle * slope, chord, out=np.zeros(chord.shape), where=possible)
@@ -99,9 +96,7 @@ def release_that_rolls_on(
     >>> round(float(release_that_rolls_on(0.19, -0.02)), 3)
     1.094
     """
-    slope, gamma = np.broadcast_arrays(
-        effective_slope(phi, rolling_resistance), np.asarray(gamma, dtype=float)
-    )
+    slope, gamma = np.broadcast_arrays(effective_slope(phi, rolling_resistance), gamma)
     lowest, highest = range_of_release(gamma, phi, rolling_resistance=rolling_resistance)
     top = gamma * np.cos(lowest) + (2.0 * np.pi + lowest) * slope
     low, high = lowest, highest

@@ -9,13 +9,12 @@ protractor.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from estim.arrays import BoolArray, FloatArray
 from estim.model.body import Body
 from estim.model.motion import trajectory, travel_time
 from estim.model.phase_curve import STANDARD_GRAVITY, theta_min, turning_point
-
-FloatArray = NDArray[np.float64]
 
 
 def film_time(
@@ -110,7 +109,7 @@ def simulate_trials(
     largest: bool = False,
     readings: FloatArray | None = None,
     rng: np.random.Generator,
-) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Trials of release at true tilts `phi` (n_tilt,): tilts as read and angles as set (rad),
     whether the body climbed; (n_tilt n_trial,) each.
 

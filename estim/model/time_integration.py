@@ -21,11 +21,10 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
 
+from estim.arrays import BoolArray, FloatArray, positive_or
 from estim.model.body import Body
 from estim.model.bracketed_newton import zero_between
 from estim.model.forces import Forces, work
-
-FloatArray = NDArray[Any]
 
 _N_NODE = 28
 _PIECE = 5.0  # of the time in which a state changes
@@ -154,7 +153,7 @@ class _Draws:
 
     def piece(
         self, u: FloatArray, y: FloatArray, sense: FloatArray, h: FloatArray
-    ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+    ) -> tuple[FloatArray, FloatArray, BoolArray]:
         """u and y at the nodes (n_draw, n_node) of pieces of length h (s) that begin at u, y; and
         which of them are resolved.
         """
@@ -240,7 +239,7 @@ class _Path:
     y: FloatArray
     reached: FloatArray
     stopped: FloatArray
-    held: NDArray[np.bool_]
+    held: BoolArray
 
 
 def _follow(
@@ -311,11 +310,11 @@ def _blocks(
     """`wanted` (n_draw, n_obs), the parameters and `start`, column by column, in blocks of
     draws.
     """
-    wanted = np.atleast_2d(np.asarray(wanted, dtype=float))
+    wanted = np.array(wanted, dtype=float, ndmin=2)
     given = [
         body.radius,
         body.gamma,
-        1.0 + np.asarray(body.inertia_ratio),
+        1.0 + body.inertia_ratio,
         phi,
         theta0,
         rolling_resistance,
@@ -382,7 +381,7 @@ def _block_motion(
     at = np.minimum(place, last_piece), np.arange(v0.size)[:, None]
     index = np.ravel_multi_index(at, path.begin.shape)
     length = path.length[at]
-    z = 2.0 * (t - path.begin[at]) / np.where(length > 0.0, length, 1.0) - 1.0
+    z = 2.0 * (t - path.begin[at]) / positive_or(length, 1.0) - 1.0
     z = np.clip(z, -1.0, 1.0)
     reached = path.reached[-1][:, None]
     angle = np.where(beyond, reached, _series(_powers(path.u), index, z))

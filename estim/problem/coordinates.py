@@ -52,14 +52,14 @@ class Coordinates:
         with np.errstate(all="ignore"):
             sizes = self.centre * np.exp(np.sign(self.centre) * places)
             roots = np.sqrt(np.maximum(places, 0.0)) * self.unit
-        return np.where(self.by_size, sizes, np.where(self._squared, roots, places))
+        return np.where(self.by_size, sizes, np.where(self.squared, roots, places))
 
     def of(self, values: FloatArray) -> FloatArray:
         """Coordinates (..., n_par) of values; infinite where a sign is not that of the centre."""
         with np.errstate(all="ignore"):
             logs = np.sign(self.centre) * np.log(np.maximum(values / self.centre, 0.0))
             squares = np.square(values / self.unit)
-        return np.where(self.by_size, logs, np.where(self._squared, squares, values))
+        return np.where(self.by_size, logs, np.where(self.squared, squares, values))
 
     def values_of(self, i: int, places: ArrayLike) -> FloatArray:
         """Values (n,) of parameter i at coordinates (n,) of it."""
@@ -69,16 +69,17 @@ class Coordinates:
 
     def beside_zero(self, values: FloatArray) -> FloatArray:
         """Values (..., n_par) with none so small that its slope has no bound."""
-        return np.where(self._squared, np.maximum(values, _LEAST * self.unit), values)
+        return np.where(self.squared, np.maximum(values, _LEAST * self.unit), values)
 
     def slopes(self, values: FloatArray) -> FloatArray:
         """Derivatives (..., n_par) of the values in the coordinates."""
         with np.errstate(all="ignore"):
             roots = 0.5 * np.square(self.unit) / self.beside_zero(values)
-        return np.where(self.by_size, np.abs(values), np.where(self._squared, roots, 1.0))
+        return np.where(self.by_size, np.abs(values), np.where(self.squared, roots, 1.0))
 
     @property
-    def _squared(self) -> BoolArray:
+    def squared(self) -> BoolArray:
+        """(n_par,) whether a square is taken."""
         return np.greater(self.unit, 0.0)
 
     def log_volume(self, values: FloatArray) -> FloatArray:

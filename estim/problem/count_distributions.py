@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, positive_or
 from estim.common import later
 
 
@@ -38,7 +38,7 @@ class Poisson:
 
     def deviance(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
         """2 log p(y | y) - 2 log p(y | m)."""
-        return 2.0 * (_y_log(y, np.where(y > 0.0, y, 1.0)) - _y_log(y, mean) - (y - mean))
+        return 2.0 * (_y_log(y, positive_or(y, 1.0)) - _y_log(y, mean) - (y - mean))
 
     def variance(self, mean: FloatArray, size: FloatArray) -> FloatArray:
         """V of y."""
@@ -79,12 +79,8 @@ class Binomial:
 
     def deviance(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
         rest, of_rest = 1.0 - y, 1.0 - mean
-        hits = _y_log(y, np.where(y > 0.0, y, 1.0)) - _y_log(y, mean)
-        return (
-            2.0
-            * size
-            * (hits + _y_log(rest, np.where(rest > 0.0, rest, 1.0)) - _y_log(rest, of_rest))
-        )
+        hits = _y_log(y, positive_or(y, 1.0)) - _y_log(y, mean)
+        return 2.0 * size * (hits + _y_log(rest, positive_or(rest, 1.0)) - _y_log(rest, of_rest))
 
     def variance(self, mean: FloatArray, size: FloatArray) -> FloatArray:
         return mean * (1.0 - mean) / size

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray, Named, all_finite, diagonal_scale
+from estim.arrays import FloatArray, Named, all_finite, diagonal_scale, positive_or
 from estim.common import phrase
 from estim.problem.curve import Wording
 from estim.problem.errors_in_x import ROOTED, rooted
@@ -43,7 +43,7 @@ class DensityErrors(Likelihood):
 
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
         root = self.residuals(named)[0][:, None]
-        return -self.points.gradient(named, names) / np.where(root > 0.0, root, np.inf)
+        return -self.points.gradient(named, names) / positive_or(root, np.inf)
 
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
         scores = self.points.gradient(named, names)

@@ -22,7 +22,7 @@ from estim.common import InputError
 from estim.problem.coordinates import Coordinates
 from estim.problem.correlated_runs import Group as Group
 from estim.problem.correlated_runs import SharedNoise, grouped
-from estim.problem.likelihood import Ends, Likelihood
+from estim.problem.likelihood import Ends, Likelihood, Noise
 from estim.problem.observations import Observations, Parameter, parameters_of, uses_of
 from estim.problem.prior_measures import JeffreysPrior, Measure
 from estim.problem.priors import Flat, JointNormal, Prior
@@ -203,11 +203,23 @@ class Problem:
         changed = (replace(p, prior=priors.get(p.name, p.prior)) for p in self.parameters)
         return replace(self, parameters=tuple(changed))
 
+    def with_noises(
+        self, noises: Mapping[str, Noise], shared: tuple[SharedNoise, ...] = ()
+    ) -> Problem:
+        """The same with `noises`, by run, in place of those of their runs, and tied by `shared`."""
+        runs = (replace(run, noise=noises.get(run.name, run.noise)) for run in self.runs)
+        return Problem(self.parameters, tuple(runs), shared)
+
     def support(self) -> tuple[FloatArray, FloatArray]:
         """(n_par,) lowest and highest values that the priors allow."""
         return np.array([p.prior.low for p in self.parameters]), np.array(
             [p.prior.high for p in self.parameters]
         )
+
+    def room(self, values: FloatArray) -> FloatArray:
+        """(n_par,) how far values (n_par,) are from the nearer limit of their priors."""
+        low, high = self.support()
+        return np.minimum(values - low, high - values)
 
     def named(self, draws: FloatArray) -> dict[str, FloatArray]:
         """Parameter name -> column: (n_par,) gives scalars, (n_draw, n_par) gives (n_draw, 1)."""
@@ -243,7 +255,7 @@ class Problem:
         return np.linalg.inv(np.linalg.cholesky(correlation)) if joint else None
 
     def _alone(self, draws: FloatArray) -> FloatArray:
-        """(n_draw, n_par) residuals of each prior by itself."""
+        """(..., n_par) residuals of each prior by itself."""
         columns = zip(self.parameters, draws.T, strict=True)
         return np.array([p.prior.residual(column) for p, column in columns]).T
 
@@ -256,14 +268,14 @@ class Problem:
         return residuals if self.decorrelation is None else residuals @ self.decorrelation.T
 
     def prior_residuals(self, draws: FloatArray) -> FloatArray:
-        """(n_draw, n_par) one residual for each prior at draws (n_draw, n_par); 0 for a uniform
-        one, and of a joint one independent residuals.
+        """(..., n_par) one residual for each prior at draws (..., n_par); 0 for a uniform one, and
+        of a joint one independent residuals.
         """
         return self.decorrelated(self._alone(draws))
 
     def prior_jacobian(self, values: FloatArray) -> FloatArray:
         """(n_par, n_par) their derivatives at `values` (n_par,)."""
-        return self.decorrelated(np.diag(self._slopes(values[None, :])[0])).T
+        return self.decorrelated(np.diag(self._slopes(values))).T
 
     def prior_information(self, values: FloatArray) -> FloatArray:
         """(n_par, n_par) that of the priors: J^T J with J their `prior_jacobian`."""
@@ -271,7 +283,7 @@ class Problem:
         return jacobian**2 if self.decorrelation is None else jacobian.T @ jacobian
 
     def prior_gradient(self, draws: FloatArray) -> FloatArray:
-        """(n_draw, n_par) derivatives of half the squares of `prior_residuals`."""
+        """(..., n_par) derivatives of half the squares of `prior_residuals`."""
         residuals, whiten = self.prior_residuals(draws), self.decorrelation
         return self._slopes(draws) * (residuals if whiten is None else residuals @ whiten)
 
@@ -284,26 +296,19 @@ class Problem:
         """What a search from afar takes in its place (`Noise.for_search`); itself where no run
         needs that.
         """
-        noises = [run.noise.for_search() for run in self.runs]
-        if not self.shared and all(
-            noise is run.noise for run, noise in zip(self.runs, noises, strict=True)
-        ):
+        noises = {run.name: run.noise.for_search() for run in self.runs}
+        if not self.shared and all(noises[run.name] is run.noise for run in self.runs):
             return self
-        return Problem(
-            self.parameters,
-            tuple(replace(run, noise=noise) for run, noise in zip(self.runs, noises, strict=True)),
-        )
+        return self.with_noises(noises)
 
     def with_normal_errors(self, wider: Sequence[FloatArray]) -> Problem:
         """The problem with normal errors in place of those that leave room for outliers, `wider`
         (n_obs,) times as wide in each run.
         """
-        noises = [
-            run.noise.with_normal_errors(factors)
-            for run, factors in zip(self.runs, wider, strict=True)
-        ]
-        runs = (replace(run, noise=noise) for run, noise in zip(self.runs, noises, strict=True))
-        return Problem(self.parameters, tuple(runs))
+        runs = zip(self.runs, wider, strict=True)
+        return self.with_noises(
+            {run.name: run.noise.with_normal_errors(factors) for run, factors in runs}
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -348,6 +353,10 @@ class Posterior:
         if self.flat is not None:
             log_p[inside] -= self.flat.log_volume(draws[inside])
         return log_p
+
+    def height(self, values: FloatArray) -> float:
+        """The log density at values (n_par,)."""
+        return float(self.log_density(values[None])[0])
 
     def log_likelihood(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) log likelihood, normalised, of draws (n_draw, n_par) inside the priors'
@@ -426,7 +435,7 @@ class Posterior:
 
     def prior_residuals(self, values: FloatArray) -> FloatArray:
         """(n_par,) one residual for each prior; 0 for a uniform one."""
-        return self.problem.prior_residuals(values[None, :])[0]
+        return self.problem.prior_residuals(values)
 
     def jacobian(self, values: FloatArray) -> FloatArray:
         """(n_obs + n_par, n_par) derivatives of `residuals` at fixed noise parameters."""

@@ -20,14 +20,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray, IntArray
 from estim.common import Amount, Finding, Kind
 from estim.problem.posterior import Posterior, Problem
 from estim.words import tell
-
-Indices = NDArray[np.int64]
 
 TURNS = (0.5, 1.0, math.pi, 2.0 * math.pi, 180.0, 360.0)  # after which a phase may be the same
 _PART = 1.0 / 16.0  # of a turn, within a standard deviation of the others
@@ -62,7 +59,7 @@ class Symmetry:
         )
 
     @property
-    def flips(self) -> NDArray[np.bool_]:
+    def flips(self) -> BoolArray:
         """(n_par,) parameters whose sign a map changes."""
         return np.any(np.diagonal(self.matrix, axis1=1, axis2=2) < 0.0, axis=0)
 
@@ -112,7 +109,7 @@ class Symmetry:
         return [image for image, n in zip(images[:, 0], number[:, 0], strict=True) if n > 0.0]
 
     @property
-    def order(self) -> Indices:
+    def order(self) -> IntArray:
         """(n_map, n_par) from which parameter each image takes its value: itself but where two are
         exchanged.
         """
@@ -203,7 +200,7 @@ def _followed(
 
 
 def _path(
-    posterior: Posterior, symmetry: Symmetry, mode: FloatArray, step: FloatArray, phases: Indices
+    posterior: Posterior, symmetry: Symmetry, mode: FloatArray, step: FloatArray, phases: IntArray
 ) -> FloatArray:
     """(1 + _N_APART, n_phase) the best phases beyond those at the mode, in places a part of `step`
     apart: of one turn about where those before it lead, by the density.

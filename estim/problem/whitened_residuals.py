@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, positive_or
 from estim.problem.count_distributions import Law, deviance_residual
 
 _LEAST = 1e-300  # expectation or variance, so that nothing is divided by 0
@@ -66,8 +66,7 @@ class Tabled(Linear):
         for error, table in zip(errors, self.scores, strict=True):
             for row, column in zip(score, table.T, strict=True):
                 row += np.interp(error, self.at, column)
-        scale = np.linalg.norm(self.root, axis=0)
-        scale[scale == 0.0] = 1.0
+        scale = positive_or(np.linalg.norm(self.root, axis=0), 1.0)
         return np.linalg.pinv((self.root / scale).T, rcond=1e-9) @ (score / scale[:, None])
 
     def moved(self, errors: FloatArray, shifts: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, positive_or
 from estim.common import InputError, Shown, Tabled, percentage, phrase, signed, significant
 from estim.given_numbers import real_numbers
 from estim.propagation.inputs import Input
@@ -232,7 +232,7 @@ def budget_along(linear: LinearResult, x: ArrayLike) -> BudgetAlong:
         raise InputError(f"must be shaped {linear.value.shape}", field="x", value=abscissa.shape)
     names = tuple(quantity.name for quantity in linear.inputs)
     components = uncertainty_components(linear.inputs, linear.sensitivities)
-    relative = components / np.where(linear.u > 0.0, linear.u, np.nan)
+    relative = components / positive_or(linear.u, np.nan)
     shares = 100.0 * relative**2
     known = np.isfinite(shares).all(axis=0)
     indices = np.atleast_1d(np.argmax(np.where(known, shares, 0.0), axis=0)).tolist()

@@ -13,7 +13,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, all_finite
+from estim.arrays import BoolArray, FloatArray, all_finite, positive_or
 from estim.common import InputError, phrase, require_one_of
 from estim.given_numbers import check_whole
 from estim.propagation.linear import LinearResult, frozen, how_many
@@ -145,7 +145,7 @@ def _sentence(
     if status == "valid":
         return phrase("the linear interval agrees with Monte Carlo to {digits} of u", digits=digits)
     affected = fails if status == "invalid" else open_
-    excess = np.max(difference, axis=0) / np.where(tolerance > 0.0, tolerance, 1.0)
+    excess = np.max(difference, axis=0) / positive_or(tolerance, 1.0)
     worst = int(np.argmax(np.where(affected & np.isfinite(excess), excess, -1.0)))
     where = how_many(affected, scalar=scalar)
     which = "" if scalar or affected.size == 1 else phrase(" (output {n})", n=worst)

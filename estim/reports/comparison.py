@@ -8,12 +8,12 @@ from functools import partial
 import numpy as np
 
 from estim.campaign import Campaign
-from estim.checks import INFLUENTIAL
 from estim.common import FigureChoice, Files, Json, PhraseTable, number, phrase, significant
 from estim.problem import Parameter
 from estim.reports.models import values_figure
 from estim.reports.pages import page
 from estim.reports.result import provenance
+from estim.sampling import K_HAT_LIMIT
 from estim.studies.noise_comparison import Refit, in_common
 
 _DATA = PhraseTable({"positions": "positions", "speeds": "speeds"})
@@ -46,7 +46,7 @@ def compare_report(
         rows=summaries,
         verdict=_verdict(summaries, common),
         common=common,
-        influential=INFLUENTIAL,
+        influential=K_HAT_LIMIT,
         behind=4.0,  # difference of elpd below which models predict alike, whatever its error
         folder=folder_of,
         several_data=len({c.data for c in compared}) > 1,

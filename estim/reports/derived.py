@@ -34,7 +34,7 @@ def derived_draws(analysis: Analysis, run: Observations) -> Mapping[str, Derived
         if isinstance(source, str)
     )
     places = [i for i, name in enumerate(analysis.problem.names) if name in used]
-    draws = analysis.chain.thinned(DRAWS, places)
+    draws = analysis.chain.thinned(DRAWS)[:, places]
     return run.derived(
         run.bind({analysis.problem.names[i]: draws[:, k, None] for k, i in enumerate(places)})
     )

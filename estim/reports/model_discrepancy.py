@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, root_mean_square
 from estim.checks import deviation_finding, force_finding, noise_finding
 from estim.common import OF_BODY, number, phrase
 from estim.discrepancy import DeviationSize, FoundDeviation, FoundForce
@@ -83,7 +83,7 @@ def force_summary(analysis: Analysis, found: FoundForce) -> ForceSummary:
         noise=list(found.noise),
         conservative=found.conservative,
         runs=list(found.runs),
-        own={entry.run: float(np.sqrt(np.mean(np.square(entry.mean)))) for entry in found.own},
+        own={entry.run: root_mean_square(entry.mean) for entry in found.own},
         growth=dict(found.growth) if ok else {},
         average=_average(analysis, found, sds) if ok else None,
         words=tell(force_finding(found)),

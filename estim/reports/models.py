@@ -9,7 +9,6 @@ from functools import partial
 import numpy as np
 
 from estim.campaign import Campaign
-from estim.checks import INFLUENTIAL
 from estim.common import (
     FigureChoice,
     Files,
@@ -27,7 +26,7 @@ from estim.explanation import P_NOT_BROUGHT_BACK, Predicted
 from estim.problem import Parameter
 from estim.reports.pages import Drawers, page
 from estim.reports.result import provenance
-from estim.sampling import Summary
+from estim.sampling import K_HAT_LIMIT, Summary
 from estim.studies.model_comparison import (
     FORCE,
     START,
@@ -132,7 +131,7 @@ def models_report(
         shown=drawn.model.name,
         strange=[statistic for statistic in drawn.predicted if not statistic.brought_back],
         limit=P_NOT_BROUGHT_BACK,
-        influential=INFLUENTIAL,
+        influential=K_HAT_LIMIT,
         odds=odds_words,
         lines=next(
             (row.model.lines for row in rows if row.model.name == comparison.recommended), ()
@@ -263,7 +262,7 @@ def _summary(row: ComparedModel) -> Json:
         "elpd": number(row.loo.elpd),
         "behind_elpd": number(row.behind),
         "se_behind_elpd": number(row.behind_se),
-        "influential": sum(int((k > INFLUENTIAL).sum()) for k in row.loo.k_hat),
+        "influential": sum(int((k > K_HAT_LIMIT).sum()) for k in row.loo.k_hat),
         "widths": row.widths,
         "predicted": [_predicted(entry) for entry in row.predicted],
     }

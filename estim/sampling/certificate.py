@@ -20,7 +20,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from estim.arrays import FloatArray, max_abs
+from estim.arrays import FloatArray, max_abs, positive_or
 from estim.common import QUANTILES, Amount, Finding, Kind, later, phrase
 from estim.distributions import normal_quantile
 from estim.fitting import MAX_PARAMETERS
@@ -209,8 +209,7 @@ def _summarise(
         sd=sd,
         mcse_mean=np.sqrt(squares @ deviation**2),
         # 0: all weight on one draw
-        mcse_sd=np.sqrt(squares @ (deviation**2 - variance) ** 2)
-        / (2.0 * np.where(sd > 0.0, sd, np.nan)),
+        mcse_sd=np.sqrt(squares @ (deviation**2 - variance) ** 2) / (2.0 * positive_or(sd, np.nan)),
         quantiles=MappingProxyType(quantiles),
         mcse_shares=MappingProxyType(errors),
         draws=resampled,
@@ -258,7 +257,7 @@ def compare_with_chain(
     most : parameters beyond which there is no verdict.
     """
     n_par, flat = len(certificate.names), chain.flat
-    sd = np.where(certificate.sd > 0.0, certificate.sd, np.nan)
+    sd = positive_or(certificate.sd, np.nan)
     quantiles = [certificate.quantiles[p] for p in QUANTILES]
     differences = (np.quantile(flat, QUANTILES, axis=0) - np.array(quantiles)) / sd
     z, errors = map(np.array, zip(*(_share(certificate, chain, p) for p in QUANTILES), strict=True))

@@ -42,6 +42,12 @@ class Optima:
     modes: Sequence[FloatArray] = ()
     parts: NormalParts | None = None
 
+    def adapted(self, density: Density, rng: np.random.Generator) -> Proposal:
+        """A proposal adapted to `density` from these."""
+        return adapt_proposal(
+            density, self.value, self.cov, rng=rng, starts=self.starts, covs=self.covs
+        )
+
     def of(self, coordinates: Coordinates) -> Optima:
         """The same in coordinates."""
 
@@ -133,15 +139,13 @@ def certified_chain(
                 if not pairs
                 else phrase("chain and second opinion: both are repeated"),
             )
-        rng = stream(seed, Stream.PROPOSAL, *(() if i == 0 else (i,)))
-        adapted = adapt_proposal(
-            density, optima.value, optima.cov, rng=rng, starts=optima.starts, covs=optima.covs
-        )
+        again = (i,) if i else ()
+        rng = stream(seed, Stream.PROPOSAL, *again)
         certificate, proposal = second_opinion(
             density,
             optima.value,
             optima.cov,
-            adapted,
+            optima.adapted(density, rng),
             rng=rng,
             starts=optima.modes,
             support=support,
@@ -151,7 +155,7 @@ def certified_chain(
             optima.value,
             optima.cov,
             target=target,
-            rng=stream(seed, Stream.CHAIN, *(() if i == 0 else (i,))),
+            rng=stream(seed, Stream.CHAIN, *again),
             progress=progress,
             proposal=proposal,
         )
@@ -189,7 +193,10 @@ def proposed_chain(
     if optima.value.size <= 40:
         if progress is not None:
             progress(0, phrase("proposal"))
-        proposal = _proposal(density, optima, rng=stream(seed, Stream.PROPOSAL))
+        rng = stream(seed, Stream.PROPOSAL)
+        if optima.parts is not None:
+            proposal = proposal_of_parts(density, optima.parts, rng=rng)
+        proposal = proposal or optima.adapted(density, rng)
     return sample_posterior(
         density,
         optima.value,
@@ -198,16 +205,6 @@ def proposed_chain(
         rng=stream(seed, Stream.CHAIN),
         progress=progress,
         proposal=proposal,
-    )
-
-
-def _proposal(density: Density, optima: Optima, *, rng: np.random.Generator) -> Proposal:
-    if optima.parts is not None:
-        proposal = proposal_of_parts(density, optima.parts, rng=rng)
-        if proposal is not None:
-            return proposal
-    return adapt_proposal(
-        density, optima.value, optima.cov, rng=rng, starts=optima.starts, covs=optima.covs
     )
 
 

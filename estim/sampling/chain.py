@@ -118,16 +118,13 @@ class Chain:
         """(n_draw,) of one parameter."""
         return self.flat[:, self.names.index(name)]
 
-    def thinned(self, n_draw: int, columns: Sequence[int] | None = None) -> FloatArray:
-        """(at most n_draw, n_par) draws, evenly spread over the chain.  columns : of these
-        parameters alone.
-        """
-        flat, rows = self.flat, self._spread(n_draw)
-        return flat[rows] if columns is None else flat[np.ix_(rows, np.asarray(columns))]
+    def thinned(self, n_draw: int) -> FloatArray:
+        """(at most n_draw, n_par) draws, evenly spread over the chain."""
+        return self.flat[self._spread(n_draw)]
 
     def thinned_heights(self, n_draw: int) -> FloatArray:
         """(at most n_draw,) log densities of the draws of `thinned`."""
-        return np.asarray(self.log_density.reshape(-1)[self._spread(n_draw)])
+        return self.log_density.reshape(-1)[self._spread(n_draw)]
 
     def _spread(self, n_draw: int) -> IntArray:
         rows = np.linspace(0, self.log_density.size - 1, n_draw).astype(np.int64)
@@ -352,22 +349,22 @@ def _check_convergence(
     rhat = float(np.max(mixing.rhat))
     bulk = float(np.min(mixing.ess_bulk))
     tail = float(np.min(mixing.ess_tail))
-    moved = (
-        abs(tau - tau_before) / tau
-        if math.isfinite(tau) and math.isfinite(tau_before)
-        else math.inf
+    criteria = (
+        (rhat < target.rhat, Kind.RHAT_HIGH, rhat, {"limit": target.rhat}),
+        (bulk >= target.ess, Kind.BULK_LOW, bulk, {"limit": target.ess}),
+        (tail >= target.ess, Kind.TAIL_LOW, tail, {"limit": target.ess}),
+        (
+            n_step >= target.n_tau * tau,
+            Kind.CHAIN_BRIEF,
+            n_step,
+            {"limit": target.n_tau, "tau": tau},
+        ),
     )
-    lacking = list[Finding]()
-    if not rhat < target.rhat:
-        lacking.append(Finding(Kind.RHAT_HIGH, size=rhat, numbers={"limit": target.rhat}))
-    if not bulk >= target.ess:
-        lacking.append(Finding(Kind.BULK_LOW, size=bulk, numbers={"limit": target.ess}))
-    if not tail >= target.ess:
-        lacking.append(Finding(Kind.TAIL_LOW, size=tail, numbers={"limit": target.ess}))
-    if not n_step >= target.n_tau * tau:
-        lacking.append(
-            Finding(Kind.CHAIN_BRIEF, size=n_step, numbers={"limit": target.n_tau, "tau": tau})
-        )
-    if not moved < 0.1:
+    lacking = [
+        Finding(kind, size=size, numbers=numbers)
+        for met, kind, size, numbers in criteria
+        if not met
+    ]
+    if not abs(tau - tau_before) < 0.1 * tau:
         lacking.append(Finding(Kind.TAU_UNSETTLED))
     return Convergence(n_step, rhat, bulk, tail, tau, not lacking, tuple(lacking))

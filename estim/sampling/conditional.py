@@ -21,6 +21,7 @@ import dataclasses
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -158,7 +159,7 @@ class RunTerm:
                 for p, at in zip(self.own_priors, fit, strict=True)
             ]
             own = own.copy()
-            own[lost] = self.inside(self.linearised(np.asarray(safe)[None, :]))
+            own[lost] = self.inside(self.linearised(np.array([safe])))
         return own
 
     def _uphill(
@@ -354,7 +355,7 @@ def _definite(information: FloatArray) -> BoolArray:
     unit = information[sound] / (size[sound][:, :, None] * size[sound][:, None, :])
     if unit.shape[1] > 1:
         sound[sound] = np.linalg.eigvalsh(unit)[:, 0] > _LEAST_EIGENVALUE
-    return np.asarray(sound)
+    return sound
 
 
 def covariance_roots(information: FloatArray) -> FloatArray:
@@ -376,16 +377,10 @@ def hermite_nodes(n_node: int, n_dim: int) -> tuple[FloatArray, FloatArray]:
     standard normal density.
     """
     z, w = np.polynomial.hermite_e.hermegauss(n_node)
-    nodes = (
-        np.stack(np.meshgrid(*[z] * n_dim, indexing="ij"), axis=-1).reshape(-1, n_dim)
-        if n_dim
-        else np.zeros((1, 0))
+    nodes, log_weights = (
+        np.array(list(product(one, repeat=n_dim))) for one in (z, np.log(w / np.sum(w)))
     )
-    weights = np.log(w / np.sum(w))
-    log_weights = sum(
-        np.meshgrid(*[weights] * n_dim, indexing="ij"), np.zeros((n_node,) * n_dim)
-    ).ravel()
-    return nodes, log_weights
+    return nodes, np.sum(log_weights, axis=1)
 
 
 def log_volume(root: FloatArray) -> FloatArray:

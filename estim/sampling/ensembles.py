@@ -113,7 +113,7 @@ class EnsembleRun:
     @property
     def accepted(self) -> FloatArray:
         """(n_ensemble, n_walker) moves accepted since the start."""
-        return np.asarray(self._sampler.backend.accepted.reshape(self._shape))
+        return self._sampler.backend.accepted.reshape(self._shape)
 
     def _apart(self, steps: FloatArray) -> FloatArray:
         """(n_ensemble, n_step, n_walker, ...) of steps (n_step, n_ensemble * n_walker, ...)."""

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, root_mean_square
 from estim.sampling.certificate import Certificate, certify
 from estim.sampling.log_density import Density, Support
 from estim.sampling.proposal import Proposal, mixture_of_draws
@@ -60,7 +60,7 @@ def repaired(
     draws, heights = certificate.draws, certificate.log_density - certificate.log_evidence
     ratio = np.exp(np.minimum(heights - adapted.log_density(draws), 300.0))
     # density over proposal, root mean square at draws of the posterior, from which another is made
-    if np.sqrt(np.mean(ratio**2)) < 2.0:
+    if root_mean_square(ratio) < 2.0:
         return adapted
     mended = adapted.beside(mixture_of_draws(draws, rng), 0.5)
     return mended.beside(ridges, _RIDGE_SHARE)

@@ -64,4 +64,4 @@ def log_density_in_batches(density: Density, draws: FloatArray) -> FloatArray:
             f"{name} = {value:.4g}" for name, value in zip(density.names, where, strict=True)
         )
         raise NumericalError("the posterior density is not a number or infinite", at=point)
-    return np.asarray(values)
+    return values

@@ -247,18 +247,15 @@ def sampled_columns(fit: Fit) -> IntArray:
         for i, p in enumerate(problem.parameters)
         if users[p.name] != 1 or len(problem.runs) == 1 or isinstance(p.prior, JointNormal)
     ]
-    sds = fit.scale
-    edges, candidates = [], set(range(problem.n_par)).difference(shared)
-    for i, (parameter, value, sd) in enumerate(
-        zip(problem.parameters, fit.values, sds, strict=True)
-    ):
-        prior = parameter.prior
-        # standard deviations to a hard edge below which a parameter is not treated as normal
-        near = min(value - prior.low, prior.high - value) < 4.0 * sd
-        if i in candidates and near and not isinstance(prior, LogNormal):
-            edges.append(i)
+    # standard deviations to a hard edge below which a parameter is not treated as normal
+    near = problem.room(fit.values) < 4.0 * fit.scale
+    edges = [
+        i
+        for i, p in enumerate(problem.parameters)
+        if near[i] and i not in shared and not isinstance(p.prior, LogNormal)
+    ]
     if len(shared) + len(edges) > _MOST_SAMPLED:
-        near = (
+        beside = (
             f", {len(edges)} of them close to the edge of their range "
             f"({problem.names[edges[0]]}, ...)"
             if edges
@@ -266,7 +263,7 @@ def sampled_columns(fit: Fit) -> IntArray:
         )
         raise InputError(
             f"are too many to sample at once ({len(shared) + len(edges)}, at most "
-            f"{_MOST_SAMPLED}){near}: use the sampler",
+            f"{_MOST_SAMPLED}){beside}: use the sampler",
             field="shared parameters",
         )
     return np.array(sorted([*shared, *edges]), dtype=np.int64)

@@ -30,7 +30,7 @@ def proposal_of_parts(
     """The best of a few rounds of weighted draws; None where their weights stay uneven."""
     heaviest = int(np.argmax(parts.weights))
     weights = parts.weights * np.where(np.arange(parts.weights.size) == heaviest, 1.0, _TAILS)
-    factors = lower_factor((_DOF - 2.0) / _DOF * np.asarray(parts.covs))
+    factors = lower_factor((_DOF - 2.0) / _DOF * parts.covs)
     mixture = Proposal(weights / weights.sum(), parts.means, factors, dof=_DOF)
     best = None
     # effective share of the draws of a proposal that is worth having

@@ -61,16 +61,16 @@ class Coordinates:
     @property
     def mask(self) -> BoolArray:
         """(n, n_par) True for the parameter that is held."""
-        return np.asarray(np.arange(self.low.size) == self.held[:, None])
+        return np.arange(self.low.size) == self.held[:, None]
 
     @property
     def width(self) -> FloatArray:
         """(n,) standard deviation of the parameter that is held."""
-        return np.asarray(self.factor[np.arange(self.held.size), self.held, self.held])
+        return self.factor[np.arange(self.held.size), self.held, self.held]
 
     def place(self, points: FloatArray) -> FloatArray:
         """(n,) value of the parameter that is held, of points (n, n_par)."""
-        return np.asarray(points[np.arange(self.held.size), self.held])
+        return points[np.arange(self.held.size), self.held]
 
     def log_densities(self, points: FloatArray) -> FloatArray:
         """(n, n_move) log density at points (n, n_move, n_par), n_move about each point; -inf

@@ -144,7 +144,7 @@ def drift_of(analysis: Analysis, *, rng: np.random.Generator) -> Drift:
 
 
 def _best(fit: Fit) -> float:
-    return float(fit.posterior.log_density(fit.values[None, :])[0])
+    return fit.posterior.height(fit.values)
 
 
 def energy_along(

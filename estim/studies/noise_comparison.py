@@ -15,11 +15,11 @@ from typing import TypeVar
 import numpy as np
 
 from estim.campaign import Campaign
-from estim.checks import INFLUENTIAL, LeaveOneOut, difference, leave_one_out
+from estim.checks import LeaveOneOut, difference, leave_one_out
 from estim.common import PieceStore
 from estim.pipeline import Analysis, analyse
 from estim.problem import Parameter, Problem
-from estim.sampling import Progress, Target
+from estim.sampling import K_HAT_LIMIT, Progress, Target
 
 LOO_DRAWS = 2000
 ProgressOf = Callable[[str], AbstractContextManager[Progress]]
@@ -56,7 +56,7 @@ class Refit:
         """Run -> abscissas of the frames with k-hat above 0.7."""
         pairs = zip(self.analysis.problem.runs, self.loo.k_hat, strict=True)
         return {
-            run.name: run.x[k > INFLUENTIAL].tolist() for run, k in pairs if np.any(k > INFLUENTIAL)
+            run.name: run.x[k > K_HAT_LIMIT].tolist() for run, k in pairs if np.any(k > K_HAT_LIMIT)
         }
 
 

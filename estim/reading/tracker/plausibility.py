@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, root_mean_square
 from estim.common import later, phrase
 from estim.reading.tracker.ramp import Ramp
 from estim.reading.tracker.track import Track
@@ -169,7 +169,7 @@ def _speed_column(track: Track, ramp: Ramp) -> list[str]:
     computed = np.hypot(track.x[2:] - track.x[:-2], track.y[2:] - track.y[:-2]) / span
     compared = np.isfinite(v) & (span < 2.5 * usual)
     if np.any(compared):
-        off = float(np.sqrt(np.mean((v - computed)[compared] ** 2)))
+        off = root_mean_square((v - computed)[compared])
         if off > 0.02 * float(np.max(computed)):
             sentences.append(
                 phrase(
