@@ -1257,7 +1257,7 @@ def test_formula_in_text_is_the_same_function() -> None:
     [
         ("a*b", {"a": "1.0(1)"}, "'function' names no input: b"),
         ("a", {"a": "1.0(1)", "b": 2.0}, "'b' is not in the formula: a"),
-        ("a", {"a": "1.0(1) hurz"}, "'a' must have a unit that is known"),
+        ("a", {"a": "1.0(1) hurz"}, "'a' must have a known unit"),
         ("a.real", {"a": "1.0(1)"}, "'function' must not reach into"),
     ],
 )

@@ -68,7 +68,7 @@ def test_no_unit_begins_with_digits_in_brackets(source: str) -> None:
 
 
 def test_a_word_behind_a_number_that_is_no_unit_is_told() -> None:
-    with pytest.raises(InputError, match=r"'a' must have a unit that is known .*: 5\.0\(1\) foo"):
+    with pytest.raises(InputError, match=r"'a' must have a known unit .*: 5\.0\(1\) foo"):
         read_with_unit("5.0(1) foo", field="a")
 
 

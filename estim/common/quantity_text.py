@@ -121,7 +121,7 @@ def read_with_unit(source: str | float, *, field: str) -> tuple[Quantity, str]:
         match = _WITH_UNIT.fullmatch(source.strip().replace("−", "-"))
     unit = (match[2] or "").strip() if match else ""
     if match is not None and _WORD.fullmatch(unit) and not is_unit(unit):
-        rule = "must have a unit that is known behind its number, as m/s or kg"
+        rule = "must have a known unit after its number, such as m/s or kg"
         raise InputError(rule, field=field, value=source)
     if match is None or _NO_UNIT.match(unit) or not is_unit(unit):
         return read_quantity(source, field=field), "1"
