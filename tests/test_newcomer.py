@@ -444,7 +444,7 @@ def test_one_column_of_decimal_commas_is_read_where_its_name_shows_it_and_else_a
         (["propagate", "+".join("a" * 200)], "is a formula: write the values of its inputs"),
         (["propagate", "model (2).toml"], r"model \(2\).toml: cannot be read"),
         (["propagate", "y = a*b", "a=1(1)"], "'formula' names no input .*state its value.: b"),
-        (["propagate", "y = a", "a=1(1) foo"], "'a' must have a unit that is known"),
+        (["propagate", "y = a", "a=1(1) foo"], "'a' must have a known unit"),
         (["plan", "t.csv"], "t.csv:1: 'file' is a table, not a TOML file"),
         (
             ["fit", "n.txt", "--formula", "exp(-t/tau)", "--noise", "event-times"],
