@@ -564,7 +564,8 @@ def draw(cells: Mapping[tuple[str, str], dict], file: Path) -> None:
 
     from estim.drawing import MARKS, RUN_COLOURS, as_png, new_figure
 
-    figure = new_figure(17.0, 11.0)
+    figure = new_figure(11.0)
+    figure.set_figwidth(17.0)
     grid = figure.subplots(4, len(SUBJECTS) // 2)
     pairs = grid.reshape(2, 2, -1).swapaxes(1, 2).reshape(-1, 2)  # an upper panel and the one below
     for pair, (title, subject) in zip(pairs, SUBJECTS.items(), strict=True):

@@ -146,10 +146,10 @@ def _fitted(
     surface: ResponseSurface, draws: FloatArray, logs: FloatArray, weights: FloatArray
 ) -> tuple[float, ResponseSurface]:
     """By how much the polynomial through `logs` (n_draw,) misses them, and it."""
-    place = surface.place(draws)
-    if not all_finite(place):  # draws of a sign that it does not know
+    with np.errstate(all="ignore"):
+        rows = surface.terms(surface.place(draws))
+    if not all_finite(rows):  # draws of a sign that it does not know, or too far for their squares
         return math.inf, surface
-    rows = surface.terms(place)
     root = np.sqrt(weights)
     coefficients = np.linalg.lstsq(rows * root[:, None], logs * root, rcond=None)[0]
     missed = np.average(np.square(rows @ coefficients - logs), weights=weights)

@@ -79,9 +79,9 @@ _OPTION = re.compile(
     rf"|(?<![^\s(])--(?P<plain>{_NAME})(?=[\s),;:]|\.?(?:\s|$))"
 )
 _TWICE = re.compile(r"(“[^”]*”) (?:/ \1|\((?:or|o) \1\))")  # an option that has two names
-_STATED = r'[a-z_]+ = (?:\.\.\.|\[\.\.\.\]|"(?:point|comma)"|\d+)'
+_STATED = r"(?:u_\S+|[a-z_]+ = [^;()]+) (?:in a campaign|en una campaña)"
 _IN_A_CAMPAIGN = re.compile(
-    rf"; {_STATED} in a campaign(?=\))| \({_STATED} in a campaign\)"
+    rf"; {_STATED}(?=\))| \({_STATED}\)"
     r"|, or \{start = 1\.0\} in a campaign(?=\))"
     r"| \((?:in a campaign|en una campaña): [a-z_]+(?: = true)?\)"
 )
