@@ -356,7 +356,7 @@ the residuals' tests comes out near its limit decides how many data sets are sim
 """
 TAIL = """## Where the others are better
 
-- **Time.** lmfit's single descent is 5 to 12 times quicker than a fit by estim from a start, which tests the residuals against simulated ones, and 5
+- **Time.** lmfit's single descent is 3 to 8 times quicker than a fit by estim from a start, which tests the residuals against simulated ones, and 4
   to 70 times quicker than one without a start, which also searches for other optima (the table above). Where the curve bends within the errors, as it
   does for a decay of 30 points with errors of 5 %, profiles add some 12 ms. For thousands of fits use `fit_many`.
 - **lmfit** fits anything that has residuals, images for example, with a dozen minimisers. estim fits curves (of one abscissa or several, with real or
