@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from estim import InputError
+from estim import InputError, read_table
 from estim.campaign import load_campaign
 from estim.campaign.design import load_design
 from estim.reading.input_file import line_after_comment, lines_of, read_bytes, read_text
@@ -175,3 +175,10 @@ def test_outside_a_folder_that_was_named_nothing_is_looked_for(
             read_bytes(home / path)
     monkeypatch.delenv("ESTIM_INPUTS_WITHIN")
     assert read_bytes(tmp_path / "private.csv")
+
+
+def test_a_null_character_is_told_with_its_line_and_the_cure(tmp_path: Path) -> None:
+    file = tmp_path / "nul.csv"
+    file.write_bytes(b"t,y\n1,2\n2,\x003\n")
+    with pytest.raises(InputError, match=r"nul\.csv:3: .*null character.*--encoding utf-16;"):
+        read_table(file)

@@ -102,8 +102,8 @@ def _without_nulls(text: str) -> str:
     if "\0" in text:
         line = len(_LINE_END.findall(text[: text.index("\0")])) + 1
         raise InputError(
-            "must not hold a null character (UTF-16 without its mark: --encoding utf-16, encoding "
-            "= ... in a campaign; or a damaged file)",
+            "must not hold a null character (the file is damaged, or UTF-16 without its mark: "
+            "--encoding utf-16; encoding = ... in a campaign)",
             field="text",
             line=line,
         )
