@@ -48,7 +48,6 @@ _FINE = 1e-2
 # without a parameter is higher, its sign is known and it is sampled by size
 NEVER_MET = 30.0
 _ILL = 1e12  # condition of the information, columns of unit length
-_NOTHING_SAID = 1e-15  # ratio of its eigenvalues
 
 _End = tuple[FloatArray, Posterior, float, FloatArray | None]
 """Values, the posterior linearised there, how far the last round moved, and standard deviations;
@@ -346,9 +345,7 @@ def _inverse(matrix: FloatArray) -> FloatArray:
     """
     unit = diagonal_scale(matrix)
     units = np.outer(unit, unit)
-    spectrum, basis = np.linalg.eigh(matrix / units)
-    said = np.abs(spectrum) > _NOTHING_SAID * np.max(np.abs(spectrum), initial=0.0)
-    return basis * np.where(said, 1.0 / np.where(said, spectrum, 1.0), 0.0) @ basis.T / units
+    return np.linalg.pinv(matrix / units, hermitian=True) / units
 
 
 def _best(
