@@ -17,6 +17,8 @@ from estim.curve_fitting.result import CurveFit
 from estim.fitting import Fit, fit_problem, refit
 from estim.problem import Normal, Problem
 from estim.problem.roots import covariance_of
+from estim.reports.records import labels_of
+from estim.reports.uncertainty_budget import shares_of
 from estim.sampling import Target
 from estim.studies.fit_uncertainty_budget import Budget, uncertainty_budget
 
@@ -156,6 +158,20 @@ def test_the_record_closes_and_the_report_shows_it(report: tuple[Budget, dict[st
     assert "## Uncertainty budget" in text
     assert "| clock, stated |" in text
     assert "| root of the sum of squares |" in text
+
+
+@pytest.mark.parametrize(("share", "shown"), [(1e-7, False), (1e-3, True)])
+def test_others_are_a_row_only_where_there_is_something_to_see(share: float, shown: bool) -> None:
+    fit = line()
+    analysis = sample_curve(fit, seed=2, target=Target(ess=300))
+    budget, labels = made(fit.fit, analysis.chain.flat), labels_of(fit.fit.problem, fit.fit.values)
+    shares = budget.shares.copy()
+    shares[0] = share  # of the stated b, at each quantity
+    rows = shares_of(
+        analysis, replace(budget, contributions=np.sqrt(shares) * budget.sds), labels
+    ).sources
+    assert ("all others" in rows) == shown
+    assert len(rows) == 2 + shown
 
 
 def test_no_budget_without_a_result() -> None:

@@ -154,7 +154,8 @@ def shares_of(analysis: Analysis, budget: Budget, labels: Labels) -> Shares:
     sizes = {words: np.max(np.sum(shares[members], axis=0)) for words, members in groups.items()}
     ordered = sorted(groups, key=lambda words: -float(sizes[words]))
     rows = {words: groups[words] for words in ordered[:10] if sizes[words] >= 0.005}
-    if rest := [i for words in ordered if words not in rows for i in groups[words]]:
+    rest = [i for words in ordered if words not in rows for i in groups[words]]
+    if np.max(np.abs(np.sum(shares[rest], axis=0))) >= 5e-4:  # below, no reader would see a bar
         rows[phrase("all others")] = rest
     return Shares(
         tuple(label for _, label in chosen),
