@@ -18,7 +18,7 @@ import math
 
 import numpy as np
 
-from estim.curves import DataSet, pose_points
+from estim.curves import DataSet, ParameterSettings, pose_points
 from estim.curves.count_data import EventTimes, Poisson
 from estim.distributions import normal_quantile
 from estim.fitting.least_squares import Fit, fit_least_squares
@@ -39,9 +39,8 @@ def times_of(n: int, rng: np.random.Generator) -> np.ndarray:
 def fitted(
     curve: str, x: np.ndarray, y: np.ndarray | None, start: dict[str, float], **errors: object
 ) -> Fit:
-    said = {"start": start, "bounds": {name: LIMITS[name] for name in start}, "priors": {}}
-    said |= {"fixed": {}, "tied": {}, "derived": {}, "units": {}}
-    posed = pose_points(DataSet(x, y, curve=curve, **errors), said, ())
+    settings = ParameterSettings(start, {name: LIMITS[name] for name in start})
+    posed = pose_points(DataSet(x, y, curve=curve, **errors), settings, ())
     problem = posed.with_sigma(1.0)
     return fit_least_squares(
         problem, rng=np.random.default_rng(0), n_start=1, start=problem.start()

@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from estim.curve_fitting.single import fit_curve
-from estim.curves import DataSet, pose_points
+from estim.curves import DataSet, ParameterSettings, pose_points
 from estim.fitting.fisher_information import information
 from estim.fitting.least_squares import chi2_p
 from estim.pipeline import sample_curve
@@ -122,10 +122,8 @@ def simulate(
 
 def problem_of(case: Case, data: Data) -> Problem:
     """What `fit_curve` would fit, started at the truth."""
-    said = {"start": case.truth, "bounds": {}, "priors": {}}
-    said |= {"fixed": {}, "tied": {}, "derived": {}, "units": {}}
     points = DataSet(data.x, data.y, data.u_y, u_x=data.u_x, curve=case.formula)
-    posed = pose_points(points, said, ())
+    posed = pose_points(points, ParameterSettings(case.truth), ())
     return posed.with_sigma(1.0)
 
 

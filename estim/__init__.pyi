@@ -19,7 +19,7 @@ from estim.curves.count_data import EventTimes as EventTimes
 from estim.curves.count_data import LogDensity as LogDensity
 from estim.curves.count_data import Poisson as Poisson
 from estim.curves.curve_problem import AxisNames as AxisNames
-from estim.curves.curve_problem import DataSet as DataSet
+from estim.curves.data_set import DataSet as DataSet
 from estim.curves.differential import ode as ode
 from estim.curves.models import Model as Model
 from estim.curves.systematic_errors import Component as Component

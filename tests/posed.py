@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from estim import DataSet
-from estim.curves import CurveProblem, pose_points
+from estim.curves import CurveProblem, ParameterSettings, pose_points
 
 
 def curve_problem(
@@ -20,6 +20,5 @@ def curve_problem(
     **errors: Any,
 ) -> CurveProblem:
     """errors : of a `DataSet`."""
-    said = {"start": start, "bounds": bounds or {}, "priors": priors or {}}
-    said |= {"fixed": {}, "tied": {}, "derived": {}, "units": {}}
-    return pose_points(DataSet(x, y, curve=curve, **errors), said, ())
+    settings = ParameterSettings(start, bounds or {}, priors or {})
+    return pose_points(DataSet(x, y, curve=curve, **errors), settings, ())

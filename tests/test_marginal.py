@@ -19,7 +19,7 @@ from estim.campaign import load_campaign
 from estim.campaign.campaign_file import NoiseTable
 from estim.common.errors import InputError
 from estim.curve_fitting.joint_fit import fit_curves
-from estim.curves.curve_problem import DataSet
+from estim.curves import DataSet
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.pipeline import _hard_for_a_chain, _integrable, analyse_fit
 from estim.problem.posterior import Problem

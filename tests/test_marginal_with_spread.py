@@ -14,7 +14,7 @@ from estim.arrays import log_sum_exp
 from estim.campaign import load_campaign
 from estim.common import NumericalError, Status
 from estim.curve_fitting.joint_fit import fit_curves
-from estim.curves.curve_problem import DataSet
+from estim.curves import DataSet
 from estim.fitting import Fit, fit_problem
 from estim.pipeline import analyse_fit
 from estim.problem.priors import HalfNormal, LogNormal, Normal

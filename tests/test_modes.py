@@ -421,6 +421,8 @@ def test_a_full_turn_within_bounds_is_the_same_solution_and_said() -> None:
     # the one closest to the start
     assert fit.values["p"] == pytest.approx(0.4 + 2.0 * np.pi, abs=0.1)
     assert "the limits of p hold a full turn" in fit.message
+    noise = fit.problem.runs[0].noise
+    assert "turn" not in noise.describe(x_unit="1", y_unit="1", words=fit.problem.runs[0].words)
 
 
 def test_an_exchange_hides_no_other_solution() -> None:

@@ -51,6 +51,7 @@ from estim.curves import (
     CurveProblem,
     Formula,
     ModelSum,
+    ParameterSettings,
     join,
     pose_sets,
     read_formula,
@@ -132,13 +133,13 @@ class CurveCampaign(Campaign):
         with self.source.places.at(("curve", "expression")):
             for curve, axes in self._along_each():
                 refuse_degrees(curve, axes)
-        said = {name: self._said(self.runs[name]) for name in names}
-        own = self._own(said)
+        settings = {name: self._settings(self.runs[name]) for name in names}
+        own = self._own(settings)
         runs = {name: rows_of(self.runs[name], self.tables[name]) for name in names}
         points = {name: rows.points(self.asked, self._axes_of(name)) for name, rows in runs.items()}
 
-        def pose(name: str, said: Mapping[str, Any], **found: Any) -> CurveProblem:
-            posed = runs[name].posed(points[name], said, errors, **found)
+        def pose(name: str, settings: ParameterSettings, **found: Any) -> CurveProblem:
+            posed = runs[name].posed(points[name], settings, errors, **found)
             if posed.lacks is not None and posed.lacks.deviation and len(names) > 1:
                 raise self.runs[name].error(
                     "does not go with a joint fit, which needs a deviation that runs share: "
@@ -151,7 +152,7 @@ class CurveCampaign(Campaign):
             return replace(posed, parameters=(*called, *by_name.values()))
 
         taken = dict.fromkeys(names, self.curve.names)
-        parts = pose_sets(points, said, taken, own, pose, begun={})
+        parts = pose_sets(points, settings, taken, own, pose, begun={})
         common = [one.parameter_name for one in errors]
         joint = join(parts, own=own, common=common, same_size=True)
         if len(parts) > 1 and joint.y.size > MAX_ROWS:
@@ -168,33 +169,34 @@ class CurveCampaign(Campaign):
         units = self.run_units[name]
         return replace(self.axes, x_unit=units.get("x", "1"), y_unit=units["y"])
 
-    def _own(self, said: Mapping[str, Mapping[str, Any]]) -> dict[str, set[str]]:
+    def _own(self, settings: Mapping[str, ParameterSettings]) -> dict[str, set[str]]:
         """Run -> the unknowns that it shares with no other run, since it alone states something of
         them, or all other runs do.
         """
-        unknown = {name: {*self.curve.names} - {*one["fixed"]} for name, one in said.items()}
-        own = {name: unknown[name] & {*self.runs[name].table.parameters} for name in said}
-        uses = Counter(argument for name in said for argument in unknown[name] - own[name])
+        unknown = {name: {*self.curve.names} - {*one.fixed} for name, one in settings.items()}
+        own = {name: unknown[name] & {*self.runs[name].table.parameters} for name in settings}
+        uses = Counter(argument for name in settings for argument in unknown[name] - own[name])
         if any(count > 1 for count in uses.values()):
-            self._refuse_other_units([*said])
-        single = {argument for argument, count in uses.items() if count == 1 < len(said)}
-        return {name: own[name] | (unknown[name] & single) for name in said}
+            self._refuse_other_units([*settings])
+        single = {argument for argument, count in uses.items() if count == 1 < len(settings)}
+        return {name: own[name] | (unknown[name] & single) for name in settings}
 
-    def _said(self, run: RunOfCurve) -> dict[str, dict[str, Any]]:
-        """What is said of the parameters of a run, as of `pose_points`."""
-        fields = ("start", "bounds", "priors", "fixed", "tied", "derived", "units")
-        said: dict[str, dict[str, Any]] = {field: {} for field in fields}
+    def _settings(self, run: RunOfCurve) -> ParameterSettings:
+        """Those of the parameters of a run."""
+        settings: dict[str, dict[str, Any]] = {
+            field: {} for field in ("start", "bounds", "priors", "fixed", "units")
+        }
         for name in self.curve.names:
             source, unit = self._source(name, run), run.word(name, "unit")
             if unit is not None:
-                said["units"][name] = unit
+                settings["units"][name] = unit
             if isinstance(source, float):
-                said["fixed"][name] = source
+                settings["fixed"][name] = source
             elif is_unstarted(run.entry(name)):
-                said["bounds"][name] = number(source.low), number(source.high)
+                settings["bounds"][name] = number(source.low), number(source.high)
             else:
-                said["start"][name], said["priors"][name] = source.centre, source
-        return said
+                settings["start"][name], settings["priors"][name] = source.centre, source
+        return ParameterSettings(**settings)
 
     def _called(self, parameter: Parameter, run: str) -> Parameter:
         """A parameter of the curve with its unit and meaning."""

@@ -48,6 +48,7 @@ from estim.curves import (
     DataSet,
     EventTimes,
     ModelSum,
+    ParameterSettings,
     Poisson,
     numbered,
     pose_points,
@@ -296,13 +297,13 @@ class RowsOfRun:
     def posed(
         self,
         points: DataSet,
-        said: Mapping[str, Any],
+        settings: ParameterSettings,
         components: tuple[Component, ...],
         **found: Any,
     ) -> CurveProblem:
         """The problem of its points.
 
-        said, found : as of `pose_points`.
+        settings, found : as of `pose_points`.
 
         Raises InputError with file and line.
         """
@@ -322,7 +323,7 @@ class RowsOfRun:
         with self.placing():
             posed = pose_points(
                 points,
-                said,
+                settings,
                 errors,
                 deviation=deviation or 0.0,
                 correlated=along,

@@ -19,6 +19,7 @@ from estim.curves import (
     Component,
     CurveProblem,
     DataSet,
+    ParameterSettings,
     arguments_of,
     in_time,
     join,
@@ -133,18 +134,18 @@ def fit_curves(
     taken, foreign = _names(sets, written)
     settings = {name: _of_one(written, name, sets, foreign[name]) for name in sets}
     own = {
-        name: set() if shared is None else {*taken[name], *settings[name]["start"]} - {*shared}
+        name: set() if shared is None else {*taken[name], *settings[name].start} - {*shared}
         for name in sets
     }
     begun: dict[str, float] | None = None
     if any(points.curve is not None for points in data.values()):
         begun = {}
         for entry in settings.values():
-            begun = entry["start"] | begun
+            begun = {**entry.start, **begun}
 
-    def pose(name: str, said: Mapping[str, Any], **found: Any) -> CurveProblem:
+    def pose(name: str, settings: ParameterSettings, **found: Any) -> CurveProblem:
         with _named(name):
-            return pose_points(sets[name], said, errors, level=f"[{name}]", **found)
+            return pose_points(sets[name], settings, errors, level=f"[{name}]", **found)
 
     first = sorted(sets, key=lambda name: -len(foreign[name]))
     parts = pose_sets({name: sets[name] for name in first}, settings, taken, own, pose, begun)
@@ -226,8 +227,8 @@ def _names(
 
 def _of_one(
     written: Mapping[str, Any], name: str, sets: Mapping[str, DataSet], foreign: Collection[str]
-) -> dict[str, dict[str, Any]]:
-    """What is said of one data set: field -> name -> value.  Raises InputError."""
+) -> ParameterSettings:
+    """Those of one data set.  Raises InputError."""
     own: dict[str, Any] = {
         field: {
             one: value
@@ -238,7 +239,8 @@ def _of_one(
     }
     own["start"] = with_defaults(sets[name].curve, own["start"], own["fixed"], own["tied"])
     own = {field: of_data_set(given, name, list(sets), field) for field, given in own.items()}
-    return own | {"start": {one: v for one, v in own["start"].items() if one not in own["fixed"]}}
+    start = {one: value for one, value in own["start"].items() if one not in own["fixed"]}
+    return ParameterSettings(**own | {"start": start})
 
 
 def _check_shared(

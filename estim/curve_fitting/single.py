@@ -10,7 +10,7 @@ and nothing tests it.  `estim.reports.curve.sample_curve` goes on from here.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -45,6 +45,7 @@ from estim.curves import (
     CurveProblem,
     DataSet,
     JointProblem,
+    ParameterSettings,
     in_time,
     join,
     numbered,
@@ -196,18 +197,11 @@ def fit_curve(
     whole = are_complex(y)
     curve, x = (curve, x) if whole else numbered(curve, x)
     priors = with_joint_priors(priors)
-    said: dict[str, Any] = {
-        "start": with_defaults(curve, start, fixed, tied),
-        "bounds": bounds,
-        "priors": priors,
-        "fixed": fixed,
-        "tied": tied,
-        "derived": derived,
-        "units": units,
-    }
-    said = {field: {} if given is None else given for field, given in said.items()}
+    begun = with_defaults(curve, start, fixed, tied)
+    given: Iterable[Any] = (begun, bounds, priors, fixed, tied, derived, units)
+    settings = ParameterSettings(*({} if one is None else one for one in given))
     curve = in_time(
-        curve, getattr(axes, "x_name", ""), said["start"], said["fixed"], bounds, priors, tied
+        curve, getattr(axes, "x_name", ""), settings.start, settings.fixed, bounds, priors, tied
     )
     points = DataSet(x, y, u_y, cov_y, u_x, noise, curve, axes, jitter, robust, cov_x, r_xy)
     posed: CurveProblem | JointProblem
@@ -216,11 +210,11 @@ def fit_curve(
         of_zero = [one for one in errors if one.kind == "zero_y"]  # which the parts do not share
         zeros = {f"errors[{one.parameter_name}]": one.kind for one in of_zero}
         parts = parts_of(points, deviation=deviation or None, correlated=lacking, **zeros)
-        both = {name: pose_points(part, said, errors) for name, part in parts.items()}
+        both = {name: pose_points(part, settings, errors) for name, part in parts.items()}
         posed = join(both, own={}, same_size=True)
         require_points(posed.parameters, posed.y.size, stated=posed.stated)
     else:
-        posed = pose_points(points, said, errors, deviation=deviation, correlated=correlated)
+        posed = pose_points(points, settings, errors, deviation=deviation, correlated=correlated)
         require_points(posed.parameters, posed.x.size, stated=posed.stated)
     if posed.infers_errors:
         problem = (
@@ -365,7 +359,7 @@ def fit_errors(
         findings=found,
         seen=(),
         complete=False,
-        message="; ".join([fit.message, *_said(fit.problem)]),
+        message="; ".join([fit.message, *_notes(fit.problem)]),
         goodness=goodness,
         fit=fit,
         held=fit,
@@ -547,7 +541,7 @@ def _concluded(
         findings=findings,
         seen=unnamed([*uncertainty.notes, *remarks], fit),
         complete=not (findings or perfect or modelled or problem.own_density),
-        message=_message(best, sigma, perfect, [*map(tell, same_curve(fit)), *_said(problem)]),
+        message=_message(best, sigma, perfect, [*map(tell, same_curve(fit)), *_notes(problem)]),
         goodness=goodness,
         fit=fit,
         held=held,
@@ -571,9 +565,9 @@ def _whole_fit(problem: Problem, values: FloatArray, best: Optimum) -> Fit:
     return with_other_modes(fit, best)
 
 
-def _said(problem: Problem) -> list[str]:
-    """The shares that errors are, in words, each once."""
-    return [*dict.fromkeys(words for run in problem.runs for words in run.noise.said)]
+def _notes(problem: Problem) -> list[str]:
+    """The notes of all runs, each once."""
+    return [*dict.fromkeys(words for run in problem.runs for words in run.notes)]
 
 
 def _message(best: Optimum, sigma: float | None, perfect: bool, further: list[str]) -> str:

@@ -26,12 +26,11 @@ from estim.curves.curve_problem import (
     SIGMA_SPREAD,
     AxisNames,
     CurveProblem,
-    DataSet,
     require_points,
     roughness,
     units_of,
-    with_joint_priors,
 )
+from estim.curves.data_set import DataSet
 from estim.curves.posing import pose_points, pose_sets
 from estim.curves.quantities import refuse_quantities
 from estim.curves.regimes import (
@@ -51,6 +50,7 @@ from estim.curves.rolling import (
     energy_of_speed,
     size_with_blur,
 )
+from estim.curves.parameter_settings import ParameterSettings, with_joint_priors
 from estim.curves.several_abscissas import are_places, at_places, numbered
 from estim.curves.systematic_errors import Component, scale_errors_of
 from estim.curves.units import refuse_degrees

@@ -8,58 +8,53 @@ import inspect
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import compress
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray, IntArray, root_mean_square, sds_of
-from estim.common import InputError, Notation, Quantity, phrase, read_quantity
-from estim.curves.columns import column, errors_of, share_of, skew_of
+from estim.arrays import FloatArray, IntArray, root_mean_square
+from estim.common import InputError, Notation, phrase
+from estim.curves.columns import column
 from estim.curves.count_data import (
     MAX_OBS,
     CountedPoints,
-    Counting,
     EventTimes,
     points_of_noise,
     refuse_common_errors,
 )
+from estim.curves.data_set import DataSet, stated_errors
 from estim.curves.derived import SoughtQuantity, seek_of_fit
 from estim.curves.discrepancy import discrepancy_of
-from estim.curves.formula import Formula, check_names, read_formula
+from estim.curves.formula import Formula, read_formula
 from estim.curves.full_turns import without_full_turns
 from estim.curves.function import PythonCurve, wrap_function
-from estim.curves.models import Limits
+from estim.curves.parameter_settings import (
+    ParameterSettings,
+    exact_values,
+    parameters_of,
+    starting_values,
+    stated_prior,
+)
 from estim.curves.several_abscissas import OfPoints
-from estim.curves.systematic_errors import Component, DistortedCurve, covariance_in_groups
+from estim.curves.systematic_errors import Component, DistortedCurve
 from estim.curves.tied import TiedCurve, followed, only_for_ties, read_tied
 from estim.curves.units import AxisNames as AxisNames
 from estim.curves.units import check_units, refuse_degrees
 from estim.curves.units import units_of as units_of
-from estim.given_numbers import real_number, real_numbers
 from estim.problem import (
-    Correlated,
     Curve,
     Discrepancy,
-    Flat,
-    JointNormal,
     Noise,
     Observations,
     Parameter,
     Prior,
     Problem,
-    Readings,
     Scale,
     Tails,
-    TwoPiece,
     Uniform,
     Unstated,
-    as_prior,
-    check_covariance,
-    hide_the_range,
-    of_other_package,
     plain_words,
     shape_of,
 )
@@ -68,44 +63,7 @@ SIGMA, SIGMA_NOTATION = "sigma_y", Notation("σ_y")
 JITTER = "jitter"
 # standard deviation of ln sigma where nothing is known of it: a factor 20 either way
 SIGMA_SPREAD = 3.0
-_ERRORS = ("u_y", "cov_y", "u_x", "cov_x", "r_xy", "robust")  # of a `DataSet`
 MAX_DENSE = 3000  # of a covariance matrix that is diagonalised, errors of x
-
-
-@dataclass(frozen=True, eq=False)
-class DataSet:
-    """Points x, y (n_obs,) of one of several data sets, with what `fit_curve` takes of their
-    errors: u_y, cov_y, u_x, `jitter`, `robust`, or `noise` for counts.
-
-    x : several abscissas too, as `fit_curve` takes them.
-    u_y, u_x : standard uncertainties, a number or (n_obs,), in the units of y and x.
-    cov_y : (n_obs, n_obs) covariance matrix of y, in place of u_y.
-    cov_x, r_xy : covariance matrix of x in place of u_x, correlation of both errors of a point.
-    y : None for the times of single events.
-    curve, axes : of this data set, in the place of those of `fit_curves`; jitter and robust too,
-        where they are not None.
-
-    It is checked where it is fitted: `fit_curves` raises InputError.
-
-    >>> from estim import DataSet, fit_curves
-    >>> first, second = DataSet([1, 2, 3], [1.1, 2.0, 3.1], 0.1), DataSet([1, 2], [2.0, 3.0], 0.1)
-    >>> fit = fit_curves("k*x + c", {"a": first, "b": second}, shared=["k"])
-    >>> round(fit.values["k"], 2)
-    1.0
-    """
-
-    x: ArrayLike
-    y: ArrayLike | None
-    u_y: ArrayLike | None = None
-    cov_y: ArrayLike | None = None
-    u_x: ArrayLike | None = None
-    noise: Counting | str | None = None
-    curve: str | Callable[..., Any] | None = None
-    axes: AxisNames | None = None
-    jitter: Any = None
-    robust: str | None = None
-    cov_x: ArrayLike | None = None
-    r_xy: ArrayLike | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +81,7 @@ class CurveProblem:
     further : what is unknown of the scatter beside the stated errors, and of their shape.
     order : (n_obs,) where each point stood among those given; None of single events.
     places : name -> (n_obs,), the abscissas of points that have several: x are their numbers.
+    notes : on how the errors were stated, and limits that are not used, in words.
     """
 
     text: str
@@ -141,6 +100,7 @@ class CurveProblem:
     sought: tuple[SoughtQuantity, ...] = ()
     called: str = ""
     places: Mapping[str, FloatArray] | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def infers_errors(self) -> bool:
@@ -191,6 +151,7 @@ class CurveProblem:
             sought=self.sought,
             order=self.order,
             places=self.places,
+            notes=self.notes,
         )
 
 
@@ -213,7 +174,7 @@ def require_points(parameters: Sequence[Parameter], n_obs: int, *, stated: bool 
 
 def pose_curve(
     points: DataSet,
-    said: Mapping[str, Any],
+    settings: ParameterSettings,
     errors: Sequence[Component],
     *,
     deviation: float = 0.0,
@@ -221,7 +182,7 @@ def pose_curve(
     chosen: Collection[str] = (),
     level: str = "",
 ) -> CurveProblem:
-    """The problem that points, their curve and what is said of its parameters pose, as for
+    """The problem that points, their curve and the settings of its parameters pose, as for
     `pose_points`, where each has a start; nobody stated the start of those `chosen`.
 
     Raises InputError where an argument breaks a rule, naming it: "u_y", or "units[tau]" of a
@@ -229,13 +190,9 @@ def pose_curve(
     """
     curve: Any = points.curve
     counting, axes = points.noise, points.axes or AxisNames()
-    tied, units = said["tied"], said["units"]
+    tied, units = settings.tied, settings.units
     _check_words(units, errors, axes)
-    asked = {name: getattr(points, name) is not None for name in _ERRORS} | {
-        "deviation": deviation != 0.0,
-        "correlated": correlated is not False,
-        "jitter": points.jitter is not None and points.jitter is not False,
-    }
+    asked = points.states() | {"deviation": deviation != 0.0, "correlated": correlated is not False}
     places = curve.columns if isinstance(curve, OfPoints) else None
     if places is not None:
         along_x = {
@@ -275,54 +232,10 @@ def pose_curve(
         )
         raise InputError(f"must have between 1 and {most} values{cure}", field="x", value=n_obs)
     order = np.argsort(x, kind="stable")
-    share, words, u_y = 0.0, tuple[str, ...](), points.u_y
-    if isinstance(u_y, str):
-        share, words, u_y = _share_of_y(u_y, y)
-        if share and (asked["deviation"] or asked["correlated"] or asked["robust"]):
-            raise InputError(
-                "as a share of the curve cannot be combined with 'deviation', 'correlated' or "
-                "'robust'",
-                field="u_y",
-                value=f"{100.0 * share:.4g}%",
-            )
-    u_y, skew = skew_of(u_y, n_obs)
-    of_readings = ("u_x", "cov_x", "deviation", "correlated", "jitter", "robust")
-    if skew is not None and (grouped or any(asked[name] for name in of_readings)):
-        rule = (
-            "with another error above than below does not go with u_x, cov_x, deviation, "
-            "correlated, jitter, robust, or errors in groups"
-        )
-        raise InputError(rule, field="u_y")
-    relative, cov = _errors_of_y(u_y, points.cov_y, n_obs)
-    if grouped:
-        if counted is not None or share or (u_y is None and cov is None):
-            rule = "with groups needs u_y (in the unit of y) or cov_y beside it"
-            raise InputError(rule, field=f"errors[{grouped[0].parameter_name}]")
-        cov = covariance_in_groups(grouped, n_obs) + (np.diag(relative**2) if cov is None else cov)
-        relative = sds_of(cov)
-    relative_x, of_x = _errors_of_x(
-        points.u_x, points.cov_x, x, stated=asked["u_y"] or asked["cov_y"]
-    )
-    if of_x is None and cov is not None and relative_x is not None:
-        of_x = np.diag(np.square(relative_x))
-    if of_x is not None and share:
-        raise InputError("does not go with a 'u_y' that is a share of the curve", field="cov_x")
-    both = real_numbers(points.r_xy, "r_xy") if asked["r_xy"] else None
-    if both is not None:
-        if not (asked["u_x"] and asked["u_y"]) or share or asked["robust"]:
-            raise InputError(
-                "needs u_x and u_y in their units, and goes with normal errors alone", field="r_xy"
-            )
-        if both.shape not in ((), (n_obs,)) or not np.all(np.abs(both) < 1.0):
-            rule = f"must be a number between -1 and 1, or as many as values of x ({n_obs})"
-            raise InputError(rule, field="r_xy", value=points.r_xy)
-        both = np.broadcast_to(both, n_obs)
-    if of_x is not None and cov is None:
-        cov = np.diag(np.square(relative))
-    square = np.ix_(order, order)
-    names, values = _start(said["start"])
-    exact = _fixed(said["fixed"], names)
-    following, all_of = {**tied, **said["derived"]}, (*names, *exact)
+    point_errors = stated_errors(points, x, y, grouped, asked, counts=counted is not None)
+    names, values = starting_values(settings.start)
+    exact = exact_values(settings.fixed, names)
+    following, all_of = {**tied, **settings.derived}, (*names, *exact)
     ties = read_tied(tied, all_of)
     unseen = only_for_ties(curve, ties) if ties else set()
     begun, held = (
@@ -345,9 +258,9 @@ def pose_curve(
     parameter_units = {
         name: unit for name, unit in {**of_curve, **units}.items() if name not in following
     }
-    parameters = _parameters(names, values, said["bounds"], said["priors"], parameter_units, exact)
+    parameters = parameters_of(names, values, exact, parameter_units, settings)
     shared = _shared(errors, (*all_of, *ties), axes)
-    stated = asked["u_y"] or cov is not None or counted is not None
+    stated = asked["u_y"] or point_errors.cov is not None or counted is not None
     everything = (*parameters, *shared)
     if not stated and SIGMA in (p.name for p in everything):
         raise InputError(
@@ -357,7 +270,6 @@ def pose_curve(
     scatter, tails, further = _errors_inferred(
         points.jitter, points.robust, y, axes.y_unit, level=level, stated=asked["u_y"]
     )
-    tails = tails if skew is None else TwoPiece(skew=skew[order])
     if further or tails.robust:
         _refuse(
             asked | {"errors": bool(grouped)},
@@ -387,27 +299,15 @@ def pose_curve(
         if isinstance(curve, OfPoints)
         else f"{getattr(curve, '__name__', type(curve).__name__)}(x, {', '.join((*begun, *held))})"
     )
-    noise: Noise = Readings(
-        Scale(1.0),
-        scatter,
-        relative[order],
-        sigma_x=None if relative_x is None else Scale(1.0),
-        relative_x=None if relative_x is None else relative_x[order],
-        tails=tails,
-        share=share,
-        r_xy=None if both is None else both[order],
-        what=axes.y_name,
-        said=(*words, *unlimited),
-    )
-    if cov is not None:
-        noise = Correlated(cov[square], axes.y_name, None if of_x is None else of_x[square])
     return CurveProblem(
         text=", ".join([text, *(f"{name} = {formula.text}" for name, formula in ties.items())]),
         curve=whole,
         parameters=everything,
         x=x[order],
         y=y[order],
-        noise=noise if counted is None else counted.noise,
+        noise=point_errors.noise(order, scatter, tails, axes.y_name)
+        if counted is None
+        else counted.noise,
         stated=stated,
         axes=axes,
         fixed=MappingProxyType(exact),
@@ -425,98 +325,8 @@ def pose_curve(
             following, units, [*all_of, *(p.name for p in shared)], {**of_curve, **parameter_units}
         ),
         places=places,
+        notes=(*filter(None, [point_errors.words]), *unlimited),
     )
-
-
-def _share_of_y(text: str, y: FloatArray) -> tuple[float, tuple[str], FloatArray]:
-    """The share of the curve that errors of y are, 0 where it is one of each reading; that in
-    words; and standard deviations (n_obs,) as the readings show them.
-    """
-    share, of_readings = share_of(text)
-    if not np.all(y):
-        rule = "must not be 0 where u_y is a share, which leaves it no error: state u_y as numbers"
-        raise InputError(rule, field="y", value=0.0, index=int(np.argmin(np.abs(y))))
-    percent = 100.0 * share
-    said = (
-        phrase("standard deviations of {percent:.4g} % of each reading", percent=percent)
-        if of_readings
-        else phrase("standard deviations of {percent:.4g} % of the curve", percent=percent)
-    )
-    return 0.0 if of_readings else share, (said,), share * np.abs(y)
-
-
-def _errors_of_y(
-    u_y: ArrayLike | None, cov_y: ArrayLike | None, n_obs: int
-) -> tuple[FloatArray, FloatArray | None]:
-    """Standard deviations (n_obs,) and the covariance matrix, if one is given."""
-    if u_y is not None and cov_y is not None:
-        raise InputError("cannot be combined with u_y", field="cov_y")
-    if cov_y is not None:
-        cov = check_covariance(cov_y, n_obs, field="cov_y")
-        return sds_of(cov), cov
-    if u_y is None:
-        return np.ones(n_obs), None
-    return errors_of(u_y, n_obs, "u_y"), None
-
-
-def _errors_of_x(
-    u_x: ArrayLike | None, cov_x: ArrayLike | None, x: FloatArray, *, stated: bool
-) -> tuple[FloatArray | None, FloatArray | None]:
-    """Standard deviations (n_obs,) of x and the covariance matrix, if one is given; None where x is
-    exact.
-    """
-    field, cov = "u_x" if cov_x is None else "cov_x", None
-    if cov_x is not None:
-        if u_x is not None:
-            raise InputError("cannot be combined with u_x", field=field)
-        cov = check_covariance(cov_x, x.size, field=field)
-        sizes = sds_of(cov)
-    elif u_x is not None:
-        sizes = errors_of(u_x, x.size, field, some_exact=True)
-    else:
-        return None, None
-    if not stated:
-        raise InputError(
-            "needs a known u_y beside it: the sizes of both errors cannot be told from the "
-            "residuals",
-            field=field,
-        )
-    if hide_the_range(x, sizes):
-        raise InputError(
-            f"must be below the standard deviation of x, {float(np.std(x, ddof=1)):.4g}: points "
-            "that may lie anywhere along x hold no curve",
-            field=field,
-            value=root_mean_square(sizes),
-        )
-    return sizes, cov
-
-
-def _start(start: Mapping[str, float]) -> tuple[tuple[str, ...], dict[str, float]]:
-    check_names(start, field="start")
-    values = {}
-    for name, value in start.items():
-        values[name] = real_number(value, "start", f"must be a number for '{name}'")
-        if not math.isfinite(values[name]):
-            raise InputError(f"must be finite for '{name}'", field="start", value=value)
-    return tuple(values), values
-
-
-def _fixed(fixed: Mapping[str, float], names: tuple[str, ...]) -> dict[str, float]:
-    """Exact values of parameters that are not fit."""
-    check_names(fixed, field="fixed")
-    for name in fixed:
-        if name in names:
-            raise InputError(
-                f"names '{name}', which has a starting value too: give it one of the two",
-                field="fixed",
-            )
-    values = {}
-    for name, value in fixed.items():
-        rule = f"must be a finite number for '{name}' (a value with an uncertainty is a prior)"
-        values[name] = real_number(value, "fixed", rule)
-        if not math.isfinite(values[name]):
-            raise InputError(rule, field="fixed", value=value)
-    return values
 
 
 def _refuse(asked: Mapping[str, bool], fields: Iterable[str], rule: str) -> None:
@@ -628,127 +438,6 @@ def _check_signature(
         ) from None
 
 
-def _parameters(
-    names: tuple[str, ...],
-    start: Mapping[str, float],
-    bounds: Mapping[str, Limits],
-    priors: Mapping[str, Any],
-    units: Mapping[str, str],
-    fixed: Mapping[str, float],
-) -> tuple[Parameter, ...]:
-    for field, given in (("bounds", bounds), ("priors", priors), ("units", units)):
-        for name in given:
-            if name in fixed and field != "units":
-                raise InputError(f"names '{name}', which is fixed", field=field)
-            if name not in names and name not in fixed:
-                raise InputError(
-                    f"names '{name}', which is not a parameter ({', '.join(names)})", field=field
-                )
-    for name in priors:
-        if name in bounds:
-            raise InputError(
-                f"cannot be combined with a prior for '{name}': truncate the prior instead",
-                field="bounds",
-            )
-    return tuple(
-        Parameter(
-            name,
-            units.get(name, "1"),
-            _prior(name, start[name], bounds.get(name), priors.get(name)),
-            phrase("parameter of the curve"),
-        )
-        for name in names
-    )
-
-
-def with_joint_priors(priors: Any) -> Any:
-    """Priors name by name: those of several names, (means, cov) or a frozen multivariate_normal of
-    scipy, and ufloats that vary together as a `JointNormal` each; anything else as it is.
-
-    Raises InputError.
-    """
-    if not isinstance(priors, Mapping):
-        return priors
-    single = {name: prior for name, prior in priors.items() if not isinstance(name, tuple)}
-    joint = {name: prior for name, prior in priors.items() if name not in single}
-    ufloats = {name: one for name, one in single.items() if hasattr(one, "error_components")}
-    if len(ufloats) > 1:
-        from uncertainties import covariance_matrix
-
-        across = np.array(covariance_matrix([*ufloats.values()]))
-        np.fill_diagonal(across, 0.0)
-        together = tuple(compress(ufloats, np.any(across, axis=0)))
-        stated = [single.pop(name) for name in together]
-        if stated:
-            joint[together] = [one.nominal_value for one in stated], covariance_matrix(stated)
-    for names, prior in joint.items():
-        field = f"priors[{', '.join(map(str, names))}]"
-        try:
-            means, cov = (prior.mean, prior.cov) if hasattr(prior, "cov") else prior
-        except (TypeError, ValueError):
-            raise InputError(
-                "must be (means, cov) of these parameters", field=field, value=prior
-            ) from None
-        means, cov = real_numbers(means, field), check_covariance(cov, len(names), field=field)
-        if means.shape != (len(names),):
-            raise InputError("must have as many means as names", field=field, value=means.size)
-        sds = sds_of(cov)
-        correlation = cov / np.outer(sds, sds)  # one for all: it says which go together
-        for place, name in enumerate(names):
-            if name in single:
-                raise InputError(f"states '{name}' again, which has a prior", field=field)
-            single[name] = JointNormal(
-                float(means[place]), float(sds[place]), correlation=correlation, place=place
-            )
-    return single
-
-
-def _stated_prior(prior: object, field: str, *, low: float, held: str = "") -> Prior:
-    """A prior as it is, or the one that text like "9.81(2)", a ufloat or a frozen distribution of
-    scipy stands for, a measured value impossible below `low`; held : what to do with an exact
-    number.
-    """
-    stated = prior
-    if isinstance(prior, str):
-        prior = read_quantity(prior, field=field)
-    prior = of_other_package(prior, field)
-    if isinstance(prior, Quantity):
-        if prior.exact:
-            held = " (an exact number goes into `fixed`)" if held else ""
-            rule = 'must have an uncertainty, like "9.81(2)"'
-            raise InputError(rule + held, field=field, value=stated)
-        return as_prior(prior, low=low)
-    if not isinstance(prior, Prior) or isinstance(prior, type):
-        rule = 'must be a prior, or text like "9.81(2)"'
-        raise InputError(
-            rule + (held if isinstance(prior, int | float) else ""), field=field, value=prior
-        )
-    return prior
-
-
-def _prior(name: str, start: float, limits: Limits | None, prior: object) -> Prior:
-    if prior is not None:
-        held = f" (an exact value is held by fixed={{'{name}': {prior}}})"
-        return _stated_prior(prior, f"priors[{name}]", low=-math.inf, held=held)
-    try:
-        low, high = (None, None) if limits is None else limits
-        ends = [
-            unlimited if end is None else real_number(end, "bounds")
-            for end, unlimited in ((low, -math.inf), (high, math.inf))
-        ]
-        return Flat(ends[0], ends[1], start)
-    except InputError as error:
-        raise InputError(
-            f"of '{name}' {error.rule}",
-            field="start" if error.field == "start" else "bounds",
-            value=error.value,
-        ) from None
-    except (TypeError, ValueError):
-        raise InputError(
-            f"must be (low, high) for '{name}'", field="bounds", value=limits
-        ) from None
-
-
 def _errors_inferred(
     jitter: object, robust: str | None, y: FloatArray, unit: str, *, level: str, stated: bool
 ) -> tuple[Scale, Tails, tuple[Parameter, ...]]:
@@ -769,7 +458,7 @@ def _errors_inferred(
             raise InputError("needs values of y that differ, or a prior of its own", field="jitter")
         prior: Prior = Uniform(0.0, largest)
     else:
-        prior = _stated_prior(jitter, "jitter", low=0.0)
+        prior = stated_prior(jitter, "jitter", low=0.0)
         if prior.low < 0.0:
             raise InputError("must have a prior that does not reach below 0", field="jitter")
     meaning = phrase("standard deviation of the errors beside the stated ones")

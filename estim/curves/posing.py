@@ -1,5 +1,5 @@
-"""From points, and what is said of the parameters, to a problem whose starts are found where nobody
-gave any: for `fit_curve`, each data set of `fit_curves` and each run of a campaign.
+"""From points and the settings of parameters to a problem, whose starts are found where nobody gave
+any: for `fit_curve`, each data set of `fit_curves` and each run of a campaign.
 """
 
 from __future__ import annotations
@@ -13,8 +13,10 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import all_finite
 from estim.common import InputError
-from estim.curves.curve_problem import CurveProblem, DataSet, pose_curve
+from estim.curves.curve_problem import CurveProblem, pose_curve
+from estim.curves.data_set import DataSet
 from estim.curves.named import Points, provisional, started, unstarted, within
+from estim.curves.parameter_settings import ParameterSettings
 from estim.curves.quantities import refuse_quantities, without_units
 from estim.curves.several_abscissas import OfPoints
 from estim.curves.systematic_errors import Component
@@ -22,7 +24,7 @@ from estim.curves.systematic_errors import Component
 
 def pose_points(
     points: DataSet,
-    said: Mapping[str, Any],
+    settings: ParameterSettings,
     errors: Sequence[Component],
     *,
     deviation: float = 0.0,
@@ -35,12 +37,11 @@ def pose_points(
 
     found : parameters whose starts come from the points of other data sets.
     beside : x, y and u_y of other data sets of the same curve, that help to find starts.
-    said : "start", "bounds", "priors", "fixed", "tied", "derived" and "units" -> what is said there
-        of its parameters.
+    settings : of the parameters of its curve.
     level : behind the names of what is unknown of its errors.  Raises InputError.
     """
     curve: Any = points.curve
-    for field, mapping in said.items():
+    for field, mapping in vars(settings).items():
         if not isinstance(mapping, Mapping):
             rule = "must be a mapping from names of parameters to what is said of each"
             raise InputError(rule, field=field, value=mapping)
@@ -51,24 +52,24 @@ def pose_points(
         deviation=deviation,
         correlated=correlated,
     )
-    points, said = without_units(points, said)
-    start, bounds, fixed = said["start"], said["bounds"], said["fixed"]
+    points, settings = without_units(points, settings)
+    start, bounds, fixed = settings.start, settings.bounds, settings.fixed
     if isinstance(curve, OfPoints):  # is searched for none
-        known = {**fixed, **said["tied"]}
+        known = {**fixed, **settings.tied}
         ends = bounds if isinstance(bounds, Mapping) else {}
         free = (name for name in curve.linear if name not in known)
         start = {**{name: within(ends.get(name)) for name in free}, **start}
-    named = unstarted(curve, start, fixed, said["tied"])
+    named = unstarted(curve, start, fixed, settings.tied)
     begin, limits = (
         (start, bounds)
         if named is None
-        else provisional(named, start, bounds, said["priors"], {*fixed, *said["tied"]})
+        else provisional(named, start, bounds, settings.priors, {*fixed, *settings.tied})
     )
     if named is not None and (named.terms or named is curve):
         curve = named.formula
     posed = pose_curve(
         replace(points, curve=curve),
-        {**said, "start": begin, "bounds": limits},
+        replace(settings, start=begin, bounds=limits),
         errors,
         deviation=deviation,
         correlated=correlated,
@@ -85,7 +86,7 @@ def pose_points(
 
 def pose_sets(
     sets: Mapping[str, DataSet],
-    said: Mapping[str, dict[str, Any]],
+    settings: Mapping[str, ParameterSettings],
     taken: Mapping[str, Collection[str]],
     own: Mapping[str, Collection[str]],
     pose: Callable[..., CurveProblem],
@@ -93,24 +94,24 @@ def pose_sets(
 ) -> dict[str, CurveProblem]:
     """Name -> problem of its data set.
 
-    said : data set -> `said`, as in `pose_points`.  taken : the parameters of its curve; own :
+    settings : data set -> those of its parameters.  taken : the parameters of its curve; own :
         those of them that no other data set shares.
-    pose : makes the problem of one data set from its name, `said`, `found` and `beside`.
+    pose : makes the problem of one data set from its name, settings, `found` and `beside`.
     begun : parameter -> start that is known already.  A shared parameter then starts where the
         first data set put it, as it does where all points are pooled.  None: each data set finds
         its own starts.
     """
     parts: dict[str, CurveProblem] = {}
-    points = _pooled(sets, said, own)
+    points = _pooled(sets, settings, own)
     begun = {} if begun is None and points else begun
     for name in sets:
-        of_set = said[name]
-        known = {*of_set["start"], *of_set["fixed"], *of_set["tied"], *own[name]}
+        of_set = settings[name]
+        known = {*of_set.start, *of_set.fixed, *of_set.tied, *own[name]}
         missing = {*taken[name]} - known
         found = {one: start for one, start in (begun or {}).items() if one in missing}
         beside = [others for other, others in points.items() if other != name]
         parts[name] = pose(
-            name, {**of_set, "start": {**of_set["start"], **found}}, found=found, beside=beside
+            name, replace(of_set, start={**of_set.start, **found}), found=found, beside=beside
         )
         if begun is not None:
             shared = (p for p in parts[name].parameters if p.name not in own[name])
@@ -120,19 +121,19 @@ def pose_sets(
 
 def _pooled(
     sets: Mapping[str, DataSet],
-    said: Mapping[str, Mapping[str, Any]],
+    settings: Mapping[str, ParameterSettings],
     own: Mapping[str, Collection[str]],
 ) -> dict[str, Points]:
     """The points of data sets that have one curve and all parameters in common; nothing where any
     has parameters of its `own` or other exact values than the others, counts, other errors than
     u_y, or units.
     """
-    first, *others = said.values()
+    first, *others = settings.values()
     curve, *curves = (getattr(points.curve, "text", points.curve) for points in sets.values())
     if (
         any(own.values())
         or any(one != curve for one in curves)
-        or any(one["fixed"] != first["fixed"] or one["tied"] != first["tied"] for one in others)
+        or any(one.fixed != first.fixed or one.tied != first.tied for one in others)
     ):
         return {}
     found: dict[str, Points] = {}

@@ -16,25 +16,29 @@ from typing import Any
 import numpy as np
 
 from estim.common import InputError
-from estim.curves.curve_problem import AxisNames, DataSet
+from estim.curves.data_set import DataSet
+from estim.curves.parameter_settings import ParameterSettings
+from estim.curves.units import AxisNames
 
 _PLAIN = ("", "1", "dimensionless")
 
 
-def without_units(points: DataSet, said: Mapping[str, Any]) -> tuple[DataSet, Mapping[str, Any]]:
-    """The points and what is said of the parameters, as for `fit_curve`, in SI base units; as they
-    are where nothing is a quantity.
+def without_units(
+    points: DataSet, settings: ParameterSettings
+) -> tuple[DataSet, ParameterSettings]:
+    """The points and the settings of the parameters in SI base units; as they are where nothing is
+    a quantity.
 
     Raises InputError where two that belong together differ in kind, or only one has a unit.
     """
-    if not any(map(_is_quantity, _all(points, said))):
-        return points, said
+    if not any(map(_is_quantity, _all(points, settings))):
+        return points, settings
     x, x_unit = _base(points.x)
     y, y_unit = _base(points.y)
     u_x, u_y = _size("u_x", points.u_x, x_unit), _size("u_y", points.u_y, y_unit)
-    plain: dict[str, dict[str, Any]] = {"start": {}, "fixed": {}, "units": dict(said["units"])}
+    plain: dict[str, dict[str, Any]] = {"start": {}, "fixed": {}, "units": dict(settings.units)}
     for field in ("start", "fixed"):
-        for name, value in said[field].items():
+        for name, value in getattr(settings, field).items():
             plain[field][name], unit = _base(value)
             if unit is not None:
                 plain["units"][name] = unit
@@ -42,17 +46,17 @@ def without_units(points: DataSet, said: Mapping[str, Any]) -> tuple[DataSet, Ma
         name: tuple(_same(name, end, plain["units"].get(name)) for end in ends)
         if _is_pair(ends)
         else ends
-        for name, ends in said["bounds"].items()
+        for name, ends in settings.bounds.items()
     }
     axes = points.axes or AxisNames()
     axes = replace(axes, x_unit=x_unit or axes.x_unit, y_unit=y_unit or axes.y_unit)
-    return replace(points, x=x, y=y, u_x=u_x, u_y=u_y, axes=axes), {**said, **plain}
+    return replace(points, x=x, y=y, u_x=u_x, u_y=u_y, axes=axes), replace(settings, **plain)
 
 
-def _all(points: DataSet, said: Mapping[str, Any]) -> Iterator[Any]:
+def _all(points: DataSet, settings: ParameterSettings) -> Iterator[Any]:
     """Whatever may be a quantity, of arguments that nobody has checked yet."""
     yield from (points.x, points.y, points.u_x, points.u_y)
-    for named in (said["start"], said["fixed"], said["bounds"]):
+    for named in (settings.start, settings.fixed, settings.bounds):
         for value in named.values() if isinstance(named, Mapping) else ():
             yield from value if _is_pair(value) else (value,)
 

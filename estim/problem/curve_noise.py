@@ -25,12 +25,12 @@ from estim.problem.roots import root_of
 
 @dataclass(frozen=True, eq=False)
 class Readings(Independent):
-    """Independent errors of readings; `what` is read ("temperature").  said : the share
-    that their size is, in words, if it is one.
+    """Independent errors of readings; `what` is read ("temperature").  stated_as :
+    how their size was stated, in words, where it is a share of y.
     """
 
     what: str = field(default="y", kw_only=True)
-    said: tuple[str, ...] = field(default=(), kw_only=True)
+    stated_as: str = field(default="", kw_only=True)
 
     def of_size(self, sigma: Scale) -> Readings:
         return replace(self, sigma=sigma)
@@ -40,8 +40,8 @@ class Readings(Independent):
         y_unit = "" if y_unit == "1" else y_unit
         if self.sigma.parameter is not None:
             size = phrase("their standard deviation {name} is inferred", name=self.sigma.parameter)
-        elif self.said:
-            size = self.said[0]
+        elif self.stated_as:
+            size = self.stated_as
         elif np.ptp(self.relative) > 0.0:
             size = phrase("standard deviations as stated row by row")
         else:

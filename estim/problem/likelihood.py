@@ -326,8 +326,6 @@ class Noise(ABC):
 
     share: float = 0.0
     """Standard deviation of a reading over the curve; 0 where it is not stated so."""
-    said: tuple[str, ...] = ()
-    """The share that was stated, in words, if any."""
     holds_slopes: bool = False
     """Whether its likelihood takes the slopes of the curve at the values that it is made with, so
     that a fit must be repeated with those of its result.

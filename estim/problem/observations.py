@@ -129,6 +129,7 @@ class Observations:
         known.
     places : name -> (n_obs,), the abscissas of points that have several: x are then the numbers of
         the points, between which the curve is nothing.
+    notes : what a reader must know of how the run was posed, in words.
     """
 
     name: str
@@ -156,6 +157,7 @@ class Observations:
     sought: tuple[DerivedQuantity, ...] = ()
     order: IntArray | None = None
     places: Mapping[str, FloatArray] | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def numbered(self) -> bool:
