@@ -33,7 +33,7 @@ from estim.curves.function import PythonCurve, wrap_function
 from estim.curves.parameter_settings import (
     ParameterSettings,
     exact_values,
-    parameters_of,
+    fitted_parameters,
     starting_values,
     stated_prior,
 )
@@ -258,7 +258,7 @@ def pose_curve(
     parameter_units = {
         name: unit for name, unit in {**of_curve, **units}.items() if name not in following
     }
-    parameters = parameters_of(names, values, exact, parameter_units, settings)
+    parameters = fitted_parameters(names, values, exact, parameter_units, settings)
     shared = _shared(errors, (*all_of, *ties), axes)
     stated = asked["u_y"] or point_errors.cov is not None or counted is not None
     everything = (*parameters, *shared)

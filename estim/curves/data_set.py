@@ -72,7 +72,7 @@ class DataSet:
 
 
 @dataclass(frozen=True, eq=False)
-class StatedErrors:
+class PointErrors:
     """What is stated of the errors of points (n_obs,), in the order in which they were given.
 
     sizes : (n_obs,) standard deviations of y; 1 where none is stated.
@@ -122,7 +122,7 @@ def stated_errors(
     asked: Mapping[str, bool],
     *,
     counts: bool,
-) -> StatedErrors:
+) -> PointErrors:
     """The errors of x and y (n_obs,), those common to the points of a group among them.
 
     asked : what was given -> whether it was.  counts : whether y are counts, which have no errors
@@ -175,7 +175,7 @@ def stated_errors(
         r_xy = np.broadcast_to(r_xy, n_obs)
     if cov_x is not None and cov is None:
         cov = np.diag(np.square(sizes))
-    return StatedErrors(sizes, sizes_x, cov, cov_x, r_xy, share, skew, words)
+    return PointErrors(sizes, sizes_x, cov, cov_x, r_xy, share, skew, words)
 
 
 def _share_of_y(text: str, y: FloatArray) -> tuple[float, str, FloatArray]:

@@ -73,7 +73,7 @@ def exact_values(fixed: Mapping[str, float], names: tuple[str, ...]) -> dict[str
     return values
 
 
-def parameters_of(
+def fitted_parameters(
     names: tuple[str, ...],
     start: Mapping[str, float],
     fixed: Mapping[str, float],
