@@ -169,8 +169,8 @@ class Analysis:
 
     @cached_property
     def estimates(self) -> tuple[Estimate, ...]:
-        """Every parameter with what was stated of it; none where the status is not ok."""
-        return estimates_of(self.problem, self.fit, self.chain.flat) if self.diagnosis.ok else ()
+        """Every parameter with what was stated of it, as far as the status allows numbers."""
+        return estimates_of(self.problem, self.summaries, self.chain.flat)
 
     @property
     def _title(self) -> str:

@@ -33,9 +33,9 @@ from estim.common import (
     table,
     with_unit,
 )
-from estim.fitting import Fit, limit_cell
+from estim.fitting import limit_cell
 from estim.problem import Prior, Problem
-from estim.sampling import Summary, summarise_parameter, value_cell
+from estim.sampling import Summary, value_cell
 from estim.words import status_words
 
 # lower halves of the 68 % interval from zero, below which a quantity that cannot be negative may be
@@ -133,13 +133,14 @@ def upper_limit(summary: Summary, prior: Prior, draws: FloatArray) -> float | No
     return float(np.quantile(draws, 0.95))
 
 
-def estimates_of(problem: Problem, fit: Fit, draws: FloatArray) -> tuple[Estimate, ...]:
-    """Every parameter, from draws of its posterior (n_draw, n_par); symbols without levels where
-    there is one run.
+def estimates_of(
+    problem: Problem, summaries: Sequence[Summary], draws: FloatArray
+) -> tuple[Estimate, ...]:
+    """Every parameter, with its summary and draws of its posterior (n_draw, n_par); symbols without
+    levels where there is one run.
     """
     estimates = []
-    for parameter, column in zip(problem.parameters, draws.T, strict=True):
-        summary = summarise_parameter(fit, parameter.name, column)
+    for parameter, summary, column in zip(problem.parameters, summaries, draws.T, strict=True):
         label = parameter.bare_label if len(problem.runs) == 1 else parameter.label
         upper = upper_limit(summary, parameter.prior, column)
         measured = is_measured(summary, parameter.prior, upper)

@@ -120,9 +120,7 @@ class _TaskRunner:
         if kind == "line":
             assert self.series is not None
             gamma = gamma_of_body(self.campaign.source, self.series.body)
-            return analyse_line(
-                self.series, gamma_masses=gamma, seed=self.seed, target=self.target
-            )
+            return analyse_line(self.series, gamma_masses=gamma, seed=self.seed, target=self.target)
         together = analyse(
             self.campaign,
             [name] if kind == "run" else self.runs_of(name),
@@ -274,11 +272,12 @@ def _numbers_of(
             numbers.append(("gamma", b.body, b.gamma_masses, how))
         draws, n = b.joint.chain.flat, len(b.energies)
         for parameter, column, estimate in zip(
-            b.joint.problem.parameters, draws.T, b.joint.estimates, strict=False
+            b.joint.problem.parameters, draws.T, b.joint.estimates, strict=True
         ):
             base = parameter.name.partition("[")[0]
+            told = b.joint.diagnosis.ok and estimate.measured
             # what the data leave as it was stated is no second opinion
-            if base in ("gamma", "kappa", "radius") and estimate.measured:
+            if base in ("gamma", "kappa", "radius") and told:
                 value = Quantity(float(column.mean()), float(column.std(ddof=1)))
                 how = phrase(
                     "joint fit of {n} runs of {body}, stated value as prior"
