@@ -194,15 +194,13 @@ class Analysis:
 
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the same."""
-        head, rows = result_table(self.estimates)
         return headline(
             self._title,
             kind=self.kind,
             status=self.diagnosis.status,
             reasons=self.diagnosis.reasons,
             advice=advice_for(self.diagnosis.findings),
-            head=head,
-            rows=rows,
+            shown=result_table(self.estimates),
             tests=self._tests,
             left=not_measured(self.estimates),
         )

@@ -21,6 +21,7 @@ from estim.checks.identifiability import PRIOR_DOMINATED
 from estim.common import (
     KINDS,
     Label,
+    Markdown,
     Status,
     format_p,
     format_rounded,
@@ -150,11 +151,9 @@ def estimates_of(
     return tuple(estimates)
 
 
-def result_table(
-    estimates: Iterable[Estimate], *, found: str = ""
-) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Head and rows of the quantities that the data measure; columns that would be empty are left
-    out.
+def result_table(estimates: Iterable[Estimate], *, found: str = "") -> Markdown:
+    """The quantities that the data measure, "" where there are none; columns that would be empty
+    are left out.
 
     found : head of the values, where not all of them come from these data alone.
     """
@@ -173,10 +172,14 @@ def result_table(
         (phrase("stated value"), [estimate.stated for estimate in measured]),
         (phrase("true"), [estimate.truth for estimate in measured]),
     ]
-    filled = [(head, cells) for head, cells in columns if any(cells)]
-    return tuple(head for head, _ in filled), list(
-        zip(*(cells for _, cells in filled), strict=True)
-    )
+    filled = [(head, *cells) for head, cells in columns if any(cells)]
+    head, *rows = zip(*filled, strict=True) if filled else [()]
+    return table(head, rows) if rows else Markdown("")
+
+
+def posterior_table(rows: Iterable[Sequence[str]]) -> Markdown:
+    """Quantities by the cells of `parameter_cells`."""
+    return table(("", "", phrase("posterior"), phrase("95 % interval"), phrase("unit")), rows)
 
 
 def not_measured(estimates: Iterable[Estimate]) -> str:
@@ -252,14 +255,13 @@ def headline(
     status: str,
     reasons: Sequence[str],
     advice: Sequence[str],
-    rows: Iterable[Sequence[str]],
-    head: Sequence[str] | None = None,
+    shown: str,
     tests: str = "",
     left: str = "",
     minds: Sequence[str] = (),
 ) -> str:
-    """Markdown: title, kind of data, status with its `tests`, and the table of `rows`, or without
-    it the reasons where the status is not ok.
+    """Markdown: title, kind of data, status with its `tests`, and the table `shown`, or without it
+    the reasons where the status is not ok.
 
     kind : "measured", "synthetic" or "published"; "" where nobody has said it.
     left : what was not measured (`not_measured`).
@@ -273,14 +275,8 @@ def headline(
     ]
     paragraphs.append(phrase("Status: **{status}**{behind}", status=status, behind=behind))
     if status == Status.OK:
-        body = list(rows)
-        heads = (
-            ("", "", phrase("posterior"), phrase("95 % interval"), phrase("unit"))
-            if head is None
-            else head
-        )
         paragraphs += [
-            table(heads, body) if body else "",
+            shown,
             phrase("Not measured here: {left}.", left=markdown(left)) if left else "",
         ]
         paragraphs.append("\n".join(f"- {markdown(item)}" for item in minds))
