@@ -393,7 +393,10 @@ def bomb() -> bytes:
 
 
 ARCHIVES = {
-    "not an archive": (lambda: b"no", "a.trz: cannot be read as an archive (File is not a zip file)"),
+    "not an archive": (
+        lambda: b"no",
+        "a.trz: cannot be read as an archive (File is not a zip file)",
+    ),
     "no trk": (
         lambda: stored(GOOD, name="notes.txt"),
         "a.trz: 'archive' must hold a .trk (it holds none)",

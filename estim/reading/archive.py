@@ -18,8 +18,7 @@ _MAX_BYTES = 64 * 1024**2
 
 @contextmanager
 def opened(data: bytes) -> Iterator[zipfile.ZipFile]:
-    """The archive `data`.  Raises InputError where it is damaged, also while it is used.
-    """
+    """The archive `data`.  Raises InputError where it is damaged, also while it is used."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             yield archive
