@@ -169,8 +169,8 @@ class Analysis:
 
     @cached_property
     def estimates(self) -> tuple[Estimate, ...]:
-        """Every parameter with what was stated of it; none where the status is not ok."""
-        return estimates_of(self.problem, self.fit, self.chain.flat) if self.diagnosis.ok else ()
+        """Every parameter with what was stated of it, as far as the status allows numbers."""
+        return estimates_of(self.problem, self.summaries, self.chain.flat)
 
     @property
     def _title(self) -> str:
@@ -194,15 +194,13 @@ class Analysis:
 
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the same."""
-        head, rows = result_table(self.estimates)
         return headline(
             self._title,
             kind=self.kind,
             status=self.diagnosis.status,
             reasons=self.diagnosis.reasons,
             advice=advice_for(self.diagnosis.findings),
-            head=head,
-            rows=rows,
+            shown=result_table(self.estimates),
             tests=self._tests,
             left=not_measured(self.estimates),
         )

@@ -196,7 +196,7 @@ def test_a_shift_that_stays_is_named_where_it_begins_and_no_single_reading_far_f
     # a single reading, which was all that was asked about before, explains far less
     base = fit_least_squares(campaign.plain, rng=np.random.default_rng(1), n_start=1)
     single = next(cause for cause in frame_causes(base) if "one bad reading" in cause.words)
-    one = refit(single.problem, single.starting(base, 0.1))
+    one = refit(single.problem, single.starting(base))
     assert badness(base) - badness(one) < shift.gain - 20.0
     assert any(good.failed for good in check_goodness(one, rng=np.random.default_rng(1)))
 

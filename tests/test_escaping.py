@@ -13,7 +13,7 @@ from hostile import LOOKS_LIKE_MARKDOWN, MOVES, STRINGS, outline, raw, seen, sho
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from estim.checks.quoted_results import headline
+from estim.checks.quoted_results import headline, posterior_table
 from estim.common.escaping import Markdown, as_json, code, destination, markdown, mathtext, one_line
 from estim.common.labels import Notation, table
 from estim.drawing import name_ticks, png
@@ -131,17 +131,19 @@ def test_json_is_data_that_a_terminal_can_show() -> None:
 
 
 def test_notebooks_get_literal_text() -> None:
-    rows = [("a", "*x*", "1", "2", "m | n")]
+    values = posterior_table([("a", "*x*", "1", "2", "m | n")])
     for status in ("ok", "poor-fit"):
         for text in filter(shown, STRINGS):
             shape = outline(
                 headline(
-                    "word", kind="", status=status, reasons=["word"], advice=["word"], rows=rows
+                    "word", kind="", status=status, reasons=["word"], advice=["word"], shown=values
                 )
             )
             assert (
                 outline(
-                    headline(text, kind="", status=status, reasons=[text], advice=[text], rows=rows)
+                    headline(
+                        text, kind="", status=status, reasons=[text], advice=[text], shown=values
+                    )
                 )
                 == shape
             ), text

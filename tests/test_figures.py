@@ -4,7 +4,6 @@ parameters.
 
 from __future__ import annotations
 
-import io
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,10 +11,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from joint_runs import LINE, problem_of
-from matplotlib import style
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.image import imread
 from matplotlib.text import Text
 from scipy.interpolate import RegularGridInterpolator
 
@@ -58,35 +55,6 @@ def corner_of(problem: Problem, rng: np.random.Generator) -> Figure:
     )
     FigureCanvasAgg(figure).draw()
     return figure
-
-
-@pytest.mark.slow
-def test_a_figure_is_drawn_once_where_a_layout_draws_it_twice_and_looks_the_same(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def draw() -> Figure:
-        figure = drawing.new_figure(3.0)
-        left, right = figure.subplots(1, 2)
-        left.plot([0.0, 1000.0], [1e-3, 1.0], label="a line")
-        right.set(yscale="log", ylim=(1e-3, 1e3), ylabel="far from the axis", title="title")
-        figure.legend(loc="outside lower center")
-        figure.suptitle("above all")
-        return figure
-
-    plain = io.BytesIO()
-    with style.context(["default", drawing.STYLE]):
-        draw().savefig(plain, dpi=150)
-    calls, original = [], Figure.draw
-    monkeypatch.setattr(
-        Figure,
-        "draw",
-        lambda figure, renderer: (calls.append(figure), original(figure, renderer))[1],
-    )
-    found = drawing.png(draw)
-    assert len(calls) == 1
-    assert np.array_equal(
-        *(imread(io.BytesIO(data), format="png") for data in (plain.getvalue(), found))
-    )
 
 
 def single_run(n_par: int) -> Problem:

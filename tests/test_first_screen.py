@@ -92,7 +92,7 @@ def test_what_the_data_leave_as_it_was_is_no_result(rng: np.random.Generator) ->
         expected = p.limit is None and p.upper_95 is None and p.sd <= 0.8 * p.prior_sd
         assert p.measured is expected, name
     screen = first_screen(result)
-    assert [row[0].partition(",")[0] for row in screen.rows] == ["κ", "φ"]
+    assert re.findall(r"^\| (\w+), ", screen.table, re.MULTILINE) == ["κ", "φ"]
     assert all(f"{symbol} = " in screen.left for symbol in ("γ", "R"))
     assert "(stated 0.193 ± 0.010)" in screen.left
 
@@ -191,16 +191,13 @@ def test_values_stand_beside_what_was_stated_and_what_is_true(rng: np.random.Gen
         None,
         np.radians(3.5),
     )
-    head, ((meaning, value, stated, true),) = result_table([one])
-    assert head == ("", "from these data", "stated value", "true")
-    assert (meaning, value, stated, true) == (
-        "φ, a quantity",
-        "(4.00 ± 0.25)°",
-        "(3.7 ± 0.4)°",
-        "3.5° (+2.0 sd)",
+    assert result_table([one]) == (
+        "|  | from these data | stated value | true |\n| --- | --- | --- | --- |\n"
+        "| φ, a quantity | (4.00 ± 0.25)° | (3.7 ± 0.4)° | 3.5° (+2.0 sd) |"
     )
     bare = replace(one, stated="", true=None)
-    assert result_table([bare])[0] == ("", "from these data")
+    assert result_table([bare]).startswith("|  | from these data |\n")
+    assert result_table([replace(one, measured=False)]) == ""
     assert screen_lines([one], tests="p") == [
         "p",
         "φ = (4.00 ± 0.25)°   stated (3.7 ± 0.4)°; true 3.5° (+2.0 sd)",

@@ -195,13 +195,6 @@ def test_importance_sampling_goes_on_until_the_ends_of_a_heavy_tail_are_known(
     assert error(short) > 1.2 * limit
 
 
-def test_heights_of_thinned_draws_are_their_log_densities() -> None:
-    chain, posterior = analysed(1).chain, two_exponentials().posterior
-    assert chain.thinned_heights(50) == pytest.approx(
-        posterior.log_density(chain.thinned(50)), abs=1e-9
-    )
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
 class Cut:
     """A posterior without what lies below a value of k."""

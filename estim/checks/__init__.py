@@ -6,17 +6,11 @@ from estim.checks.quoted_results import (
     Estimate,
     estimates_of,
     headline,
-    is_measured,
     not_measured,
     p_sentence,
+    posterior_table,
 )
-from estim.checks.quoted_results import (
-    best_words,
-    print_lines,
-    result_table,
-    screen_lines,
-    upper_limit,
-)
+from estim.checks.quoted_results import best_words, print_lines, result_table, screen_lines
 from estim.checks.conflict import (
     NOTE_BELOW,
     P_CONFLICT,

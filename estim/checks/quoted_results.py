@@ -21,6 +21,7 @@ from estim.checks.identifiability import PRIOR_DOMINATED
 from estim.common import (
     KINDS,
     Label,
+    Markdown,
     Status,
     format_p,
     format_rounded,
@@ -33,9 +34,9 @@ from estim.common import (
     table,
     with_unit,
 )
-from estim.fitting import Fit, limit_cell
+from estim.fitting import limit_cell
 from estim.problem import Prior, Problem
-from estim.sampling import Summary, summarise_parameter, value_cell
+from estim.sampling import Summary, value_cell
 from estim.words import status_words
 
 # lower halves of the 68 % interval from zero, below which a quantity that cannot be negative may be
@@ -133,13 +134,14 @@ def upper_limit(summary: Summary, prior: Prior, draws: FloatArray) -> float | No
     return float(np.quantile(draws, 0.95))
 
 
-def estimates_of(problem: Problem, fit: Fit, draws: FloatArray) -> tuple[Estimate, ...]:
-    """Every parameter, from draws of its posterior (n_draw, n_par); symbols without levels where
-    there is one run.
+def estimates_of(
+    problem: Problem, summaries: Sequence[Summary], draws: FloatArray
+) -> tuple[Estimate, ...]:
+    """Every parameter, with its summary and draws of its posterior (n_draw, n_par); symbols without
+    levels where there is one run.
     """
     estimates = []
-    for parameter, column in zip(problem.parameters, draws.T, strict=True):
-        summary = summarise_parameter(fit, parameter.name, column)
+    for parameter, summary, column in zip(problem.parameters, summaries, draws.T, strict=True):
         label = parameter.bare_label if len(problem.runs) == 1 else parameter.label
         upper = upper_limit(summary, parameter.prior, column)
         measured = is_measured(summary, parameter.prior, upper)
@@ -149,11 +151,9 @@ def estimates_of(problem: Problem, fit: Fit, draws: FloatArray) -> tuple[Estimat
     return tuple(estimates)
 
 
-def result_table(
-    estimates: Iterable[Estimate], *, found: str = ""
-) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Head and rows of the quantities that the data measure; columns that would be empty are left
-    out.
+def result_table(estimates: Iterable[Estimate], *, found: str = "") -> Markdown:
+    """The quantities that the data measure, "" where there are none; columns that would be empty
+    are left out.
 
     found : head of the values, where not all of them come from these data alone.
     """
@@ -172,10 +172,14 @@ def result_table(
         (phrase("stated value"), [estimate.stated for estimate in measured]),
         (phrase("true"), [estimate.truth for estimate in measured]),
     ]
-    filled = [(head, cells) for head, cells in columns if any(cells)]
-    return tuple(head for head, _ in filled), list(
-        zip(*(cells for _, cells in filled), strict=True)
-    )
+    filled = [(head, *cells) for head, cells in columns if any(cells)]
+    head, *rows = zip(*filled, strict=True) if filled else [()]
+    return table(head, rows) if rows else Markdown("")
+
+
+def posterior_table(rows: Iterable[Sequence[str]]) -> Markdown:
+    """Quantities by the cells of `parameter_cells`."""
+    return table(("", "", phrase("posterior"), phrase("95 % interval"), phrase("unit")), rows)
 
 
 def not_measured(estimates: Iterable[Estimate]) -> str:
@@ -251,14 +255,13 @@ def headline(
     status: str,
     reasons: Sequence[str],
     advice: Sequence[str],
-    rows: Iterable[Sequence[str]],
-    head: Sequence[str] | None = None,
+    shown: str,
     tests: str = "",
     left: str = "",
     minds: Sequence[str] = (),
 ) -> str:
-    """Markdown: title, kind of data, status with its `tests`, and the table of `rows`, or without
-    it the reasons where the status is not ok.
+    """Markdown: title, kind of data, status with its `tests`, and the table `shown`, or without it
+    the reasons where the status is not ok.
 
     kind : "measured", "synthetic" or "published"; "" where nobody has said it.
     left : what was not measured (`not_measured`).
@@ -272,14 +275,8 @@ def headline(
     ]
     paragraphs.append(phrase("Status: **{status}**{behind}", status=status, behind=behind))
     if status == Status.OK:
-        body = list(rows)
-        heads = (
-            ("", "", phrase("posterior"), phrase("95 % interval"), phrase("unit"))
-            if head is None
-            else head
-        )
         paragraphs += [
-            table(heads, body) if body else "",
+            shown,
             phrase("Not measured here: {left}.", left=markdown(left)) if left else "",
         ]
         paragraphs.append("\n".join(f"- {markdown(item)}" for item in minds))

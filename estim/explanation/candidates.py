@@ -60,9 +60,9 @@ class Cause:
         """How many numbers are adjusted beside those of the plain fit."""
         return max(len(self.parameters), 1)
 
-    def starting(self, base: Fit, share: float) -> FloatArray:
+    def starting(self, base: Fit) -> FloatArray:
         """(n_par,) where a search starts: the mode without it, and its own parameters at `begin`,
-        or at `share` of their sd where 0 is an edge.
+        or at a tenth of their sd where 0 is an edge.
 
         A slip starts afresh, from the centres of the priors: what was fitted under a wrong number
         is far off.
@@ -72,7 +72,7 @@ class Cause:
         known = dict(zip(base.names, base.values, strict=True))
         return np.array(
             [
-                known.get(p.name, share * p.prior.sd if p.prior.low == 0.0 else self.begin)
+                known.get(p.name, 0.1 * p.prior.sd if p.prior.low == 0.0 else self.begin)
                 for p in self.problem.parameters
             ]
         )

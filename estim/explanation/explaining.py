@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estim.arrays import FloatArray, positive_or
+from estim.arrays import FloatArray
 from estim.checks import P_POOR_FIT, check_goodness
 from estim.common import Notation, NumericalError, Status, later, phrase
 from estim.discrepancy import AutoCorrelated
@@ -41,9 +41,6 @@ _UMBRELLA = later(
     "a smooth disturbance (an uneven track, correlated errors of successive readings)"
 )
 _SIZE = "chi2"  # the one test that is not of order
-# standard deviations of the prior of what cannot be negative: where a search starts, and where its
-# direction is asked
-_START, _NEAR = 0.1, 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,11 +166,7 @@ def explain(
     """
     plain = suspects.plain
     base = fit_least_squares(plain, rng=rng, n_start=1 if values is not None else 4, start=values)
-    every = [
-        *(cause for cause in suspects.causes if not _pushed_below(cause, base)),
-        *_alike(suspects),
-        *frame_causes(base),
-    ]
+    every = [*suspects.causes, *_alike(suspects), *frame_causes(base)]
     fits: dict[str, tuple[Candidate, Fit]] = {}
     lowest = badness(base)
     for done, cause in enumerate(every, start=1):
@@ -244,28 +237,10 @@ def _alike(suspects: Suspects) -> Iterable[Cause]:
         )
 
 
-def _pushed_below(cause: Cause, base: Fit) -> bool:
-    """Whether the data would have a number that cannot be negative below 0: then it explains
-    nothing, and a search would end slowly on its edge.
-    """
-    if len(cause.parameters) != 1 or cause.slip:
-        return False
-    i = cause.problem.names.index(cause.parameters[0])
-    prior = cause.problem.parameters[i].prior
-    if prior.low != 0.0:
-        return False
-    start = cause.starting(base, _NEAR)
-    posterior = cause.problem.linearised(start)
-    rows = posterior.jacobian(start)
-    scale = positive_or(np.linalg.norm(rows, axis=0), 1.0)
-    step = -np.linalg.lstsq(rows / scale, posterior.residuals(start), rcond=None)[0] / scale
-    return bool(start[i] + step[i] <= 0.0)
-
-
 def _with(cause: Cause, base: Fit) -> Fit | None:
     """The fit with a candidate, from that without; None where it cannot be had."""
     try:
-        fit = refit(cause.problem, cause.starting(base, _START))
+        fit = refit(cause.problem, cause.starting(base))
     except NumericalError:
         return None
     return fit if math.isfinite(badness(fit)) else None

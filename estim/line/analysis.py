@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.checks import headline
+from estim.checks import headline, posterior_table
 from estim.common import Finding, Kind, Notation, Quantity, Stream, e_n, phrase, stream
 from estim.line.findings import Judged, line_findings
 from estim.line.intercept_evidence import InterceptEvidence, intercept_evidence
@@ -137,7 +137,7 @@ class LineAnalysis(Judged):
             status=self.status,
             reasons=self.reasons,
             advice=advice_for(self.findings),
-            rows=rows,
+            shown=posterior_table(rows),
         )
 
     @property

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.checks import PRIOR_DOMINATED, headline, sampling_findings
+from estim.checks import PRIOR_DOMINATED, headline, posterior_table, sampling_findings
 from estim.common import (
     Finding,
     Kind,
@@ -176,7 +176,12 @@ class TrialsAnalysis(Judged):
         title = phrase("Trials of release of {body}", body=self.trials.body)
         advice = advice_for(self.findings)
         return headline(
-            title, kind="", status=self.status, reasons=self.reasons, advice=advice, rows=rows
+            title,
+            kind="",
+            status=self.status,
+            reasons=self.reasons,
+            advice=advice,
+            shown=posterior_table(rows),
         )
 
 

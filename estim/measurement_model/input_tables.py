@@ -9,8 +9,6 @@ value is exact.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Annotated, get_args
 
 import msgspec
@@ -58,7 +56,8 @@ class InputTable(ComponentTable, frozen=True, kw_only=True):
 def inputs_of(name: str, table: InputTable) -> tuple[Input, ...]:
     """The input as stated, then its components, each with value 0 and the name "input: component".
 
-    Raises InputError whose field is the key, for a component "components.NAME.key".
+    Raises InputError whose field is the key, "NAME.key" where the engine refuses it, for a
+    component "components.NAME.key".
     """
     if table.readings is not None:
         others = ("value", *_SIZES, "low", "high", "distribution", "dof", "relative_u_of_u")
@@ -75,12 +74,11 @@ def inputs_of(name: str, table: InputTable) -> tuple[Input, ...]:
                 field="readings",
                 value=readings[0],
             )
-        with _named("readings"):
-            base = (
-                Input(name, readings[0], 0.0, "t", len(readings) - 1.0, table.unit)
-                if same
-                else Input.from_readings(name, readings, unit=table.unit)
-            )
+        base = (
+            Input(name, readings[0], 0.0, "t", len(readings) - 1.0, table.unit)
+            if same
+            else Input.from_readings(name, readings, unit=table.unit)
+        )
         value = base.value
     else:
         value, u, half = _value(table)
@@ -90,9 +88,9 @@ def inputs_of(name: str, table: InputTable) -> tuple[Input, ...]:
         try:
             inputs.append(_stated(f"{name}: {part}", component, 0.0, unit=table.unit, scale=value))
         except InputError as error:
-            raise InputError(
-                error.rule, field=f"components.{part}.{error.field}", value=error.value
-            ) from None
+            key = str(error.field).removeprefix(f"{name}: {part}.")
+            field = f"components.{part}.{key}"
+            raise InputError(error.rule, field=field, value=error.value) from None
     return tuple(inputs)
 
 
@@ -167,10 +165,9 @@ def _stated(
                 field="distribution",
                 value=distribution,
             )
-        with _named("half_width"):
-            return Input.from_half_width(
-                name, value, half_width, distribution=distribution, dof=dof, unit=unit, shape=shape
-            )
+        return Input.from_half_width(
+            name, value, half_width, distribution=distribution, dof=dof, unit=unit, shape=shape
+        )
     if u is None and distribution == "exponential" and value > 0.0:
         u = value
     if u is None:
@@ -182,8 +179,7 @@ def _stated(
                 field="distribution" if table.distribution is not None else "dof",
             )
         return Input(name, value, 0.0, unit=unit)
-    with _named(""):
-        return Input(name, value, u, distribution, dof, unit, shape)
+    return Input(name, value, u, distribution, dof, unit, shape)
 
 
 def _dof(table: ComponentTable) -> float:
@@ -238,17 +234,3 @@ def _refuse(table: ComponentTable, key: str, *others: str, why: str = "") -> Non
     for other in others:
         if getattr(table, other, None) is not None:
             raise InputError(f"does not go with '{key}'" + (f": {why}" if why else ""), field=other)
-
-
-@contextmanager
-def _named(field: str) -> Iterator[None]:
-    """An InputError of the engine within it is told by the key of the file."""
-    try:
-        yield
-    except InputError as error:
-        key = (error.field or "").rpartition(".")[2]
-        raise InputError(
-            error.rule,
-            field=field if key in ("", "half_width", "readings") and field else key,
-            value=error.value,
-        ) from None

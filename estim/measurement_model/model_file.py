@@ -191,9 +191,8 @@ def _quantity(name: str, table: InputTable, places: Places) -> Quantity:
     try:
         parts = inputs_of(name, table)
     except InputError as error:
-        raise places.error(
-            error.rule, ("inputs", name, *(error.field or "").split(".")), value=error.value
-        ) from None
+        keys = str(error.field).removeprefix(f"{name}.").split(".")
+        raise places.error(error.rule, ("inputs", name, *keys), value=error.value) from None
     meanings = (component.meaning for component in table.components.values())
     return Quantity(name, table.unit, parts, (table.meaning, *meanings))
 
@@ -384,32 +383,19 @@ def _of_readings(
     lists = []
     for name in group:
         if sum(name in other for other in top.simultaneous) > 1 or list(group).count(name) > 1:
-            raise places.error("must name each input once", path, field="simultaneous", value=name)
+            raise places.error("must name each input once", path, value=name)
         readings = top.inputs[name].readings if name in top.inputs else None
         if readings is None:
-            raise places.error(
-                "must name inputs that are given by readings",
-                path,
-                field="simultaneous",
-                value=name,
-            )
+            raise places.error("must name inputs that are given by readings", path, value=name)
         lists.append(readings)
     if len(group) < 2 or len({len(readings) for readings in lists}) != 1:
         raise places.error(
-            "must name two inputs or more with equally many readings",
-            path,
-            field="simultaneous",
-            value=", ".join(group),
+            "must name two inputs or more with equally many readings", path, value=", ".join(group)
         )
     with np.errstate(all="ignore"):
         matrix = np.corrcoef(np.array(lists, dtype=float))
     if not all_finite(matrix) or any(len(set(readings)) == 1 for readings in lists):
-        raise places.error(
-            "must name inputs whose readings scatter",
-            path,
-            field="simultaneous",
-            value=", ".join(group),
-        )
+        raise places.error("must name inputs whose readings scatter", path, value=", ".join(group))
     return {
         (group[i], group[j]): float(matrix[i, j]) for i, j in combinations(range(len(group)), 2)
     }

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import csv
 import io
-import zipfile
 from collections.abc import Sequence
 from datetime import date, datetime, time, timedelta
 from pathlib import PurePosixPath
@@ -39,7 +38,7 @@ def sheet_text(data: bytes, dialect: Dialect) -> tuple[str, str, tuple[str, ...]
     parts = _parts(data)
     uncomputed = _uncomputed_of_ods(parts["content.xml"]) if "content.xml" in parts else None
     try:
-        with CalamineWorkbook.from_filelike(io.BytesIO(_stored(parts))) as book:
+        with CalamineWorkbook.from_filelike(io.BytesIO(data)) as book:
             names = list(book.sheet_names)
             if dialect.sheet is not None and dialect.sheet not in names:
                 rule = "names no sheet of the workbook"
@@ -78,15 +77,6 @@ def _parts(data: bytes) -> Files:
                     value=info.filename,
                 )
     return parts
-
-
-def _stored(parts: Files) -> bytes:
-    """An archive of these parts, as they were unpacked here."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
-        for name, content in parts.items():
-            archive.writestr(name, content)
-    return stream.getvalue()
 
 
 class _Sheet:

@@ -21,7 +21,6 @@ from estim.common import (
     format_quantity,
     format_rounded,
     phrase,
-    table,
 )
 from estim.explanation import Explanation, across_runs
 from estim.fitting import MANY_RUNS, ProfileInterval
@@ -209,7 +208,6 @@ def _text(
         pictures=pictures,
         opened=opened_by(result),
         screen=screen,
-        screen_table=table(screen.head, screen.rows),
         copies=copies_of(screen.estimates, kind=result.kind) if screen.estimates else None,
         numbered=all(run.numbered for run in analysis.problem.runs),
         several=[", ".join(run.places) for run in analysis.problem.runs if run.places],

@@ -25,7 +25,6 @@ from estim.common import (
     signed,
     significant,
     split_level,
-    table,
     with_unit,
 )
 from estim.drawing import BLUE, INK, ORANGE, Figure, grid, legend_below, name_ticks
@@ -170,7 +169,7 @@ def reanalysis_report(r: Reanalysis, *, figures: FigureChoice) -> Files:
     if result["line"] is not None and result["line"]["status"] == "ok":
         # its points are other data than the runs
         estimates.append(line_estimate(result["line"], r.campaign.truth))
-    head, rows = result_table(estimates, found=phrase("runs + stated values"))
+    found = result_table(estimates, found=phrase("runs + stated values"))
     return page(
         drawn,
         "reanalysis.md.j2",
@@ -201,12 +200,11 @@ def reanalysis_report(r: Reanalysis, *, figures: FigureChoice) -> Files:
         narrowing=_narrowing(result),
         story=_story(result, good),
         screens=screens,
-        found=table(head, rows),
-        found_rows=rows,
+        found=found,
         copies=copies_of(
             [estimate for estimate in estimates if estimate.measured], kind=result["kind"]
         )
-        if rows
+        if found
         else None,
         minds=[
             (name, words)

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.checks import Check, bad_frames_found, is_measured, upper_limit
+from estim.checks import Check, bad_frames_found
 from estim.common import Label, number, phrase, split_level
 from estim.discrepancy import FoundForce
 from estim.pipeline import Analysis
@@ -263,13 +263,10 @@ class ParameterSummary(Summary, frozen=True, kw_only=True):
 
 def parameter_summary(truth: Mapping[str, float], analysis: Analysis, i: int) -> ParameterSummary:
     """Of the parameter at place i.  truth : name -> true value, where it is known."""
-    parameter = analysis.problem.parameters[i]
-    diagnosis = analysis.diagnosis
-    draws = analysis.chain.flat[:, i]
-    summary = analysis.summaries[i]
-    upper = upper_limit(summary, parameter.prior, draws)
+    parameter, diagnosis = analysis.problem.parameters[i], analysis.diagnosis
+    estimate = analysis.estimates[i]
     return ParameterSummary(
-        **msgspec.structs.asdict(summary),
+        **msgspec.structs.asdict(estimate.summary),
         prior=_prior_words(analysis, parameter),
         prior_mean=number(parameter.prior.expectation),
         prior_sd=number(parameter.prior.sd),
@@ -277,9 +274,9 @@ def parameter_summary(truth: Mapping[str, float], analysis: Analysis, i: int) ->
         ess_tail=number(diagnosis.ess_tail[i]),
         rhat=number(diagnosis.rhat[i]),
         mcse=number(diagnosis.mcse[i]),
-        stated=parameter.prior.stated_words(parameter.unit, parameter.label),
-        measured=is_measured(summary, parameter.prior, upper) if diagnosis.ok else None,
-        upper_95=upper,
+        stated=estimate.stated,
+        measured=estimate.measured if diagnosis.ok else None,
+        upper_95=estimate.upper,
         true=truth.get(parameter.name),
     )
 

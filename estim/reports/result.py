@@ -125,7 +125,7 @@ class Screen:
     best : of a curve that does not fit, its values without uncertainties, in words.
 
     estimates : of all parameters that are not a single run's among several, and what was sought.
-    head, rows : the table of those measured.
+    table : of those measured.
     left : the others in words.
     elsewhere : which are single runs'.  minds : what to mind.
     sensitivity : what errors would do that no residual shows.
@@ -135,8 +135,7 @@ class Screen:
     best: str = ""
     tests: str = ""
     estimates: tuple[Estimate, ...] = ()
-    head: tuple[str, ...] = ()
-    rows: tuple[tuple[str, ...], ...] = ()
+    table: str = ""
     left: str = ""
     elsewhere: str = ""
     minds: tuple[str, ...] = ()
@@ -202,8 +201,7 @@ class Result(Report, dict=True):
             status=self.status,
             reasons=[*self.reasons, *filter(None, [screen.best])],
             advice=self.advice,
-            head=screen.head,
-            rows=screen.rows,
+            shown=screen.table,
             tests=screen.tests,
             left=screen.left,
             minds=screen.minds,
@@ -496,7 +494,6 @@ def first_screen(result: Result) -> Screen:
     tests = p_sentence(p_curve, result.stated_values.p_value if result.stated_values.dof else None)
     names = [name for name in result.parameters if not _of_one_run(name, result)]
     estimates = tuple([_estimate(name, result) for name in names] + _derived_quantities(result))
-    head, rows = result_table(estimates)
     elsewhere = list(
         dict.fromkeys(
             result.labels.symbol(split_level(name)[0])
@@ -512,8 +509,7 @@ def first_screen(result: Result) -> Screen:
         "",
         tests,
         estimates,
-        head,
-        tuple(rows),
+        result_table(estimates),
         not_measured(estimates),
         listed(elsewhere) if elsewhere else "",
         (*missing, *islice(minds, MOST_MINDS)),

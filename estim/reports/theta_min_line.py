@@ -25,7 +25,6 @@ from estim.common import (
     later,
     phrase,
     significant,
-    table,
 )
 from estim.drawing import BLUE, INK, ORANGE, Figure, draw_bands, legend_below, new_figure
 from estim.line import CONVENTIONS, LineAnalysis, TrialsAnalysis
@@ -194,7 +193,7 @@ def line_report(
         result=result,
         assumption=analysis.assumption,
         trials=records.get("trials.json"),
-        found=table(*result_table(estimates)),
+        found=result_table(estimates),
         copies=copies_of(estimates, kind=campaign.kind) if estimates else None,
         **LINE_WORDS,
         labels=UNKNOWN_LABELS,

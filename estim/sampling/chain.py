@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estim.arrays import FloatArray, IntArray
+from estim.arrays import FloatArray
 from estim.common import Finding, Kind, NumericalError, phrase
 from estim.sampling.cholesky import lower_factor
 from estim.sampling.diagnostics import Mixing, autocorrelation_time, mixing_of
@@ -120,15 +120,8 @@ class Chain:
 
     def thinned(self, n_draw: int) -> FloatArray:
         """(at most n_draw, n_par) draws, evenly spread over the chain."""
-        return self.flat[self._spread(n_draw)]
-
-    def thinned_heights(self, n_draw: int) -> FloatArray:
-        """(at most n_draw,) log densities of the draws of `thinned`."""
-        return self.log_density.reshape(-1)[self._spread(n_draw)]
-
-    def _spread(self, n_draw: int) -> IntArray:
         rows = np.linspace(0, self.log_density.size - 1, n_draw).astype(np.int64)
-        return rows[np.diff(rows, prepend=-1) > 0]
+        return self.flat[rows[np.diff(rows, prepend=-1) > 0]]
 
 
 def sample_posterior(

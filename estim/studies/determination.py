@@ -38,11 +38,5 @@ def determine(analysis: Analysis, *, profiles: bool = True) -> Determination:
     intervals = (
         profile_intervals(analysis.fit, names=[problem.names[i] for i in few]) if few else ()
     )
-    fit, symmetry = analysis.fit, analysis.fit.symmetry
-    # else what was sampled is more than likelihood and priors, or a sum over labels
-    plain = fit.measure is None and fit.jeffreys is None and fit.sampled.flat is None
-    if plain and (symmetry is None or symmetry.trivial):
-        log_likelihood = analysis.chain.thinned_heights(_DRAWS) - problem.log_prior(draws)
-    else:
-        log_likelihood = analysis.fit.posterior.log_likelihood(draws)
+    log_likelihood = analysis.fit.posterior.log_likelihood(draws)
     return Determination(intervals, power_scaling(problem, draws, log_likelihood))

@@ -18,7 +18,7 @@ from estim.common import PieceStore, Quantity, Status, Stream, phrase, run_paral
 from estim.fitting import Fit, fit_problem
 from estim.line import LineAnalysis, ThetaMinSeries, analyse_line, read_theta_min
 from estim.pipeline import Analysis, analyse
-from estim.sampling import Progress, Target
+from estim.sampling import Target
 from estim.studies.energy import Drift, EnergyRecord, drift_of, energy_along
 from estim.studies.limits import Limit, Narrowing, limits, narrowing
 from estim.studies.noise_comparison import ProgressOf
@@ -115,26 +115,17 @@ class _TaskRunner:
     def runs_of(self, body: str) -> list[str]:
         return [run.name for run in self.campaign.source.runs if run.body == body]
 
-    def __call__(
-        self, piece: _TaskKey, progress: Progress | None = None
-    ) -> LineAnalysis | Analysis | _JointResult:
+    def __call__(self, piece: _TaskKey) -> LineAnalysis | Analysis | _JointResult:
         kind, name = piece
         if kind == "line":
             assert self.series is not None
             gamma = gamma_of_body(self.campaign.source, self.series.body)
-            return analyse_line(
-                self.series,
-                gamma_masses=gamma,
-                seed=self.seed,
-                target=self.target,
-                progress=progress,
-            )
+            return analyse_line(self.series, gamma_masses=gamma, seed=self.seed, target=self.target)
         together = analyse(
             self.campaign,
             [name] if kind == "run" else self.runs_of(name),
             seed=self.seed,
             target=self.target,
-            progress=progress,
             store=self.store,
         )
         if kind == "run":
@@ -196,7 +187,7 @@ def reanalyse(
         target,
         store,
     )
-    done = _serially(work, progress_of) if jobs == 1 else _in_parallel(work, progress_of, jobs)
+    done = _done(work, progress_of, jobs)
     line = done.get(("line", ""))
     single_runs = {name: done["run", name] for kind, name in work.pieces if kind == "run"}
     bodies = [
@@ -215,15 +206,7 @@ def reanalyse(
     )
 
 
-def _serially(work: _TaskRunner, progress_of: ProgressOf) -> dict[_TaskKey, Any]:
-    done = {}
-    for piece in work.pieces:
-        with progress_of(_shown(piece)) as progress:
-            done[piece] = work(piece, progress)
-    return done
-
-
-def _in_parallel(work: _TaskRunner, progress_of: ProgressOf, jobs: int) -> dict[_TaskKey, Any]:
+def _done(work: _TaskRunner, progress_of: ProgressOf, jobs: int) -> dict[_TaskKey, Any]:
     """Those that take longest first: the runs that are many together."""
     pieces = sorted(work.pieces, key=lambda piece: -len(work.runs_of(piece[1])))
     with progress_of(
@@ -289,11 +272,12 @@ def _numbers_of(
             numbers.append(("gamma", b.body, b.gamma_masses, how))
         draws, n = b.joint.chain.flat, len(b.energies)
         for parameter, column, estimate in zip(
-            b.joint.problem.parameters, draws.T, b.joint.estimates, strict=False
+            b.joint.problem.parameters, draws.T, b.joint.estimates, strict=True
         ):
             base = parameter.name.partition("[")[0]
+            told = b.joint.diagnosis.ok and estimate.measured
             # what the data leave as it was stated is no second opinion
-            if base in ("gamma", "kappa", "radius") and estimate.measured:
+            if base in ("gamma", "kappa", "radius") and told:
                 value = Quantity(float(column.mean()), float(column.std(ddof=1)))
                 how = phrase(
                     "joint fit of {n} runs of {body}, stated value as prior"
