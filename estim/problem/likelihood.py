@@ -314,7 +314,7 @@ class Noise(ABC):
     of.
 
     A law of independent readings with exact x says its `size`, `reading_gain`, `likelihood`,
-    `read`, `carried` and `describe`; all else has an answer here.
+    `read` and `describe`; all else has an answer here.
     """
 
     @property
@@ -431,7 +431,6 @@ class Noise(ABC):
         of these.  gain : (n,) `reading_gain` of these rows.
         """
 
-    @abstractmethod
     def carried(
         self, by_x: FloatArray, by_y: FloatArray, named: Named
     ) -> tuple[FloatArray, FloatArray]:
@@ -439,6 +438,8 @@ class Noise(ABC):
         quantity of each point with derivatives by_x, by_y (n_obs,): its covariance (n_obs, n_obs),
         and the variance (n_obs,) of y alone.
         """
+        variance = self.size.variance(np.square(self.reading_gain()), named)[0]
+        return np.diag(by_y**2 * variance), variance
 
     @abstractmethod
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:

@@ -173,12 +173,6 @@ class Independent(Noise):
         sd = np.hypot(np.asarray(self.sigma.at(named)) * gain, self.scatter.at(named))
         return self.size.rounded(true + self.tails.draw(rng, true.size, named) * sd)
 
-    def carried(
-        self, by_x: FloatArray, by_y: FloatArray, named: Named
-    ) -> tuple[FloatArray, FloatArray]:
-        variance = self.size.variance(np.square(self.relative), named)[0]
-        return np.diag(by_y**2 * variance), variance
-
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         """The noise in words."""
         sizes = []
