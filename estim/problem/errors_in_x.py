@@ -289,7 +289,7 @@ class LatentErrors(Likelihood):
         moved = (
             np.einsum("dik,dikj->dij", weight, predictive_slopes(values, along)[0]) / sd[..., None]
         )
-        pull = np.multiply(*tails.deviance_residual((self.y - mean) / sd, named))
+        pull = tails.score((self.y - mean) / sd, named)
         gradient = np.einsum("dij,di->dj", moved, pull)
         information = tails.information(
             {name: float(np.mean(np.asarray(named[name]))) for name in tails.parameters}
@@ -345,7 +345,7 @@ class LatentErrors(Likelihood):
         tails, density = self.tails, self._predictive(named).of(part)
         z, terms = density.terms(y, tails, named)
         share = _shares(terms)
-        pull = np.multiply(*tails.deviance_residual(z, deepened(tails, named)))
+        pull = tails.score(z, deepened(tails, named))
         of_mean, of_variance = (array[part] for array in self._slopes(named, names))
         with np.errstate(all="ignore"):
             scores = (share * pull / np.sqrt(density.variance)) @ of_mean + (
