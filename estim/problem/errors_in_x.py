@@ -236,7 +236,7 @@ class LatentErrors(Likelihood):
         """(n, n_obs) standard deviations of the errors of the abscissas, n the number of draws or
         1.
         """
-        return np.atleast_2d(np.asarray(self.sigma_x.at(named)) * self.relative_x)
+        return np.atleast_2d(self.sigma_x.at(named) * self.relative_x)
 
     def _well_known(self, named: Named) -> bool:
         if self.sigma_x.parameter is not None:
@@ -292,7 +292,7 @@ class LatentErrors(Likelihood):
         pull = tails.score((self.y - mean) / sd, named)
         gradient = np.einsum("dij,di->dj", moved, pull)
         information = tails.information(
-            {name: float(np.mean(np.asarray(named[name]))) for name in tails.parameters}
+            {name: float(np.mean(named[name])) for name in tails.parameters}
         )[0]
         curvature = information * np.einsum("dij,dik->djk", moved, moved) + np.eye(2)
         with np.errstate(all="ignore"):

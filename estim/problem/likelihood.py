@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from estim.arrays import FloatArray, IntArray, Named
@@ -53,7 +52,7 @@ class Points:
         """Those of each run: of this one alone."""
         return (self,)
 
-    def bind(self, named: Named) -> dict[str, ArrayLike]:
+    def bind(self, named: Named) -> dict[str, float | FloatArray]:
         """Arguments of the curve for parameter values; of what varies between runs, this run's
         own.
         """

@@ -84,7 +84,8 @@ class Tails(ABC):
         with np.errstate(all="ignore"):  # far out a density may be 0
             density, score = np.exp(self.log_density(_GRID, values)), self.score(_GRID, values)
             squares = np.square([score, score * _GRID - 1.0]) * density
-        location, scale = np.trapezoid(finite_or(squares, 0.0), _GRID)
+        # by the trapezoid rule
+        location, scale = finite_or(squares, 0.0) @ np.gradient(_GRID)
         return float(location), float(scale)
 
     def outlier_probability(self, z: FloatArray, values: Named) -> FloatArray:
@@ -236,8 +237,7 @@ class Mixture(Tails):
 
     def _parts(self, z: FloatArray, values: Named) -> tuple[FloatArray, FloatArray, FloatArray]:
         """log of the good part, log of the bad part, width; shaped like z."""
-        fraction = np.asarray(values[self.fraction], dtype=float)
-        width = np.exp(np.asarray(values[self.log_width], dtype=float))
+        fraction, width = values[self.fraction], np.exp(values[self.log_width])
         with np.errstate(divide="ignore"):
             good = np.log1p(-fraction) + normal_log_density(z)
             bad = np.log(fraction) - np.log(width) + normal_log_density(z / width)
@@ -260,8 +260,7 @@ class Mixture(Tails):
         return float(np.squeeze(values[self.fraction]))
 
     def tail(self, z: FloatArray, values: Named) -> FloatArray:
-        fraction = np.asarray(values[self.fraction])
-        width = np.exp(np.asarray(values[self.log_width]))
+        fraction, width = values[self.fraction], np.exp(values[self.log_width])
         return (1.0 - fraction) * normal_tail(np.abs(z)) + fraction * normal_tail(np.abs(z) / width)
 
     def draw(self, rng: np.random.Generator, size: int, values: Named) -> FloatArray:
