@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 BoolArray = NDArray[np.bool_]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-Named = Mapping[str, ArrayLike]
+Named = Mapping[str, float | FloatArray]
 """Parameter or argument -> its value, or a column (n_draw, 1) of draws."""
 
 

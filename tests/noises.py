@@ -11,7 +11,7 @@ import numpy as np
 from scipy import stats
 
 from estim.curves.count_data import EventTimes, counted_points
-from estim.curves.formula import read_formula
+from estim.curves.formula import Formula, read_formula
 from estim.discrepancy.grid import prior_grid
 from estim.discrepancy.linearised import linearise
 from estim.discrepancy.mixture_likelihood import keep_probable
@@ -35,7 +35,16 @@ X = np.array([0.0, 0.3, 0.4, 0.9, 1.1, 1.6, 2.0])
 RELATIVE = np.array([1.0, 0.7, 1.3, 1.0, 2.0, 0.8, 1.1])
 INTERVAL = 0.1
 Y = 1.0 + 2.0 * X + np.array([0.05, -0.11, 0.02, 0.13, -0.04, 0.21, -0.07])
-POINTS = Points(read_formula("a + b*x"), X, Y, {"a": "a", "b": "b"})
+
+
+class LineOfSpeeds(Formula):
+    """dx/dt = a + b x."""
+
+    def time_derivative(self, x, arguments, order):
+        return arguments["b"] ** order * self.value(x, arguments)
+
+
+POINTS = Points(LineOfSpeeds(**vars(read_formula("a + b*x"))), X, Y, {"a": "a", "b": "b"})
 VALUES = {"a": 1.05, "b": 1.9}
 Named = Mapping[str, float]
 

@@ -137,18 +137,11 @@ def test_a_curve_is_vectorised_over_draws_and_knows_its_derivatives(curve, argum
         )
 
 
-SPEEDS = {
-    name: pair
-    for name, pair in CURVES.items()
-    if isinstance(pair[0], SpeedCurve) and name != "function draw by draw"
-}
+SPEEDS = {name: pair for name, pair in CURVES.items() if isinstance(pair[0], SpeedCurve)}
 
 
-def test_positions_in_time_and_distorted_curves_are_no_curves_of_speeds() -> None:
-    assert set(SPEEDS) == {name for name in CURVES if name.startswith("phase curve")} | {
-        "formula",
-        "function",
-    }
+def test_only_the_phase_curve_is_a_curve_of_speeds() -> None:
+    assert set(SPEEDS) == {name for name in CURVES if name.startswith("phase curve")}
 
 
 @pytest.mark.parametrize(("curve", "arguments"), SPEEDS.values(), ids=SPEEDS)

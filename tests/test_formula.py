@@ -360,16 +360,6 @@ def test_draws_together_are_the_draws_one_by_one(rng: np.random.Generator) -> No
     assert read_formula("a").value(X, {"a": 2.0}).shape == (1, 4)
 
 
-def test_time_derivatives_follow_the_motion() -> None:
-    # dx/dt = a*sqrt(x) moves as x = (a t/2)^2: v = a^2 t/2 has second derivative 0; dx/dt = x^2 has
-    # d2v/dt2 = 6 x^4, d4v/dt4 = 120 x^6
-    np.testing.assert_allclose(
-        read_formula("a*sqrt(x)").time_derivative(X, {"a": 1.7}, 2), 0.0, atol=1e-14
-    )
-    np.testing.assert_allclose(read_formula("x**2").time_derivative(X, {}, 2)[0], 6.0 * X**4)
-    np.testing.assert_allclose(read_formula("x**2").time_derivative(X, {}, 4)[0], 120.0 * X**6)
-
-
 def numpy_style(x, a, b):
     return a * np.exp(-b * x) + np.where(x > 1.0, np.sqrt(x), 1.0)
 

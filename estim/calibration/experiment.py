@@ -208,8 +208,7 @@ def _scattered(
     if not truth.noise.made_of_positions:
         return run
     return replace(
-        run,
-        y=run.y + np.asarray(truth.noise.size.scatter.at(named)) * rng.standard_normal(run.n_obs),
+        run, y=run.y + truth.noise.size.scatter.at(named) * rng.standard_normal(run.n_obs)
     )
 
 

@@ -11,13 +11,12 @@ size more.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, Named
 from estim.checks.unmodelled_force import SURE
 from estim.common import Finding, Kind
 from estim.problem import Observations, Problem
@@ -94,7 +93,7 @@ def way_of(run: Observations) -> float:
 
 
 def _of_run(
-    run: Observations, arguments: Mapping[str, ArrayLike], n_draw: int, rng: np.random.Generator
+    run: Observations, arguments: Named, n_draw: int, rng: np.random.Generator
 ) -> Rolling | None:
     if run.motion is None:
         return None

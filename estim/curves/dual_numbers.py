@@ -4,9 +4,9 @@ along.
 A `Dual` is a value with its partial derivatives by name.  Operators and NumPy's elementwise
 functions follow the chain rule (forward-mode automatic differentiation; Griewank and Walther,
 Evaluating Derivatives, 2nd ed. 2008, ch. 3), to rounding error and without a step to choose.  A
-value may itself be a `Dual`: that gives second and higher derivatives.  It may be complex, of real
-parameters: the modulus, argument, real and imaginary part follow the chain rule of their two real
-components.  Anything else (`math.exp`, linear algebra, a cast to float) raises TypeError.
+value may be complex, of real parameters: the modulus, argument, real and imaginary part follow the
+chain rule of their two real components.  Anything else (`math.exp`, linear algebra, a cast to
+float) raises TypeError.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ Slope = Callable[..., Any]
 
 
 class Dual(NDArrayOperatorsMixin):
-    """value : an array (or a Dual).  partials : name -> derivative of the value, arrays that
-    broadcast to it.
+    """value : an array.  partials : name -> derivative of the value, arrays that broadcast to
+    it.
     """
 
     __slots__ = ("partials", "value")
@@ -41,7 +41,7 @@ class Dual(NDArrayOperatorsMixin):
             return NotImplemented
         if ufunc in _STEPS:
             return ufunc(*values)
-        if ufunc in _OF_COMPLEX and _is_complex(inputs[0]):
+        if ufunc in _OF_COMPLEX and np.iscomplexobj(values[0]):
             return _OF_COMPLEX[ufunc](*inputs)
         slopes = _slopes().get(ufunc)
         if slopes is None:
@@ -126,10 +126,6 @@ _OF_COMPLEX: Mapping[Any, Callable[[Any], Any]] = {
     np.real: lambda z: z.real,
     np.imag: lambda z: z.imag,
 }  # functions of a complex number that have no complex derivative
-
-
-def _is_complex(value: Any) -> bool:
-    return _is_complex(value.value) if isinstance(value, Dual) else np.iscomplexobj(value)
 
 
 def _power_of_base(r: Any, a: Any, b: Any) -> Any:

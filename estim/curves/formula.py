@@ -128,12 +128,6 @@ class Formula:
         }
         return local_of(evaluate(self.tree, symbols), x, arguments, self.names)
 
-    def time_derivative(self, x: FloatArray, arguments: Named, order: int) -> FloatArray:
-        symbols = numbers_of(arguments, self.names)
-        return time_derivative_of(
-            lambda position: evaluate(self.tree, {"x": position, **symbols}), x, arguments, order
-        )
-
 
 def names_in(tree: ast.expr) -> set[str]:
     """All names in a tree, those of constants and functions too."""
@@ -261,23 +255,6 @@ def local_of(result: Any, x: FloatArray, arguments: Named, names: Iterable[str])
     value = _full(plain(result), x, arguments)
     slopes = {name: _spread(partials.get(name, 0.0), value.shape) for name in ("x", *names)}
     return LocalCurve(value, slopes["x"], {name: slopes[name] for name in names})
-
-
-def time_derivative_of(curve: Any, x: FloatArray, arguments: Named, order: int) -> FloatArray:
-    """d^order f/dt^order along dx/dt = f(x), for `curve` that takes a position as an array or as
-    nested dual numbers.
-
-    Each derivative by time is f d/dx of the one before.
-    """
-
-    def derivative(position: Any, n: int) -> Any:
-        if n == 0:
-            return curve(position)
-        below = derivative(Dual(position, {"x": 1.0}), n - 1)
-        return curve(position) * (below.partials.get("x", 0.0) if isinstance(below, Dual) else 0.0)
-
-    with np.errstate(all="ignore"):
-        return _full(derivative(x, order), x, arguments)
 
 
 def _full(result: Any, x: FloatArray, arguments: Named) -> FloatArray:

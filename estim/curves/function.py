@@ -23,7 +23,7 @@ from estim.arrays import FloatArray, Named
 from estim.common import InputError
 from estim.curves.differences import HALVED, extrapolated
 from estim.curves.dual_numbers import Dual, plain
-from estim.curves.formula import local_of, time_derivative_of
+from estim.curves.formula import local_of
 from estim.curves.several_abscissas import OfPoints
 from estim.given_numbers import real_numbers
 from estim.problem import EXACT, LocalCurve, n_draws
@@ -103,18 +103,6 @@ class PythonCurve:
         except _NO_VALUE:
             nothing = np.full((1, x.size), np.nan)
             return LocalCurve(nothing, nothing, dict.fromkeys(self.names, nothing))
-
-    def time_derivative(self, x: FloatArray, arguments: Named, order: int) -> FloatArray:
-        if self.derivatives != "dual":
-            raise InputError(
-                "must be made of NumPy functions to be differentiated often enough for "
-                "differentiated speeds",
-                field="curve",
-            )
-        scalars = {name: _scalar(arguments[name]) for name in self.names}
-        return time_derivative_of(
-            lambda position: self.function(position, **scalars), x, arguments, order
-        )
 
 
 def wrap_function(

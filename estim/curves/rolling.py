@@ -98,7 +98,7 @@ def from_release(x: FloatArray, arguments: Named) -> FloatArray:
     """Positions counted from the release: (n_obs,), or (n_draw, n_obs) where the zero of the
     positions is unknown.
     """
-    return x - np.asarray(arguments["offset"]) if "offset" in arguments else x
+    return x - arguments["offset"] if "offset" in arguments else x
 
 
 def derived_of(body: Body, motion: Mapping[str, Any], mass: float | None) -> dict[str, Derived]:
@@ -333,9 +333,9 @@ class MotionCurve:
         run's unit.
         """
         position, velocity = _state(
-            t - np.asarray(arguments["release_time"]), _known(arguments, self.setting), self.angular
+            t - arguments["release_time"], _known(arguments, self.setting), self.angular
         )
-        return position + np.asarray(arguments["offset"]), velocity
+        return position + arguments["offset"], velocity
 
 
 @dataclass(frozen=True, eq=False)
@@ -366,16 +366,16 @@ class RollingMotion:
     end_notation = Notation("x_t")
     instrument_readings = ("phi", "theta0")
 
-    def metres(self, arguments: Named) -> ArrayLike:
+    def metres(self, arguments: Named) -> float | FloatArray:
         return arguments["radius"] if self.angular else 1.0
 
-    def gravity(self, arguments: Named) -> ArrayLike:
+    def gravity(self, arguments: Named) -> float | FloatArray:
         return arguments["g"]
 
-    def upright(self, arguments: Named) -> ArrayLike:
+    def upright(self, arguments: Named) -> float | FloatArray:
         return np.cos(body_of(arguments)[1]["phi"])
 
-    def radian(self, arguments: Named) -> ArrayLike:
+    def radian(self, arguments: Named) -> float | FloatArray:
         return 1.0 if self.angular else arguments["radius"]
 
     def footing(self, farthest: float, arguments: Named) -> Footing:
@@ -391,7 +391,7 @@ class RollingMotion:
         """Readings from the release to `farthest`, and how far they are from the release, (n_draw,
         n) each.
         """
-        zero = np.atleast_2d(np.asarray(arguments.get("offset", 0.0), dtype=float))
+        zero = np.atleast_2d(arguments.get("offset", 0.0))
         way = np.maximum(farthest - zero, 0.0) * np.linspace(0.0, 1.0, 96)
         return zero + way, way
 
@@ -462,7 +462,7 @@ class RollingMotion:
     def end(self, arguments: Named) -> FloatArray:
         if self.in_time:
             return np.full((1, 1), np.inf)
-        return np.atleast_2d(self.stop(arguments) + np.asarray(arguments.get("offset", 0.0)))
+        return np.atleast_2d(self.stop(arguments) + arguments.get("offset", 0.0))
 
     def stop(self, arguments: Named) -> FloatArray:
         known = _known(arguments, self.setting)
@@ -507,7 +507,7 @@ def _of_forces(known: _Known, arguments: Named, rolling: Derived | None) -> dict
             "1", slope, phrase("effective slope sin φ + c_rr cos φ + Q/(M g R)"), Notation("s")
         )
         if rolling is not None:
-            whole = rolling.values + np.asarray(arguments["moment"])
+            whole = rolling.values + arguments["moment"]
             quantities["resisting_moment"] = _derived(
                 "N m",
                 whole,

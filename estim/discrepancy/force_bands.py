@@ -59,9 +59,9 @@ class Completed:
             mean, sd = units[family.length].given(mixture, family, k, z[rows])
             energy[rows], scale[rows] = mean + sd * errors[rows], family.scale[k]
         arguments = self.points.bind(named)
-        metres = np.asarray(self.motion.metres(arguments))
+        metres = self.motion.metres(arguments)
         lift = (
-            np.asarray(self.motion.gravity(arguments))
+            self.motion.gravity(arguments)
             * metres
             / self.motion.energies(x, np.ones(x.size), arguments)[0]
         )

@@ -15,12 +15,11 @@ u must be near u', not f.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.discrepancy.precomputed_terms import Weight
@@ -49,18 +48,18 @@ class Inertia:
     at_fit: FloatArray
 
     @classmethod
-    def of(cls, motion: Motion, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> Inertia:
+    def of(cls, motion: Motion, x: FloatArray, arguments: Named) -> Inertia:
         places = np.quantile(x, (0.0, 0.5, 1.0))
         return cls(motion, places, _inertias(motion, places, arguments)[0])
 
-    def ratio(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    def ratio(self, arguments: Named) -> FloatArray:
         """(n_draw,) on average over the places."""
         return np.mean(_inertias(self.motion, self.x, arguments) / self.at_fit, axis=1)
 
 
-def _inertias(motion: Motion, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+def _inertias(motion: Motion, x: FloatArray, arguments: Named) -> FloatArray:
     kinetic = motion.energies(x, np.ones(x.size), arguments)[0]
-    return np.atleast_2d(kinetic / np.asarray(motion.gravity(arguments)))
+    return np.atleast_2d(kinetic / motion.gravity(arguments))
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,10 +71,10 @@ class _About:
     curve: Curve
     speed: FloatArray
 
-    def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    def value(self, x: FloatArray, arguments: Named) -> FloatArray:
         return self.curve.value(x, arguments)
 
-    def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+    def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
         square, double = cast(SquaredCurve, self.curve).local_square(x, arguments), 2.0 * self.speed
         return LocalCurve(
             self.curve.value(x, arguments),
@@ -83,9 +82,7 @@ class _About:
             {name: d / double for name, d in square.gradient.items()},
         )
 
-    def time_derivative(
-        self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int
-    ) -> FloatArray:
+    def time_derivative(self, x: FloatArray, arguments: Named, order: int) -> FloatArray:
         return cast(SpeedCurve, self.curve).time_derivative(x, arguments, order)
 
 

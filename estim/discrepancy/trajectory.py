@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.sparse import eye_array
 
 from estim.arrays import FloatArray
@@ -139,9 +138,9 @@ class _Here:
 
     motion: Motion
     points: Points
-    arguments: Mapping[str, ArrayLike]
+    arguments: Named
 
-    def scalar(self, of: Callable[[Mapping[str, ArrayLike]], ArrayLike]) -> float:
+    def scalar(self, of: Callable[[Named], float | FloatArray]) -> float:
         return float(np.ravel(of(self.arguments))[0])
 
     @property

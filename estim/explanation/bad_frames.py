@@ -43,13 +43,13 @@ class Displaced:
     shift: FloatArray
 
     def value(self, x: FloatArray, arguments: Named) -> FloatArray:
-        return self.curve.value(x, arguments) + np.asarray(arguments[_ARGUMENT]) * self._at(x)
+        return self.curve.value(x, arguments) + arguments[_ARGUMENT] * self._at(x)
 
     def local(self, x: FloatArray, arguments: Named) -> LocalCurve:
         inner, moved = self.curve.local(x, arguments), self._at(x)
         return replace(
             inner,
-            value=inner.value + np.asarray(arguments[_ARGUMENT]) * moved,
+            value=inner.value + arguments[_ARGUMENT] * moved,
             gradient={**inner.gradient, _ARGUMENT: moved},
         )
 

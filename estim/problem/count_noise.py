@@ -148,12 +148,6 @@ class Counts(Counted, Noise):
     ) -> FloatArray:
         return self.law.draw(true, self.trials, rng)
 
-    def carried(
-        self, by_x: FloatArray, by_y: FloatArray, named: Named
-    ) -> tuple[FloatArray, FloatArray]:
-        variance = np.square(self.typical)
-        return np.diag(by_y**2 * variance), variance
-
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         """The noise in words."""
         where = "" if self.bins is None else phrase(", the curve integrated over each bin")

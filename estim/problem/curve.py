@@ -11,8 +11,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
-from numpy.typing import ArrayLike
-
 from estim.arrays import FloatArray, Named
 from estim.common import Label, Notation, later
 from estim.problem.priors import Prior
@@ -183,16 +181,16 @@ class Motion(Protocol):
     def footing(self, farthest: float, arguments: Named) -> Footing:
         """The force of the ramp from the release to the reading `farthest`, on the way there."""
 
-    def metres(self, arguments: Named) -> ArrayLike:
+    def metres(self, arguments: Named) -> float | FloatArray:
         """Metres that one unit of position is worth."""
 
-    def gravity(self, arguments: Named) -> ArrayLike:
+    def gravity(self, arguments: Named) -> float | FloatArray:
         """Acceleration of free fall, m/s^2."""
 
-    def upright(self, arguments: Named) -> ArrayLike:
+    def upright(self, arguments: Named) -> float | FloatArray:
         """Normal force over the weight, at rest."""
 
-    def radian(self, arguments: Named) -> ArrayLike:
+    def radian(self, arguments: Named) -> float | FloatArray:
         """Positions passed while the body turns by one radian."""
 
     def energies(

@@ -236,7 +236,7 @@ class LatentErrors(Likelihood):
         """(n, n_obs) standard deviations of the errors of the abscissas, n the number of draws or
         1.
         """
-        return np.atleast_2d(np.asarray(self.sigma_x.at(named)) * self.relative_x)
+        return np.atleast_2d(self.sigma_x.at(named) * self.relative_x)
 
     def _well_known(self, named: Named) -> bool:
         if self.sigma_x.parameter is not None:
@@ -289,10 +289,10 @@ class LatentErrors(Likelihood):
         moved = (
             np.einsum("dik,dikj->dij", weight, predictive_slopes(values, along)[0]) / sd[..., None]
         )
-        pull = np.multiply(*tails.deviance_residual((self.y - mean) / sd, named))
+        pull = tails.score((self.y - mean) / sd, named)
         gradient = np.einsum("dij,di->dj", moved, pull)
         information = tails.information(
-            {name: float(np.mean(np.asarray(named[name]))) for name in tails.parameters}
+            {name: float(np.mean(named[name])) for name in tails.parameters}
         )[0]
         curvature = information * np.einsum("dij,dik->djk", moved, moved) + np.eye(2)
         with np.errstate(all="ignore"):
@@ -345,7 +345,7 @@ class LatentErrors(Likelihood):
         tails, density = self.tails, self._predictive(named).of(part)
         z, terms = density.terms(y, tails, named)
         share = _shares(terms)
-        pull = np.multiply(*tails.deviance_residual(z, deepened(tails, named)))
+        pull = tails.score(z, deepened(tails, named))
         of_mean, of_variance = (array[part] for array in self._slopes(named, names))
         with np.errstate(all="ignore"):
             scores = (share * pull / np.sqrt(density.variance)) @ of_mean + (

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from estim.arrays import FloatArray, IntArray, Named
@@ -53,7 +52,7 @@ class Points:
         """Those of each run: of this one alone."""
         return (self,)
 
-    def bind(self, named: Named) -> dict[str, ArrayLike]:
+    def bind(self, named: Named) -> dict[str, float | FloatArray]:
         """Arguments of the curve for parameter values; of what varies between runs, this run's
         own.
         """
@@ -314,7 +313,7 @@ class Noise(ABC):
     of.
 
     A law of independent readings with exact x says its `size`, `reading_gain`, `likelihood`,
-    `read`, `carried` and `describe`; all else has an answer here.
+    `read` and `describe`; all else has an answer here.
     """
 
     @property
@@ -429,7 +428,6 @@ class Noise(ABC):
         of these.  gain : (n,) `reading_gain` of these rows.
         """
 
-    @abstractmethod
     def carried(
         self, by_x: FloatArray, by_y: FloatArray, named: Named
     ) -> tuple[FloatArray, FloatArray]:
@@ -437,6 +435,8 @@ class Noise(ABC):
         quantity of each point with derivatives by_x, by_y (n_obs,): its covariance (n_obs, n_obs),
         and the variance (n_obs,) of y alone.
         """
+        variance = self.size.variance(np.square(self.reading_gain()), named)[0]
+        return np.diag(by_y**2 * variance), variance
 
     @abstractmethod
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:

@@ -154,7 +154,7 @@ class Independent(Noise):
         """As far spread as the fitted distribution says."""
         if self.sigma_x is None:
             return x
-        known = true_abscissas(x, np.atleast_2d(np.asarray(self.sigma_x.at(named)) * gain))
+        known = true_abscissas(x, np.atleast_2d(self.sigma_x.at(named) * gain))
         return known.centre[0] + known.spread[0] * rng.standard_normal(x.size)
 
     def read_x(
@@ -163,21 +163,15 @@ class Independent(Noise):
         return (
             x
             if self.sigma_x is None
-            else x + np.asarray(self.sigma_x.at(named)) * gain * rng.standard_normal(x.size)
+            else x + self.sigma_x.at(named) * gain * rng.standard_normal(x.size)
         )
 
     def read(
         self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
     ) -> FloatArray:
         gain = self.share * np.abs(true) if self.share else gain
-        sd = np.hypot(np.asarray(self.sigma.at(named)) * gain, self.scatter.at(named))
+        sd = np.hypot(self.sigma.at(named) * gain, self.scatter.at(named))
         return self.size.rounded(true + self.tails.draw(rng, true.size, named) * sd)
-
-    def carried(
-        self, by_x: FloatArray, by_y: FloatArray, named: Named
-    ) -> tuple[FloatArray, FloatArray]:
-        variance = self.size.variance(np.square(self.relative), named)[0]
-        return np.diag(by_y**2 * variance), variance
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         """The noise in words."""

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray, Named
 
@@ -28,7 +27,7 @@ class Scale:
     value: float = 0.0
     parameter: str | None = None
 
-    def at(self, values: Named) -> ArrayLike:
+    def at(self, values: Named) -> float | FloatArray:
         """The standard deviation for parameter values (scalars or (n_draw, 1))."""
         return self.value if self.parameter is None else values[self.parameter]
 
@@ -73,7 +72,7 @@ class NoiseVariance:
         for scale, square in ((self.sigma, weight), (self.scatter, np.ones(weight.size))):
             if scale.parameter in names:
                 slopes[:, names.index(str(scale.parameter))] += (
-                    2.0 * np.asarray(named[str(scale.parameter)]) * square
+                    2.0 * named[str(scale.parameter)] * square
                 )
         return slopes
 

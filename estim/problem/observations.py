@@ -10,7 +10,6 @@ from types import MappingProxyType
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray, IntArray, Named
 from estim.common import Finding, InputError, Label, Notation, phrase, split_level
@@ -277,7 +276,7 @@ class Observations:
         }
         return replace(self, arguments=MappingProxyType(arguments))
 
-    def bind(self, values: Named) -> dict[str, ArrayLike]:
+    def bind(self, values: Named) -> dict[str, float | FloatArray]:
         """Arguments of the curve for parameter values (scalars or (n_draw, 1)), and what else is
         needed for what was `sought`.
         """

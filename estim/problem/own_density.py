@@ -98,10 +98,5 @@ class OwnDensity(Noise):
     ) -> FloatArray:
         return true
 
-    def carried(
-        self, by_x: FloatArray, by_y: FloatArray, named: Named
-    ) -> tuple[FloatArray, FloatArray]:
-        return np.zeros((by_y.size, by_y.size)), np.zeros(by_y.size)
-
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         return phrase("a user-defined log density of {n} observations", n=self.n_obs)

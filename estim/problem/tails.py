@@ -23,7 +23,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from estim.arrays import FloatArray, Named
+from estim.arrays import FloatArray, Named, finite_or
 from estim.common import phrase
 from estim.distributions import (
     normal_log_density,
@@ -32,6 +32,10 @@ from estim.distributions import (
     student_log_density,
     student_tail,
 )
+
+NEAR = 1e-4  # of 0: there a density differs from its highest by rounding errors
+_SIDE = np.append(np.linspace(0.0, 8.0, 400), np.geomspace(8.05, 1e6, 400))
+_GRID = np.append(-_SIDE[:0:-1], _SIDE)
 
 
 class Tails(ABC):
@@ -55,16 +59,34 @@ class Tails(ABC):
         """Normalised log density."""
 
     @abstractmethod
-    def deviance_residual(self, z: FloatArray, values: Named) -> tuple[FloatArray, FloatArray]:
-        """r(z) with r^2/2 = log p(0) - log p(z), signed as z, and dr/dz: what least squares
-        minimises.
-        """
+    def score(self, z: FloatArray, values: Named) -> FloatArray:
+        """Minus the derivative of the log density."""
 
     @abstractmethod
+    def tail(self, z: FloatArray, values: Named) -> FloatArray:
+        """Probability of what lies beyond z, seen from 0."""
+
+    def deviance_residual(self, z: FloatArray, values: Named) -> tuple[FloatArray, FloatArray]:
+        """r(z) with r^2/2 = log p(0) - log p(z), signed as z, and dr/dz = score/r: what least
+        squares minimises.
+        """
+        near = np.where(np.abs(z) < NEAR, NEAR, z)  # where the slope is taken
+        top = self.log_density(np.zeros_like(z), values)
+        root, beside = (
+            np.sqrt(np.maximum(2.0 * (top - self.log_density(at, values)), 0.0)) for at in (z, near)
+        )
+        return np.sign(z) * root, np.sign(near) * self.score(near, values) / beside
+
     def information(self, values: Named) -> tuple[float, float]:
         """Fisher information of one z about its location and about the logarithm of its scale (1
         and 2 if normal).
         """
+        with np.errstate(all="ignore"):  # far out a density may be 0
+            density, score = np.exp(self.log_density(_GRID, values)), self.score(_GRID, values)
+            squares = np.square([score, score * _GRID - 1.0]) * density
+        # by the trapezoid rule
+        location, scale = finite_or(squares, 0.0) @ np.gradient(_GRID)
+        return float(location), float(scale)
 
     def outlier_probability(self, z: FloatArray, values: Named) -> FloatArray:
         """Probability that this frame is an outlier, given z."""
@@ -74,9 +96,10 @@ class Tails(ABC):
         """The share of outliers where that is one of its own unknowns, otherwise nan."""
         return math.nan
 
-    @abstractmethod
     def normal_score(self, z: FloatArray, values: Named) -> FloatArray:
         """z mapped to a standard normal variable through its distribution function."""
+        tail = np.maximum(self.tail(z, values), 1e-300)
+        return np.where(z < 0.0, 1.0, -1.0) * normal_quantile(tail)
 
     @abstractmethod
     def draw(self, rng: np.random.Generator, size: int, values: Named) -> FloatArray:
@@ -100,6 +123,12 @@ class Gaussian(Tails):
 
     def log_density(self, z: FloatArray, values: Named) -> FloatArray:
         return normal_log_density(z)
+
+    def score(self, z: FloatArray, values: Named) -> FloatArray:
+        return z
+
+    def tail(self, z: FloatArray, values: Named) -> FloatArray:
+        return normal_tail(np.abs(z))
 
     def deviance_residual(self, z: FloatArray, values: Named) -> tuple[FloatArray, FloatArray]:
         return z, np.ones_like(z)
@@ -142,10 +171,11 @@ class TwoPiece(Gaussian):
         side = self._side(z)
         return z / side, 1.0 / side
 
-    def normal_score(self, z: FloatArray, values: Named) -> FloatArray:
+    def tail(self, z: FloatArray, values: Named) -> FloatArray:
         side = self._side(z)
-        beyond = 2.0 * side / (self.skew + 1.0 / self.skew) * normal_tail(np.abs(z / side))
-        return np.where(z < 0.0, 1.0, -1.0) * normal_quantile(np.maximum(beyond, 1e-300))
+        return 2.0 * side / (self.skew + 1.0 / self.skew) * normal_tail(np.abs(z / side))
+
+    normal_score = Tails.normal_score
 
     def draw(self, rng: np.random.Generator, size: int, values: Named) -> FloatArray:
         """Of the points that the errors are stated for."""
@@ -168,14 +198,11 @@ class StudentT(Tails):
     def log_density(self, z: FloatArray, values: Named) -> FloatArray:
         return student_log_density(z, self.nu)
 
-    def deviance_residual(self, z: FloatArray, values: Named) -> tuple[FloatArray, FloatArray]:
-        residual = np.sign(z) * np.sqrt((self.nu + 1.0) * np.log1p(z**2 / self.nu))
-        return residual, _slope(
-            residual, z, (self.nu + 1.0) * z / (self.nu + z**2), (self.nu + 1.0) / self.nu
-        )
+    def score(self, z: FloatArray, values: Named) -> FloatArray:
+        return (self.nu + 1.0) * z / (self.nu + z**2)
 
-    def information(self, values: Named) -> tuple[float, float]:
-        return (self.nu + 1.0) / (self.nu + 3.0), 2.0 * self.nu / (self.nu + 3.0)
+    def tail(self, z: FloatArray, values: Named) -> FloatArray:
+        return student_tail(np.abs(z), self.nu)
 
     def outlier_probability(self, z: FloatArray, values: Named) -> FloatArray:
         """t is a normal whose precision follows a Gamma law: probability that this frame's own sd
@@ -185,9 +212,6 @@ class StudentT(Tails):
 
         # a Student-t frame counts as an outlier where its own sd is more than three sigmas
         return gammainc(0.5 * (self.nu + 1.0), 0.5 * (self.nu + z**2) / 3.0**2)
-
-    def normal_score(self, z: FloatArray, values: Named) -> FloatArray:
-        return -np.sign(z) * normal_quantile(np.maximum(student_tail(np.abs(z), self.nu), 1e-300))
 
     def draw(self, rng: np.random.Generator, size: int, values: Named) -> FloatArray:
         return rng.standard_t(self.nu, size)
@@ -213,8 +237,7 @@ class Mixture(Tails):
 
     def _parts(self, z: FloatArray, values: Named) -> tuple[FloatArray, FloatArray, FloatArray]:
         """log of the good part, log of the bad part, width; shaped like z."""
-        fraction = np.asarray(values[self.fraction], dtype=float)
-        width = np.exp(np.asarray(values[self.log_width], dtype=float))
+        fraction, width = values[self.fraction], np.exp(values[self.log_width])
         with np.errstate(divide="ignore"):
             good = np.log1p(-fraction) + normal_log_density(z)
             bad = np.log(fraction) - np.log(width) + normal_log_density(z / width)
@@ -224,28 +247,10 @@ class Mixture(Tails):
         good, bad, _ = self._parts(z, values)
         return np.logaddexp(good, bad)
 
-    def deviance_residual(self, z: FloatArray, values: Named) -> tuple[FloatArray, FloatArray]:
+    def score(self, z: FloatArray, values: Named) -> FloatArray:
         good, bad, width = self._parts(z, values)
-        top_good, top_bad, _ = self._parts(np.zeros_like(z), values)
-        share = self.outlier_probability(z, values)
-        top = np.exp(top_bad - np.logaddexp(top_good, top_bad))
-        residual = np.sign(z) * np.sqrt(
-            np.maximum(2.0 * (np.logaddexp(top_good, top_bad) - np.logaddexp(good, bad)), 0.0)
-        )
-        return residual, _slope(
-            residual, z, z * (1.0 - share + share / width**2), 1.0 - top + top / width**2
-        )
-
-    def information(self, values: Named) -> tuple[float, float]:
-        width = math.exp(float(np.squeeze(values[self.log_width])))
-        far = np.geomspace(8.05, 8.0 * max(width, 2.0), 400)
-        z = np.concatenate([np.linspace(0.0, 8.0, 400), far])
-        density = np.exp(self.log_density(z, values))
-        share = self.outlier_probability(z, values)
-        score = z * (1.0 - share + share / width**2)
-        return 2.0 * float(np.trapezoid(score**2 * density, z)), 2.0 * float(
-            np.trapezoid((score * z - 1.0) ** 2 * density, z)
-        )
+        share = np.exp(bad - np.logaddexp(good, bad))
+        return z * (1.0 - share + share / width**2)
 
     def outlier_probability(self, z: FloatArray, values: Named) -> FloatArray:
         good, bad, _ = self._parts(z, values)
@@ -254,11 +259,9 @@ class Mixture(Tails):
     def outlier_share(self, values: Named) -> float:
         return float(np.squeeze(values[self.fraction]))
 
-    def normal_score(self, z: FloatArray, values: Named) -> FloatArray:
-        fraction = np.asarray(values[self.fraction])
-        width = np.exp(np.asarray(values[self.log_width]))
-        tail = (1.0 - fraction) * normal_tail(np.abs(z)) + fraction * normal_tail(np.abs(z) / width)
-        return -np.sign(z) * normal_quantile(np.maximum(tail, 1e-300))
+    def tail(self, z: FloatArray, values: Named) -> FloatArray:
+        fraction, width = values[self.fraction], np.exp(values[self.log_width])
+        return (1.0 - fraction) * normal_tail(np.abs(z)) + fraction * normal_tail(np.abs(z) / width)
 
     def draw(self, rng: np.random.Generator, size: int, values: Named) -> FloatArray:
         bad = rng.random(size) < np.ravel(values[self.fraction])
@@ -284,14 +287,6 @@ def score_information(tails: Tails, values: Named, ends: tuple[Named, Named, flo
     below, above, distance = ends
     score = (tails.log_density(z, above) - tails.log_density(z, below)) / distance
     return float(np.mean(score**2))
-
-
-def _slope(
-    residual: FloatArray, z: FloatArray, gradient: FloatArray, at_zero: float | FloatArray
-) -> FloatArray:
-    """dr/dz = (d(r^2/2)/dz)/r, with its limit sqrt(d^2(r^2/2)/dz^2) at z = 0."""
-    near = np.abs(z) < 1e-6
-    return np.where(near, np.sqrt(at_zero), gradient / np.where(near, 1.0, residual))
 
 
 GAUSSIAN = Gaussian()

@@ -109,7 +109,7 @@ def _band(
         return None
 
     def curve(values: Mapping[str, Any]) -> FloatArray:
-        speeds = np.asarray(run.curve.value(x, run.bind(centre | dict(values))))
+        speeds = run.curve.value(x, run.bind(centre | dict(values)))
         return speeds if np.ndim(next(iter(values.values()))) else np.ravel(speeds)
 
     linear = propagate_linear(curve, inputs, probability=PROBABILITY)

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray, Named
 from estim.campaign import Campaign
@@ -167,9 +166,9 @@ def _map_body(
     )
 
 
-def _first(arguments: Named, n_draw: int) -> dict[str, ArrayLike]:
+def _first(arguments: Named, n_draw: int) -> dict[str, float | FloatArray]:
     return {
-        name: value if np.ndim(value) == 0 else np.asarray(value)[:n_draw]
+        name: value if isinstance(value, float) else value[:n_draw]
         for name, value in arguments.items()
     }
 
@@ -180,12 +179,11 @@ def _steps(farthest: float) -> FloatArray:
     return np.asarray(np.arange(1, max(int(np.ceil(farthest / step)), 2)) * step)
 
 
-def _central(arguments: Named) -> dict[str, ArrayLike]:
+def _central(arguments: Named) -> dict[str, float | FloatArray]:
     """The median of each argument, (1, 1)."""
-    columns = {name: np.asarray(value, dtype=float) for name, value in arguments.items()}
     return {
-        name: value if value.ndim == 0 else np.full((1, 1), np.median(value))
-        for name, value in columns.items()
+        name: value if isinstance(value, float) else np.full((1, 1), np.median(value))
+        for name, value in arguments.items()
     }
 
 

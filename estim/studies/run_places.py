@@ -59,8 +59,8 @@ def place_of(campaign: Campaign, run: Observations, arguments: Named) -> RunPlac
     """
     phi, theta0 = placed(arguments)
     recorded, unsure = _farthest_recorded(campaign, run)
-    farthest = recorded - np.ravel(np.asarray(arguments.get("offset", 0.0)))
-    metre = float(np.median(np.asarray(run.body.metres(arguments))))
+    farthest = recorded - np.ravel(arguments.get("offset", 0.0))
+    metre = float(np.median(run.body.metres(arguments)))
     stop = np.ravel(run.body.stop(arguments))
     turns, turned = (stop > 0.0) & np.isfinite(stop), _turned(run)
     further = stop - farthest
