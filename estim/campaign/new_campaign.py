@@ -20,7 +20,7 @@ from estim.reading import (
     value_columns,
 )
 
-GUESS = "a + b*x"  # linear, so that any start will do
+GUESS = "a + b*x"
 _GUESS_OF_TRACK = "a + b*x + c*x**2"
 _COMMENTS = {
     "kind": '"measured", "synthetic" or "published": printed on every report',

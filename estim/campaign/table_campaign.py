@@ -181,8 +181,8 @@ def text_of_table(
         formula, _ = of_several(formula, [(axis.column, axis.name) for axis in x], stated)
     elif (variable := variable_of(formula, x[0].column, x[0].name, stated)) not in (None, "x"):
         formula = formula.in_terms_of(variable)
-    begun = model is not None or several
-    starts = dict(choices.start) if begun else _starts(formula, choices)
+    if not (model or several or formula.uses_x):
+        _require_starts(formula, choices)
     _check_parameters(formula, choices)
     window = choices.window and dict(zip(("min", "max"), choices.window, strict=True))
     curve = {
@@ -202,7 +202,7 @@ def text_of_table(
         **{key: getattr(choices.dialect, key) for key in DIALECT_KEYS},
     }
     parameters = {
-        name: _parameter(name, starts, choices)
+        name: _parameter(name, choices)
         for name in formula.names
         if model is None or name in (*stated, *choices.own)
     }
@@ -491,28 +491,26 @@ def _check_parameters(formula: Formula, choices: TableChoices) -> None:
             )
 
 
-def _starts(formula: Formula, choices: TableChoices) -> dict[str, str]:
-    """The starts that were said, and 1.0 for the others if the curve is linear in all of them: they
-    are solved for, so that it does not matter.
+def _require_starts(formula: Formula, choices: TableChoices) -> None:
+    """Raises InputError where a formula without x has no start of a parameter in which it is not
+    linear.
     """
     free = [
         name for name in formula.names if name not in choices.start and name not in choices.value
     ]
-    straight = len(linear_in(formula, free)) == len(free)
-    if not straight and not formula.uses_x:
+    if len(linear_in(formula, free)) < len(free):
         raise InputError(
             "holds neither x nor the name of its column, so that nothing shows where its "
             "parameters lie: write x, or give each a --start",
             field="--formula",
             value=formula.text,
         )
-    return {**(dict.fromkeys(free, "1.0") if straight else {}), **choices.start}
 
 
-def _parameter(name: str, starts: Mapping[str, str], choices: TableChoices) -> object:
+def _parameter(name: str, choices: TableChoices) -> object:
     if name in choices.value:
         return _stated(choices.value[name], f"--value {name}")
-    number, _, unit = starts.get(name, "").strip().partition(" ")
+    number, _, unit = choices.start.get(name, "").strip().partition(" ")
     numbers = {"start": number, "low": choices.low.get(name), "high": choices.high.get(name)}
     return {key: _number(text, f"--{key} {name}") for key, text in numbers.items() if text} | (
         {"unit": unit.strip()} if unit.strip() else {}

@@ -42,16 +42,26 @@ def read_columns(
 
 
 def table_of(
-    layout: Layout, needed: Sequence[str], min_rows: int, *, complete: bool = False
+    layout: Layout,
+    needed: Sequence[str],
+    min_rows: int,
+    *,
+    complete: bool = False,
+    optional: Sequence[str] = (),
 ) -> Table:
-    """The columns `needed` of a table that is laid out so.  complete : whether an empty cell is
-    refused; else its row is left out.  Raises InputError as `read_columns` does.
+    """The columns `needed` of a table that is laid out so, and those that are `optional`, NaN where
+    a cell is empty.  complete : whether an empty cell of the others is refused; else its row is
+    left out.  Raises InputError as `read_columns` does.
     """
     with in_file(layout.file):
-        return _columns(layout, list(dict.fromkeys(needed)), min_rows, complete)
+        return _columns(
+            layout, list(dict.fromkeys((*needed, *optional))), min_rows, complete, optional
+        )
 
 
-def _columns(layout: Layout, needed: Sequence[str], min_rows: int, complete: bool) -> Table:
+def _columns(
+    layout: Layout, needed: Sequence[str], min_rows: int, complete: bool, optional: Sequence[str]
+) -> Table:
     places = [place_of(name, layout.names, layout.header_line) for name in needed]
     dialect = layout.dialect
     if (
@@ -69,7 +79,8 @@ def _columns(layout: Layout, needed: Sequence[str], min_rows: int, complete: boo
     lines, copies = dict[tuple[str, ...], int](), dict[int, int]()
     for row in rows:
         cells = {name: row.cells[place] for name, place in zip(needed, places, strict=True)}
-        blank = next((name for name, cell in cells.items() if is_missing(cell)), None)
+        empty = [name for name, cell in cells.items() if is_missing(cell)]
+        blank = next((name for name in empty if name not in optional), None)
         if blank is not None and complete:
             raise row_refused(row, "must be a number", blank, cells[blank])
         if blank is not None:
@@ -80,7 +91,9 @@ def _columns(layout: Layout, needed: Sequence[str], min_rows: int, complete: boo
         numbers.append(row.number)
         values.append(
             [
-                number_in(row, name, cells[name], mark, _named(row, place, layout))
+                np.nan
+                if name in empty
+                else number_in(row, name, cells[name], mark, _named(row, place, layout))
                 for name, place in zip(needed, places, strict=True)
             ]
         )

@@ -145,32 +145,16 @@ def _read(file: Path) -> tuple[Columns, Sequence[str]]:
 
 
 def _start(file: Path, fields: Fields) -> tuple[dict[str, float], bytes]:
-    """Parameters of a curve at its start, and the picture.  What nobody stated and the curve is
-    linear in, it has no start of its own: it is solved for.  Raises InputError.
-    """
+    """Parameters of a curve at its start, and the picture.  Raises InputError."""
     from estim.campaign import campaign_of_table, choices_of_table
     from estim.curve_fitting import Columns
     from estim.drawing import png
-    from estim.problem import Flat
 
     choices = choices_of_table(options_of(fields))
     campaign = campaign_of_table(file, choices)
     problem = campaign.problem(campaign.run_names)
     (run,) = problem.runs
     values = dict(zip(problem.names, problem.start().tolist(), strict=True))
-    linear = [
-        p.name
-        for p in problem.parameters
-        if isinstance(p.prior, Flat)
-        and p.prior.start_stated
-        and p.name not in choices.start
-        and p.name in run.curve_parameters
-    ]
-    if linear:
-        local = run.curve.local(run.x, run.bind(values))
-        gradient = [np.broadcast_to(local.gradient[name], local.value.shape)[0] for name in linear]
-        step = np.linalg.lstsq(np.transpose(gradient), run.y - local.value[0], rcond=None)[0]
-        values |= {name: values[name] + float(by) for name, by in zip(linear, step, strict=True)}
     grid = run.along(run.x[0], run.x[-1], 400)
     curve = run.curve.value(grid, run.bind(values))[0]
     x, y = run.x_label, run.y_label  # two quantities may have one name

@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray
 from estim.common import InputError, in_its_file, listed, phrase
-from estim.reading.cells import Row, is_comment, is_missing, looks_like_a_number
+from estim.reading.cells import Row, is_comment, looks_like_a_number
 from estim.reading.dialect import Decimal, Dialect, name_and_unit, shown_delimiter
 from estim.reading.input_file import lines_of, read_text
 from estim.reading.named_columns import table_of
@@ -26,7 +25,6 @@ from estim.reading.table import (
     DECIMAL_COMMAS,
     Layout,
     Lines,
-    Table,
     may_be_decimal_commas,
     numbered_lines,
     row_of,
@@ -75,67 +73,54 @@ def read_export(
     name, layout = _laid_out(str(path), digest, lines, track)
     units = dict(zip(layout.names, layout.units, strict=True))
     factor, unit_fact = _length_unit(units, unit, layout.header_line)
-    table = table_of(layout, [key for key in ("t", "x", "y") if key in units], 0)
-    second = _SECONDS[units["t"] or "s"]
-    table = table.with_columns(
-        {key: (second if key == "t" else factor) * c for key, c in table.columns.items()}
+    places = [key for key in ("t", "x", "y") if key in units]
+    table = table_of(
+        layout, places, 0, optional=[key for key in ("frame", "v") if key in layout.names]
     )
-    for key, column in table.columns.items():
+    scales = {"t": _SECONDS[units["t"] or "s"], "frame": 1.0}
+    table = table.with_columns(
+        {key: scales.get(key, factor) * c for key, c in table.columns.items()}
+    )
+    for key in places:
         rule = f"must lie within ±{_LIMIT:g} {'s' if key == 't' else 'm'}"
-        table.require(key, np.abs(column) <= _LIMIT, rule)
-    frames = _where_given("frame", layout, table)
+        table.require(key, np.abs(table.columns[key]) <= _LIMIT, rule)
+    kept = np.full(table.lines.size, True)
+    if drop_duplicates:
+        kept[1:] = ~_copies(table.columns.values())
+    columns = {key: column[kept] for key, column in table.columns.items()}
+    frames = columns.get("frame")
     whole = frames is not None and bool(
         np.all((np.abs(frames) < 1e9) & (frames == np.rint(frames)))
     )
-    speed = _where_given("v", layout, table)
-    kept = np.full(table.lines.size, True)
-    if drop_duplicates:
-        kept[1:] = ~_copies([*table.columns.values(), frames, speed])
     copies = int(np.sum(~kept))
     dropped = (
         phrase("1 row that copies the previous one was dropped")
         if copies == 1
         else phrase("{n} rows that copy the previous one were dropped", n=copies)
     )
-    x, y = (table.columns[key][kept] if key in units else None for key in ("x", "y"))
     return Track(
         file=str(path),
         sha256=digest,
         name=name,
-        t=table.columns["t"][kept],
-        x=x,
-        y=y,
-        frames=frames[kept].astype(np.int64) if frames is not None and whole else None,
+        t=columns["t"],
+        x=columns.get("x"),
+        y=columns.get("y"),
+        frames=frames.astype(np.int64) if frames is not None and whole else None,
         lines=table.lines[kept],
-        speed=None if speed is None else factor * speed[kept],
+        speed=columns.get("v"),
         calibration=(unit_fact, *table.facts),
         warnings=(dropped,) if copies else (),
     )
 
 
-def _copies(columns: Iterable[FloatArray | None]) -> BoolArray:
+def _copies(columns: Iterable[FloatArray]) -> BoolArray:
     """Whether each row but the first has the numbers of the row before; a blank copies a blank."""
-    same = [
-        (column[1:] == column[:-1]) | (np.isnan(column[1:]) & np.isnan(column[:-1]))
-        for column in columns
-        if column is not None
-    ]
-    return np.logical_and.reduce(same)
-
-
-def _where_given(name: str, layout: Layout, table: Table) -> FloatArray | None:
-    """A further column in the rows of `table`, NaN where its cell is blank; None where there is no
-    such column.
-    """
-    if name not in layout.names:
-        return None
-    place, wanted = layout.names.index(name), set(table.lines.tolist())
-    rows = [r for r in layout.rows if r.number in wanted and not is_missing(r.cells[place])]
-    column = np.full(table.lines.size, np.nan)
-    if rows:
-        given = table_of(replace(layout, rows=rows), [name], 1)
-        column[np.isin(table.lines, given.lines)] = given.columns[name]
-    return column
+    return np.logical_and.reduce(
+        [
+            (column[1:] == column[:-1]) | (np.isnan(column[1:]) & np.isnan(column[:-1]))
+            for column in columns
+        ]
+    )
 
 
 # the header
