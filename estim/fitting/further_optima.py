@@ -150,7 +150,7 @@ def _ends(search: SeparableSearch, i: int) -> tuple[float, float]:
 
 def _dips(search: SeparableSearch, values: FloatArray, i: int) -> FloatArray:
     """(n_dip, n_par) where a scan of parameter i has its lowest local minima; beside each the same
-    with the others moved to first order.
+    with the others moved to first order, where not all of them are linear.
     """
     low, high = _ends(search, i)
     if not high > low:
@@ -176,6 +176,8 @@ def _dips(search: SeparableSearch, values: FloatArray, i: int) -> FloatArray:
     padded = np.concatenate([[np.inf], heights, [np.inf]])
     dips = np.flatnonzero((heights <= padded[:-2]) & (heights <= padded[2:]) & np.isfinite(heights))
     dips = dips[np.argsort(heights[dips])][:_MOST_DIPS]
+    if np.array_equal(others, search.linear):  # which a descent solves for at its first look
+        return points[dips]
     good = dips[np.all(np.isfinite(moved[dips]), axis=1)]
     return np.vstack([points[dips], np.clip(moved[good], search.low, search.high)])
 

@@ -45,7 +45,8 @@ class Linear:
 
     def moved(self, errors: FloatArray, shifts: FloatArray) -> FloatArray:
         """(n_obs, n_sim) the residuals when the parameters are moved by shifts (n_par, n_sim)."""
-        return errors - self.root @ shifts
+        moved = self.root @ shifts
+        return np.subtract(errors, moved, out=moved)
 
 
 @dataclass(frozen=True, eq=False)
