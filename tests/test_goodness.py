@@ -498,3 +498,18 @@ def test_a_parameter_that_the_data_do_not_see_lies_on_no_limit() -> None:
     )
     assert fit.fit.at_bound == ()
     assert fit.status == "not-identified"
+
+
+@pytest.mark.parametrize("common", [0.0, 1e7, 1e10])
+def test_what_all_readings_have_in_common_hides_no_wrong_curve(common: float) -> None:
+    """A frequency near 10 MHz is read to a tenth of a hertz: its digits are no step of 10 MHz."""
+    x, found = np.arange(30.0), {}
+    noise = 0.05 * np.random.default_rng(1).standard_normal(30)
+    for name, bend in (("right", 0.0), ("wrong", 0.02)):
+        y = common + np.round(2.0 * x + bend * (x - 15.0) ** 2 + noise, 1)
+        found[name] = fit_curve("line", x, y).goodness[0]
+        pulls = found[name].checks["trend"].p_value, found[name].checks["runs"].p_value
+        assert name == "right" or max(pulls) < P_POOR_FIT
+    assert not found["right"].failed
+    # simulated data sets are rounded as these are, so that p is no 1 and no least one
+    assert 0.001 < found["right"].checks["largest"].p_value < 1.0

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from troubles import Disk, Formula
 
+from estim import fit_curve
 from estim.campaign import load_campaign
 from estim.common.errors import InputError, NumericalError
 from estim.fitting.least_squares import fit_least_squares
@@ -165,3 +166,20 @@ def test_a_point_on_the_edge_of_where_the_curve_is_defined_does_not_stop_the_fit
         assert not np.all(np.isfinite(problem.linearised(start).jacobian(start)))
         fit = fit_least_squares(problem, rng=np.random.default_rng(1), n_start=1, start=start)
     assert np.all(np.abs(fit.values - [2.0, 0.05]) < 4.0 * np.sqrt(np.diag(fit.cov)))
+
+
+@pytest.mark.parametrize("common", [3e7, 1e8, 1e10])
+@pytest.mark.parametrize("u_y", [None, 0.05])
+def test_a_curve_beside_a_large_constant_is_found_as_without_it(
+    common: float, u_y: float | None
+) -> None:
+    x = np.arange(40.0)
+    y = 3.0 + 5.0 * np.exp(-x / 10.0) + 0.05 * np.random.default_rng(2).standard_normal(40)
+    alone, beside = (fit_curve("b + a*exp(-x/tau)", x, at + y, u_y=u_y) for at in (0.0, common))
+    assert beside.status == "ok", beside.reasons
+    for name in ("a", "tau"):
+        # a reading is known to about 2e-16 of the constant
+        assert beside.values[name] == pytest.approx(
+            alone.values[name], abs=(1e-6 + 1e-13 * common) * alone.sds[name]
+        )
+        assert beside.sds[name] == pytest.approx(alone.sds[name], rel=1e-5)

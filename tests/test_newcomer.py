@@ -4,6 +4,7 @@ instead, or a note in the report.
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -459,6 +460,26 @@ def test_one_column_of_decimal_commas_is_read_where_its_name_shows_it_and_else_a
         (["line", "d.csv"], "d.csv:1: 'm/g' occurs twice in the header"),
         (["fit", "d.csv", "--formula", "line"], "d.csv:1: 'm/g' occurs twice in the header"),
         (["line", "t.csv", "--x", "x", "--y", "x"], "'--y' must name another column than --x"),
+        (["mean", "k.csv"], r"k.csv: 'column' must be named by --y \(there are run, p\)"),
+        (["mean", "k.csv", "--y", "p"], "k.csv:2: 'p' must be a number without marks between"),
+        (["fit", "k.csv", "--formula", "line"], "k.csv:2: 'p' must be a number without marks"),
+        (
+            ["fit", "t.csv", "--formula", "line", "--every", "2"],
+            "^command line: 'every' must leave between 3 and",
+        ),
+        (["fit", "t.csv", "--formula", "line", "--x", "z"], r"t.csv:1: 'z' is missing \(the header"),
+        (["fit", "t.csv", "--formula", "line", "--y", "z"], r"t.csv:1: 'z' is missing \(the header"),
+        (["line", "t.csv", "--x", "z"], r"t.csv:1: 'z' is missing \(the header has x, y\)"),
+        (["mean", "t.csv", "--y", "z"], r"t.csv:1: 'z' is missing \(the header has x, y\)"),
+        (["fit", "t.csv", "--formula", "line", "--run", "a"], "^command line: '--run' must name"),
+        (
+            ["fit", "e.csv", "--formula", "a*exp(-x/tau) + c", "--start", "tau=-3"],
+            "^command line: 'a' is not determined .* if a start that was stated is far off",
+        ),
+        (
+            ["fit", "e.csv", "--formula", "a*exp(-x/tau) + c", "--start", "a=1e30"],
+            "^command line: 'start' of tau could not be found",
+        ),
     ],
 )
 def test_a_slip_of_the_first_hour_is_told_with_its_cure(
@@ -466,6 +487,9 @@ def test_a_slip_of_the_first_hour_is_told_with_its_cure(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("t.csv").write_text("x,y\n1,2\n2,3.1\n3,4\n")
+    Path("k.csv").write_text("run,p\n1,1'234\n2,1'236\n3,1'231\n")
+    decay = (f"{x},{100.0 * math.exp(-x / 3.0) + 5.0 + (-1) ** x},1\n" for x in range(12))
+    Path("e.csv").write_text("x,y,u_y\n" + "".join(decay))
     Path("d.csv").write_text("m/g,m/g\n1,2\n2,3.1\n3,4\n")
     Path("n.txt").write_text("1.5\n2.5\n3.5\n")
     Path("c.csv").write_text("1,2,0\n0,1,0\n0,0,1\n")

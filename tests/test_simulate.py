@@ -304,3 +304,11 @@ def test_a_title_with_quotes_still_makes_a_campaign_that_reads(replica, tmp_path
     path = _edited(replica, tmp_path, old, "title = 'the \"eccentric\" disk, C:\\lab'")
     campaign = simulate_campaign(load_design(path))["campaign.toml"]
     assert tomllib.loads(campaign)["title"] == 'the "eccentric" disk, C:\\lab'
+
+
+def test_a_design_of_ones_own_names_no_published_numbers(replica, tmp_path, files):
+    path = _edited(replica, tmp_path, 'published = "../paper/published.toml"', "#")
+    campaign = simulate_campaign(load_design(path))["campaign.toml"]
+    of_replica = tomllib.loads(files["campaign.toml"])
+    del of_replica["published"]
+    assert tomllib.loads(campaign) == of_replica

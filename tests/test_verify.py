@@ -428,6 +428,13 @@ def test_lines_are_compared_by_their_words_and_by_what_is_estimated() -> None:
     assert differences("report.md", *rows, same_draws=True, exact=True) == []
 
 
+def test_a_line_that_differs_is_named_by_its_number_in_the_report() -> None:
+    before = b"# title\n\nfirst 1.0\nas it was\nthe end\nlast 7\n"
+    now = before.replace(b"as it was", b"as it is now").replace(b"last 7", b"last 9")
+    found = differences("report.md", before, now, same_draws=True, exact=True)
+    assert [one.where for one in found] == ["line 4", "line 6"]
+
+
 @pytest.mark.parametrize(
     "text",
     [

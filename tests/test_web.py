@@ -78,6 +78,13 @@ def workers(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
 # ---- the way through ----
 
 
+def test_ends_of_a_column_that_differ_are_shown_as_different(browser: Browser) -> None:
+    data = b"t,f\n" + b"".join(b"%d,10000000.%d\n" % (1_700_000_000 + i, i) for i in range(1, 9))
+    form = words(browser.get(browser.hand_in({"counter.csv": data}).place).text)
+    assert "1700000001 1700000008" in form
+    assert "10000000.1 10000000.8" in form
+
+
 @pytest.mark.slow
 def test_from_a_file_to_a_report_and_the_command_that_repeats_it(
     browser: Browser, tmp_path: Path, real_workers: None

@@ -122,7 +122,7 @@ class Campaign(ABC):
                 "must name one run or several, each once",
                 field="run",
                 value=", ".join(names),
-                file=self.source.path,
+                file=self.source.places.file,
             )
         for name in names:
             if name not in self.run_names:
@@ -130,7 +130,7 @@ class Campaign(ABC):
                     f"must name one of the runs ({', '.join(self.run_names)})",
                     field="run",
                     value=name,
-                    file=self.source.path,
+                    file=self.source.places.file,
                 )
         try:
             return with_derived(

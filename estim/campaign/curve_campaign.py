@@ -332,7 +332,8 @@ class CurveCampaign(Campaign):
                     self.x_column,
                     row,
                 )
-        return error.at(self.source.path, self.source.places.lines.get(("curve", "parameters")))
+        places = self.source.places
+        return error.at(places.file, places.lines.get(("curve", "parameters")))
 
     def _place(self, parameter: str) -> KeyPath:
         """Where a parameter stands in the campaign file."""

@@ -459,8 +459,8 @@ def _placed(error: InputError, rows: RowsOfRun) -> InputError:
     if error.file is not None:
         return error
     if error.field == "start":  # of the search for them
-        place = ("curve", "parameters")
-        return error.at(run.source.path, run.source.places.lines.get(place))
+        places = run.source.places
+        return error.at(places.file, places.lines.get(("curve", "parameters")))
     if column is not None and error.index is not None:
         return data.error(error.rule, column, int(rows.kept[error.index]))
     if column is not None and argument in ("x", "y"):
@@ -520,11 +520,12 @@ def rows_of(run: RunOfCurve, data: Run) -> RowsOfRun:
             else ""
         )
         if excluded:
+            key = "window" if within.size < x.size else "every"
             raise run.source.error(
                 f"must leave between {_MIN_ROWS} and {most} of the {data.n_row} rows of "
                 f"{data.file} to fit{cure}",
-                ("runs", run.index, "window"),
-                field="window",
+                ("runs", run.index, key),
+                field=key,
                 value=int(rows.size),
             )
         where = " where x has errors" if run.stated("u_x")[0] is not None else ""

@@ -90,7 +90,6 @@ class Design(KeyTable, frozen=True):
     """A design as it stands in its TOML file; units are in the keys."""
 
     title: str
-    published: str
     seed: Annotated[int, Meta(ge=0)]
     constants: ConstantsTable
     instruments: InstrumentsTable
@@ -98,6 +97,7 @@ class Design(KeyTable, frozen=True):
     runs: list[RunDesign]
     line: LineDesign
     trials: TrialsDesign | None = None
+    published: str | None = None
 
 
 @dataclass(frozen=True, eq=False)

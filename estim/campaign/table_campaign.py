@@ -387,6 +387,9 @@ def _axes(
     elif x_name is None and len(values) == 2 and others:
         x_name = others[0]
     if x_name is None or y_name is None:
+        with in_file(file):  # a column that is not there is no reason to ask for the other
+            for name in filter(None, (x_name, y_name)):
+                place_of(_axis(name, layout).column, layout.names, layout.header_line)
         missing = " and ".join(
             option for option, name in (("--x", x_name), ("--y", y_name)) if name is None
         )

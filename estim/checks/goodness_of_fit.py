@@ -306,15 +306,19 @@ def _recording(
 
 def _step(y: FloatArray) -> float:
     """The largest number of which all y (n_obs,) are multiples; 0 where there is none within six
-    digits.
+    digits of their range.
+
+    A digit that they all have is none of them: 10000000.3 and 10000000.7 are no multiples of 1e7.
     """
-    size = max_abs(y)
+    size, width = max_abs(y), float(np.ptp(y))
     if not 1e-290 < size < np.inf:
         return 0.0
-    units = 10.0 ** (np.floor(np.log10(size)) - np.arange(7.0))
+    common = np.clip(np.floor(np.log10(size / width)), 0.0, 7.0) if width > 0.0 else 0.0
+    units = 10.0 ** (np.floor(np.log10(size)) - np.arange(7.0 + common))
     steps = y / units[:, None]
     whole = np.rint(steps)
-    written = np.max(np.abs(steps - whole), axis=1) <= 1e-6
+    rounding = 4.0 * np.finfo(float).eps * size + 1e-6 * np.minimum(units, width)
+    written = np.max(np.abs(steps - whole), axis=1) <= rounding / units
     first = int(np.argmax(written))
     return float(units[first] * np.gcd.reduce(whole[first].astype(int))) if written[first] else 0.0
 

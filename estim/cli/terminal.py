@@ -329,12 +329,12 @@ def groups_of(campaign: Campaign, runs: Iterable[str], *, joint: bool) -> list[t
                 f"must name one of the runs ({', '.join(campaign.source.names)})",
                 field="--run",
                 value=name,
-                file=campaign.source.path,
+                file=campaign.source.places.file,
             )
     if not names:
         raise InputError(
             "has no [[runs]] (estim line fits its theta_min series)",
             field="campaign",
-            file=campaign.source.path,
+            file=campaign.source.places.file,
         )
     return [names] if joint else [(name,) for name in names]

@@ -76,10 +76,10 @@ def stepped(
         step = step_between(
             rows, residual, low - values[free], high - values[free], silent=search.resolved
         )
-        noise = math.sqrt(
-            max(chi2, 10.0 * search.rounding_at(values, jacobian), 1e-300)
-            / max(1, residual.size - free.size)
-        )
+        rounded = search.rounding_at(values, jacobian)
+        noise = math.sqrt(max(chi2, 10.0 * rounded, 1e-300) / max(1, residual.size - free.size))
+        # beside a large constant of y a shorter step helps less than rounding hides
+        equal = chi2 * (1.0 + 1e-9) + math.sqrt(chi2 * rounded)
         size = float(np.linalg.norm(rows @ step)) / noise
         mover = int(free[np.argmax(np.abs(step) * np.linalg.norm(rows, axis=0))])
         length, better = 1.0, False
@@ -87,7 +87,7 @@ def stepped(
             trial = values.copy()
             trial[free] = np.clip(values[free] + length * step, low, high)
             reached = search.chi2(trial)
-            better = reached < chi2 or (reached <= chi2 * (1.0 + 1e-9) and size < 0.9 * step_size)
+            better = reached < chi2 or (reached <= equal and size < 0.9 * step_size)
             length *= 0.5
         if not better:
             step_size = min(step_size, size)

@@ -151,13 +151,16 @@ def _require_determined(fit: Fit) -> None:
     if silent and not loose:  # held by their limits, which is found of them by name
         return
     first, *others = loose or unheld
+    begun = any(p.name in flat and p.prior.start_stated for p in fit.problem.parameters)
+    far = "; if a start that was stated is far off, give another" if begun else ""
     if not others:
         raise InputError(
-            "is not determined by the data: give it limits (low and high), or a prior", field=first
+            f"is not determined by the data: give it limits (low and high), or a prior{far}",
+            field=first,
         )
     together = " and ".join(f"'{other}'" for other in others)
     raise InputError(
         f"is not determined by the data, nor is {together}, only a combination of them: "
-        "give one a value, limits (low and high), or a prior",
+        f"give one a value, limits (low and high), or a prior{far}",
         field=first,
     )

@@ -109,7 +109,9 @@ def _quantities(table: Layout, place: int, cells: Sequence[tuple[int, str]]) -> 
             errors[number] = texts[1]
     told = [
         phrase(
-            "{n} values of '{name}' in {unit} were converted to {wanted} (lines {lines})",
+            "1 value of '{name}' in {unit} was converted to {wanted} (line {lines})"
+            if len(lines) == 1
+            else "{n} values of '{name}' in {unit} were converted to {wanted} (lines {lines})",
             n=len(lines),
             name=name,
             unit=given,

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from estim.common import EXTREME, InputError, extreme, read_number
-from estim.reading.cells import Row, is_spreadsheet_error, looks_like_a_number
+from estim.reading.cells import Row, has_thousands, is_spreadsheet_error, looks_like_a_number
 from estim.reading.dialect import cell_name
 from estim.reading.layout import Layout
 
@@ -69,7 +69,7 @@ def number_in(row: Row, name: str, cell: str, mark: str, place: tuple[int, int] 
             if mark == "."
             else " with a decimal comma, not a point"
         )
-    elif re.fullmatch(r"[+-]?\d{1,3}([., ']\d{3})+([.,]\d*)?", cell, re.ASCII):
+    elif has_thousands(cell):
         hint = " without marks between thousands"
     elif re.fullmatch(r"\d{1,2}:\d\d", cell, re.ASCII):
         hint = " (a time? write hours, minutes and seconds, as 13:05:00)"

@@ -15,6 +15,7 @@ from estim.common import InputError, in_its_file, is_unit, phrase
 from estim.reading.cell_formats import in_plain_numbers, says_a_value
 from estim.reading.cells import (
     Row,
+    has_thousands,
     is_comment,
     is_missing,
     is_spreadsheet_error,
@@ -347,11 +348,14 @@ def numeric_columns(layout: Layout) -> tuple[str, ...]:
 
 
 def _is_numeric(rows: Sequence[Row], column: int) -> bool:
+    def number(cell: str) -> bool:  # thousands are told where the column is read
+        return looks_like_a_number(cell) or has_thousands(cell)
+
     ends = [row.cells[column : column + 1] for row in (*rows[:1], *rows[-1:])]
-    if any(looks_like_a_number(cell) for cells in ends for cell in cells):
+    if any(number(cell) for cells in ends for cell in cells):
         return True
     numbers = [
-        looks_like_a_number(cell)
+        number(cell)
         for row in rows
         for cell in row.cells[column : column + 1]
         if not is_missing(cell) and not is_spreadsheet_error(cell)

@@ -328,11 +328,9 @@ def _of_lines(before: list[str], now: list[str], same: bool, exact: bool) -> Ite
     old, new = ([_DIGITS.sub("#", line) for line in lines] for lines in (before, now))
     for tag, i, j, k, m in difflib.SequenceMatcher(None, old, new, autojunk=False).get_opcodes():
         if tag == "equal":
-            pairs = [
-                (at, a, b) for at, (a, b) in enumerate(zip(before[i:j], now[k:m], strict=True))
-            ]
+            pairs = list(zip(range(i + 1, j + 1), before[i:j], now[k:m], strict=True))
         else:
-            pairs = [(0, " / ".join(before[i:j]), " / ".join(now[k:m]))]
+            pairs = [(i + 1, " / ".join(before[i:j]), " / ".join(now[k:m]))]
         for at, one, other in pairs:
             if one == other:
                 continue
