@@ -70,6 +70,38 @@ def exact(slopes: np.ndarray) -> tuple[float, float, float]:
     return mean, float(np.sqrt(p @ (s - mean) ** 2)), float(np.sqrt(p @ variance / slopes.size))
 
 
+@pytest.mark.parametrize(("n_run", "off"), [(3, 0.2), (10, 3.0)])
+def test_a_spread_that_is_fitted_with_its_effects_has_no_interval(n_run: int, off: float) -> None:
+    """Where the density of s and all z is highest, s is too large: for ten runs twice what it is by
+    the integral over the z, so that no interval about it would hold what it says.
+    """
+    rng = np.random.default_rng(5)
+    ys = [
+        (2.0 + 0.2 * rng.standard_normal()) * X + 0.1 * rng.standard_normal(6) for _ in range(n_run)
+    ]
+    data = {f"r{i}": DataSet(X, y, u_y=0.1) for i, y in enumerate(ys)}
+    priors = {"s": HalfNormal(0.3), "z": Normal(0.0, 1.0)}
+    found = fit_curves("a + (b + s*z)*x", data, shared=["b", "s"], priors=priors, n_start=1)
+    mean, sd, _ = exact(np.array([CENTRED @ y for y in ys]) / (CENTRED @ CENTRED))
+    assert found.values["s"] > mean + off * sd
+    assert found.status == Status.METHODS_DISAGREE
+    assert "the values of z, which" in found.reasons[0]
+    assert "sample_curve" in found.reasons[0]
+    assert np.isnan([found.sds["s"], *found.intervals["s"][0.95]]).all()
+
+
+def test_gains_of_each_run_with_one_prior_leave_a_joint_fit_as_it_is() -> None:
+    rng = np.random.default_rng(6)
+    ys = [5.0 * (1.0 + 0.02 * rng.standard_normal()) * np.exp(-X / 2.0) for _ in range(5)]
+    data = {
+        f"r{i}": DataSet(X, y + 0.05 * rng.standard_normal(6), u_y=0.05) for i, y in enumerate(ys)
+    }
+    priors = {"gain": Normal(1.0, 0.02)}
+    found = fit_curves("gain*a*exp(-x/tau)", data, shared=["a", "tau"], priors=priors, n_start=1)
+    assert found.problem.effects == {f"gain[r{i}]" for i in range(5)}
+    assert found.status == Status.OK
+
+
 def spreads(found: MarginalPosterior) -> tuple[float, float, float]:
     s, b = found.names.index("s"), found.names.index("b")
     return found.mean[s], found.sd[s], found.sd[b]

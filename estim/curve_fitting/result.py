@@ -63,6 +63,7 @@ _ADVISED = (
     Kind.ROUNDING,
     Kind.HARDLY_HELD,
     Kind.STEPS_OPEN,
+    Kind.EFFECTS_FITTED,
 )
 _TOLD_CORRELATION = 0.1
 _ALONG = 401  # points along a drawn curve

@@ -25,6 +25,7 @@ from estim.fitting.unmodelled_force import (
 )
 from estim.fitting.discrepancy_fit import fit_discrepancy, sds_near_limits
 from estim.fitting.posterior_mode import fit_problem, fit_white
+from estim.fitting.incidental_parameters import moved_by_integration
 from estim.fitting.jeffreys import jeffreys_prior
 from estim.fitting.least_squares import (
     Fit,

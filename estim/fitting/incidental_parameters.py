@@ -34,7 +34,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, sds_of
 from estim.fitting.fisher_information import information, on_limit
 from estim.problem import JeffreysPrior, Measure, Posterior, uses_of
 
@@ -45,12 +45,16 @@ def measure_of(
     cov: FloatArray,
     *,
     jeffreys: JeffreysPrior | None = None,
+    incidental: frozenset[str] | None = None,
 ) -> Measure | None:
     """The measure about the fit `values` (n_par,) of covariance `cov`, together with `jeffreys`;
     None where there are neither incidental parameters nor that, or nothing is shared.
+
+    incidental : in place of those of the problem.
     """
     problem = posterior.problem
-    uses, incidental = uses_of(problem.runs), problem.incidental
+    uses = uses_of(problem.runs)
+    incidental = problem.incidental if incidental is None else incidental
     shared = np.array(
         [i for i, p in enumerate(problem.parameters) if uses[p.name] > 1 and not p.between],
         dtype=np.int64,
@@ -93,6 +97,23 @@ def measure_of(
         float(np.linalg.norm(slope)),
         float(influence),
     )
+
+
+def moved_by_integration(
+    posterior: Posterior, values: FloatArray, cov: FloatArray
+) -> dict[str, float]:
+    """Shared parameter -> by how many standard deviations it moves, to first order, where the
+    effects of single runs are integrated out instead of being fitted too.
+
+    The density of a spread s and of effects s z_r is highest where s is far too large, whatever the
+    number of runs: the larger s, the less the z_r cost.
+    """
+    measure = measure_of(posterior, values, cov, incidental=posterior.problem.effects)
+    if measure is None:
+        return {}
+    at = measure.columns
+    moves = -(cov[np.ix_(at, at)] @ measure.slope) / sds_of(cov)[at]
+    return dict(zip(np.array(posterior.problem.names)[at].tolist(), moves.tolist(), strict=True))
 
 
 def _log_room(posterior: Posterior, values: FloatArray, incidental: frozenset[str]) -> float:

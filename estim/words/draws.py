@@ -90,6 +90,10 @@ WORDS: Table = {
         "stated ones (values that were set, not read), a shared parameter is "
         "biased by about {size:.2g} standard deviations"
     ),
+    Kind.EFFECTS_FITTED: (
+        "the values of {names}, which have one prior for all data sets, are fitted here; "
+        "integrated out, as in draws of the posterior, they leave another value of {name}"
+    ),
     Kind.UNIFORM_PRIOR_MOVES: lambda f: said(
         f,
         "limits on both sides state a uniform prior ({limited}); Jeffreys' prior within them would "

@@ -135,6 +135,7 @@ ADVICE: Mapping[Kind, str] = {
         "bug: one of two computations of the same "
         "quantity is wrong"
     ),
+    Kind.EFFECTS_FITTED: "draw the posterior: sample_curve(fit, seed=1)",
     Kind.SLOPES_DIFFER: ("the priors of the Bayesian line influence the result: take more points"),
     Kind.SEVERAL_SOLUTIONS: (
         "choose between the solutions by a prior (a range that contains one of them) "
