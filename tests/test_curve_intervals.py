@@ -581,6 +581,7 @@ def test_amplitudes_of_slow_swings_are_held_by_their_intervals_or_refused() -> N
     assert missed <= 2  # of 60 intervals that end at the valley of the fit, 22 missed
 
 
+@pytest.mark.slow
 def test_a_peak_that_one_point_holds_has_no_area() -> None:
     y = [0.08187, -0.01579, 0.07787, 1.10581, 0.05444, -0.12075]
     y += [-0.04433, -0.11301, -0.17373, -0.01374, 0.03761, -0.20415]

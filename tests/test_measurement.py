@@ -35,12 +35,7 @@ from estim.common import rounded
 from estim.common.errors import InputError
 from estim.measurement_model.coverage_regions import ellipse
 from estim.measurement_model.input_tables import InputTable
-from estim.measurement_model.model_file import (
-    _OutputTable,
-    _TopTable,
-    model_of_formula,
-    read_model,
-)
+from estim.measurement_model.model_file import _OutputTable, _TopTable, model_of_formula, read_model
 from estim.measurement_model.propagating import propagate
 from estim.propagation import propagate_linear, propagate_monte_carlo
 from estim.propagation.scores import Distribution
