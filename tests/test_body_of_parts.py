@@ -53,6 +53,13 @@ def source_of(tmp_path, text):
     return read_campaign_file(path, measured=False)
 
 
+@pytest.fixture(scope="module")
+def two(tmp_path_factory):
+    """The bodies of TWO, weighed."""
+    source = source_of(tmp_path_factory.mktemp("two"), TWO)
+    return weigh(source, rng=np.random.default_rng(1))
+
+
 def found(weighing):
     return {f"{out}[{body}]": i for i, (body, out) in enumerate(weighing.names)}
 
@@ -75,38 +82,33 @@ def drawn(rng, n=400_000):
     }  # fmt: skip
 
 
-def test_values_and_correlations_are_those_of_draws_made_by_hand(tmp_path, rng):
-    weighing = weigh(source_of(tmp_path, TWO), rng=rng)
-    draws, at = drawn(rng), found(weighing)
+def test_values_and_correlations_are_those_of_draws_made_by_hand(two, rng):
+    draws, at = drawn(rng), found(two)
     names = list(draws)
     assert {name for name in at if not name.startswith(("kappa", "rho", "particle"))} == set(names)
     for name in names:
-        assert weighing.linear.value[at[name]] == pytest.approx(draws[name].mean(), rel=1e-3)
-        assert weighing.linear.u[at[name]] == pytest.approx(draws[name].std(), rel=0.01)
-        assert weighing.sampled.u[at[name]] == pytest.approx(draws[name].std(), rel=0.01)
+        assert two.linear.value[at[name]] == pytest.approx(draws[name].mean(), rel=1e-3)
+        assert two.linear.u[at[name]] == pytest.approx(draws[name].std(), rel=0.01)
+        assert two.sampled.u[at[name]] == pytest.approx(draws[name].std(), rel=0.01)
     index = [at[name] for name in names]
     expected = np.corrcoef([draws[name] for name in names])
-    assert weighing.correlation[np.ix_(index, index)] == pytest.approx(expected, abs=0.01)
+    assert two.correlation[np.ix_(index, index)] == pytest.approx(expected, abs=0.01)
     assert expected[0, 3] > 0.9  # they share the disk
     assert abs(expected[1, 4]) > 0.5
 
 
-def test_kappa_of_a_uniform_disk_is_half_exactly_and_one_number_for_both(tmp_path, rng):
-    weighing = weigh(source_of(tmp_path, TWO), rng=rng)
+def test_kappa_of_a_uniform_disk_is_half_exactly_and_one_number_for_both(two):
     for body in ("light", "heavy"):
-        assert weighing.linear.value[found(weighing)[f"kappa[{body}]"]] == pytest.approx(
-            0.5, rel=1e-12
-        )
-        assert weighing.linear.u[found(weighing)[f"kappa[{body}]"]] == pytest.approx(0.0, abs=1e-9)
+        at = found(two)[f"kappa[{body}]"]
+        assert two.linear.value[at] == pytest.approx(0.5, rel=1e-12)
+        assert two.linear.u[at] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_budget_of_gamma_is_the_one_on_paper(tmp_path, rng):
+def test_budget_of_gamma_is_the_one_on_paper(two):
     """gamma = m r/((M_D + m) R): relative variances (M_D/M u(m)/m)^2, (u(M_D)/M)^2, (u(r)/r)^2."""
-    weighing = weigh(source_of(tmp_path, TWO), rng=rng)
     parts = np.array([(0.3 / 0.33 * 0.001 / 0.03) ** 2, (0.006 / 0.33) ** 2, (0.002 / 0.14) ** 2])
-    shares = {
-        row.input.name: row.share for row in weighing.budgets[found(weighing)["gamma[light]"]].rows
-    }
+    rows = two.budgets[found(two)["gamma[light]"]].rows
+    shares = {row.input.name: row.share for row in rows}
     assert [
         shares[name] for name in ("screw.mass_kg", "disk.mass_kg", "screw.distance_m")
     ] == pytest.approx(100 * parts / parts.sum(), rel=1e-4)
@@ -134,18 +136,14 @@ def test_the_papers_device(rng):
     assert middle * 0.303 == pytest.approx(0.036, abs=0.001)
 
 
-def test_a_disk_that_may_be_off_its_centre_is_still_the_disk(tmp_path, rng):
+def test_a_disk_that_may_be_off_its_centre_is_still_the_disk(tmp_path, rng, two):
     """Its imbalance adds to that of the screw: u(gamma)^2 grows by (M_D u(centre)/(M R))^2."""
-    plain, off = (
-        weigh(source_of(tmp_path, TWO.replace('"0.300(6)"', f'"0.300(6)"{more}')), rng=rng)
-        for more in ("", '\ndistance_m = "0.0000(5)"')
-    )
-    at = found(plain)
-    assert off.linear.value == pytest.approx(plain.linear.value, rel=1e-9)
+    text = TWO.replace('"0.300(6)"', '"0.300(6)"\ndistance_m = "0.0000(5)"')
+    off = weigh(source_of(tmp_path, text), rng=rng)
+    at = found(two)["gamma[light]"]
+    assert off.linear.value == pytest.approx(two.linear.value, rel=1e-9)
     more = 0.3 * 0.0005 / 0.33 / 0.15
-    assert off.linear.u[at["gamma[light]"]] == pytest.approx(
-        math.hypot(plain.linear.u[at["gamma[light]"]], more), rel=1e-6
-    )
+    assert off.linear.u[at] == pytest.approx(math.hypot(two.linear.u[at], more), rel=1e-6)
 
 
 def test_what_is_not_linear_is_left_to_the_draws(tmp_path, rng):

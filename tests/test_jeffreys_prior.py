@@ -191,23 +191,23 @@ def test_stated_parameters_keep_their_priors() -> None:
 
 
 def test_a_constant_of_counts_known_to_powers_of_ten_has_a_flat_prior_of_its_logarithm() -> None:
-    """A flat prior of `a` favours large values: 30 time constants from x = 0 it pulled tau by 1.2
-    standard deviations, `ok`, and 100 from there the fit was refused.
+    """A flat prior of `a` favours large values: 30 from x = 0 it pulled tau by 1.2 standard
+    deviations, `ok`, and 100 from there, as below, the fit was refused.
     """
     x = np.arange(0.0, 20.0, 0.5)
     y = np.random.default_rng(2).poisson(40.0 * np.exp(-x / 4.0) + 1.0)
-    for far in (30.0, 100.0):
-        columns = []
-        for formula in ("a*exp(-x/tau) + b", "exp(c - x/tau) + b"):
-            fit = fit_curve(formula, x + far, y, noise="poisson")
-            analysis = sample_curve(fit, seed=1, target=COARSE)
-            assert fit.status == analysis.diagnosis.status == "ok"
-            columns.append(analysis.chain.column("tau"))
-        direct, other = (np.quantile(column, [0.16, 0.5, 0.84]) for column in columns)
-        assert np.all(np.abs(direct - other) < 0.02 * (other[2] - other[0]))
-        assert abs(direct[1] - fit.values["tau"]) < 0.4 * fit.sds["tau"]
+    columns = []
+    for formula in ("a*exp(-x/tau) + b", "exp(c - x/tau) + b"):
+        fit = fit_curve(formula, x + 30.0, y, noise="poisson")
+        analysis = sample_curve(fit, seed=1, target=COARSE)
+        assert fit.status == analysis.diagnosis.status == "ok"
+        columns.append(analysis.chain.column("tau"))
+    direct, other = (np.quantile(column, [0.16, 0.5, 0.84]) for column in columns)
+    assert np.all(np.abs(direct - other) < 0.02 * (other[2] - other[0]))
+    assert abs(direct[1] - fit.values["tau"]) < 0.4 * fit.sds["tau"]
 
 
+@pytest.mark.slow
 def test_runs_of_counts_whose_constants_are_known_to_powers_of_ten_are_refused() -> None:
     """Half of such fits were 0.5 to 4 standard deviations off; a logarithm is the cure."""
     x, rng = np.arange(0.0, 20.0, 0.5), np.random.default_rng(2)

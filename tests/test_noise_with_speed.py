@@ -136,6 +136,7 @@ def test_readings_that_are_off_where_the_body_is_fast_are_no_blur(
     assert Kind.NOISE_WITH_SPEED not in {remark.kind for remark in analysis.diagnosis.remarks}
 
 
+@pytest.mark.slow
 def test_an_encoder_has_no_pictures(
     tmp_path: Path, rng: np.random.Generator, few_draws: None
 ) -> None:

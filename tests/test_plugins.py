@@ -16,6 +16,7 @@ from shutil import copytree, ignore_patterns
 
 import numpy as np
 import pytest
+from command_runner import runner
 from scipy import stats
 from scipy.optimize import curve_fit, minimize
 
@@ -28,6 +29,7 @@ from estim import (
     read_table,
     sample_curve,
 )
+from estim.cli.commands import cli
 from estim.common import inputs_read
 from estim.fitting import fit_problem
 from estim.plugins import plugins
@@ -358,9 +360,9 @@ def test_a_name_of_estims_own_is_refused(install: Install, name: str) -> None:
 
 @pytest.mark.parametrize("name", ["x", "sin", "pi", "two-words"])
 def test_a_name_that_no_formula_can_have_is_refused(install: Install, name: str) -> None:
-    site = install("estim-mine", model(name), models=name)
-    warned = estim("models", path=site)
-    assert warned.returncode == 0
+    install("estim-mine", model(name), models=name)
+    warned = runner().invoke(cli, ["models"])
+    assert warned.exit_code == 0
     assert re.fullmatch(
         rf"warning: '{name}' of the package estim-mine 0\.3 .*'name' .*\n", warned.stderr
     )
@@ -458,20 +460,19 @@ def test_a_reader_that_fails_is_one_line(
 
 
 def test_what_does_not_go_with_a_reader_is_refused(install: Install, tmp_path: Path) -> None:
-    site = install("estim-log", READ, readers="log")
+    install("estim-log", READ, readers="log")
     (tmp_path / "a.log").write_text("x;y\n1;2\n2;3\n")
     with pytest.raises(InputError, match=r"a\.log: 'sheet' does not go with files of this kind"):
         read_table(tmp_path / "a.log", sheet="A")
-    told = estim("fit", tmp_path / "a.log", path=site)
-    assert told.returncode == 2
-    assert "is a table, not a campaign: say --formula" in told.stderr
+    with pytest.raises(InputError, match="is a table, not a campaign: say --formula"):
+        cli.main(["fit", str(tmp_path / "a.log")], standalone_mode=False)
 
 
 def test_a_suffix_of_estims_own_stays_its_own(install: Install, tmp_path: Path) -> None:
-    site = install("estim-log", "def IT(data): return 'x\\n1\\n'", readers="csv LOG log")
+    install("estim-log", "def IT(data): return 'x\\n1\\n'", readers="csv LOG log")
     (tmp_path / "a.csv").write_text("x,y\n1,2\n2,3\n")
     assert list(read_table(tmp_path / "a.csv").columns) == ["x", "y"]
-    listed = estim("models", path=site)
+    listed = runner().invoke(cli, ["models"])
     assert listed.stdout.endswith("\n*.log  (estim-log 0.3)\n")
     rule = "must be a suffix in small letters that estim does not read itself"
     assert listed.stderr.count(rule) == 2
@@ -578,7 +579,9 @@ def test_a_section_that_fails_is_one_line(install: Install, code: str, said: str
 
 def test_a_section_that_no_package_has_is_refused_before_the_fit(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("x,y\n" + "".join(f"{n},{n * n % 7}\n" for n in range(9)))
-    fit = estim("fit", tmp_path / "a.csv", "--formula", "a*x", "--section", "q", "--out", "o")
-    assert (fit.returncode, fit.stdout) == (2, "")
-    rule = "error: 'section' must name a section of an installed package (there is none): q\n"
-    assert fit.stderr == rule
+    chosen = ["--formula", "a*x", "--section", "q", "--out", str(tmp_path / "o")]
+    with pytest.raises(InputError) as caught:
+        cli.main(["fit", str(tmp_path / "a.csv"), *chosen], standalone_mode=False)
+    rule = "'section' must name a section of an installed package (there is none): q"
+    assert str(caught.value) == rule
+    assert not (tmp_path / "o").exists()
