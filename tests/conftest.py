@@ -158,9 +158,7 @@ def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures are made and not turned into pixels, half of the time of a report: for tests of
     numbers and text, whatever the figures have to show.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    monkeypatch.setattr(FigureCanvasAgg, "print_png", lambda canvas, file, **_: file.write(PIXEL))
+    monkeypatch.setattr("estim.drawing.as_png", lambda _: PIXEL)
 
 
 @pytest.fixture

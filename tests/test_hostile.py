@@ -11,12 +11,11 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
-from typing import BinaryIO
 
 import pytest
 from conftest import PIXEL
 from hostile import MOVES, STRINGS, outline, raw, seen, shown
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from matplotlib.text import Text
 from tracker_files import point_mass, trk
 
@@ -209,11 +208,12 @@ def texts_of_figures(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Every text of every figure that is made from here on, none of which is turned into pixels."""
     texts: list[str] = []
 
-    def read(canvas: FigureCanvasAgg, file: BinaryIO, **_: object) -> None:
-        texts.extend(text.get_text() for text in canvas.figure.findobj(Text))
-        file.write(PIXEL)
+    def read(figure: Figure) -> bytes:
+        figure.draw_without_rendering()
+        texts.extend(text.get_text() for text in figure.findobj(Text))
+        return PIXEL
 
-    monkeypatch.setattr(FigureCanvasAgg, "print_png", read)
+    monkeypatch.setattr("estim.drawing.as_png", read)
     return texts
 
 

@@ -31,7 +31,7 @@ from scipy import integrate, optimize, special, stats
 
 from estim.cli.commands import cli
 from estim.cli.terminal import exit_code
-from estim.common import rounded
+from estim.common import format_rounded
 from estim.common.errors import InputError
 from estim.measurement_model.coverage_regions import ellipse
 from estim.measurement_model.input_tables import InputTable
@@ -151,10 +151,10 @@ def test_additive_models_of_gum_s1_92(name, u, gum, drawn, digit, valid):
 def test_mass_calibration_of_gum_s1_93():
     found = done("s1-mass", 200_000)
     drawn, interval = found.sampled, found.sampled.shortest
-    assert (rounded(found.linear.value[0], 0.05, 3), rounded(found.linear.u[0], 0.05, 3)) == (
-        "1.2340",
-        "0.0539",
-    )
+    assert (
+        format_rounded(found.linear.value[0], 0.05, 3),
+        format_rounded(found.linear.u[0], 0.05, 3),
+    ) == ("1.2340", "0.0539")
     assert printed(1.1285, 0.0001, found.linear.low[0])  # from u rounded to 0.0539
     assert printed(1.3395, 0.0001, found.linear.high[0])
     assert printed(0.0750, 0.00005, found.second_order[0])
@@ -340,10 +340,10 @@ def test_examples_of_nist_tn_1900():
 
 def test_logarithm_of_a_rectangular_quantity():
     found = done("npl-logarithm")
-    assert (rounded(found.linear.value[0], 0.4, 3), rounded(found.linear.u[0], 0.4, 3)) == (
-        "−0.511",
-        "0.481",
-    )
+    assert (
+        format_rounded(found.linear.value[0], 0.4, 3),
+        format_rounded(found.linear.u[0], 0.4, 3),
+    ) == ("−0.511", "0.481")
     assert printed(-0.665, 0.0005, found.sampled.mean[0], found.sampled.mean_error[0])
     assert printed(0.606, 0.0005, found.sampled.u[0], found.sampled.u_error[0])
     assert printed(

@@ -183,8 +183,8 @@ def test_more_of_everything_never_harms_and_better_is_better(pair: RollingBasis)
         Change("", OTHERWISE, error=0.5),
         *measured_better(here.problem),
     ):
-        assert np.all(weigh(pair, here, change, targets, now).ratio <= 1.0 + 1e-3)
-    worse = weigh(pair, here, Change("", OTHERWISE, error=3.0), targets, now)
+        assert np.all(weigh(pair, change, targets, now).ratio <= 1.0 + 1e-3)
+    worse = weigh(pair, Change("", OTHERWISE, error=3.0), targets, now)
     assert np.all(worse.ratio > 1.01)
 
 
@@ -212,11 +212,7 @@ def test_a_run_that_cannot_be_measured_is_said_and_not_ranked(
 ) -> None:
     (kappa,) = targets_of(pair.campaign, pair.fit.problem, ["kappa"])
     option = weigh(
-        pair,
-        pair.outlook(NOTHING),
-        Change("", MORE, runs=(NewRun("new", "heavy-04", said),)),
-        [kappa],
-        np.array([1.0]),
+        pair, Change("", MORE, runs=(NewRun("new", "heavy-04", said),)), [kappa], np.array([1.0])
     )
     assert why in option.reason
     assert option.u.size == 0
@@ -255,12 +251,11 @@ def test_speeds_are_planned_only_where_the_body_comes(tmp_path: Path) -> None:
     fit = fit_problem(problem, rng=np.random.default_rng(1), near=problem.start())
     basis = rolling_basis(campaign, ["a"], fit)
     (gamma,) = targets_of(campaign, problem, ["gamma"])
-    now = basis.outlook(NOTHING)
     tilt = Quantity(np.radians(8.4), np.radians(0.2))
     for release, starts in ((30.0, False), (60.0, True)):
         said = {"phi": tilt, "theta0": Quantity(np.radians(release), np.radians(0.8))}
         change = Change("", MORE, runs=(NewRun("new", "a", said),))
-        option = weigh(basis, now, change, [gamma], np.array([1.0]))
+        option = weigh(basis, change, [gamma], np.array([1.0]))
         assert ("does not start" in option.reason) != starts
         assert option.u.size == (1 if starts else 0)
     new = next(run for run in basis.outlook(change).problem.runs if run.name == "new")
@@ -564,7 +559,7 @@ def test_of_the_runs_that_are_tried_the_best_of_each_kind_are_shown(pair: Rollin
     changes = more_runs(pair.campaign, pair.fit)
     tilts = {change.runs[0].said["phi"].value for change in changes if "phi" in change.runs[0].said}
     assert len(tilts) > 2
-    weighed = [weigh(pair, here, change, [kappa], now) for change in changes[:8]]
+    weighed = [weigh(pair, change, [kappa], now) for change in changes[:8]]
     options = sorted(
         (option for option in weighed if not option.reason), key=lambda option: option.score
     )

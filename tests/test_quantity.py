@@ -222,10 +222,19 @@ def test_no_number_is_not_available():
         (61.7321, 1.52, "61.7"),
         (1234.56, 200.0, "1235"),
         (0.5, 0.0, "0.5"),
+        (1.23456789012e11, 2e6, "1.234568×10¹¹"),
+        (1.2341e-6, 1e-8, "1.234×10⁻⁶"),
     ],
 )
 def test_a_value_alone_keeps_one_digit_beyond_its_uncertainty(value, u, text):
     assert format_rounded(value, u) == text
+
+
+def test_an_uncertainty_has_the_notation_of_its_value():
+    assert format_rounded(5e-5, 5e-5) == "5.0×10⁻⁵"
+    assert format_rounded(5e-5, 5e-5, beside=0.0123) == "0.000050"
+    assert format_rounded(3e4, 3e4, beside=-2e10) == "0.0000030×10¹⁰"
+    assert format_rounded(0.012345, 5e-5, 3) == "0.0123450"
 
 
 def test_messages_hold_nothing_that_moves_a_cursor():

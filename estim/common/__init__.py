@@ -79,7 +79,6 @@ from estim.common.quantity_text import (
     p_digits,
     percentage,
     raised,
-    rounded,
 )
 from estim.common.quantity_text import (
     read_number,

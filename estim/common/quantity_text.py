@@ -136,7 +136,7 @@ def require_clear_share(text: str, *, field: str, line: int | None = None) -> No
         return
     value, u = (part.replace(",", ".") for part in match.groups()[:2])
     size = abs(float(value) * float(u)) * _SHARES[match[3]]
-    meant = f'"({value} ± {u}) {match[3]}" or "{value} ± {rounded(size, size, 2)}"'
+    meant = f'"({value} ± {u}) {match[3]}" or "{value} ± {size:.2g}"'
     raise InputError(f"must be {meant}, whichever is meant", field=field, value=text, line=line)
 
 
@@ -210,25 +210,9 @@ def format_quantity(value: float, u: float | None = None, *, plus_minus: bool = 
     return f"{ufloat(value, u):S}"
 
 
-def format_rounded(value: float, u: float) -> str:
-    """`value` alone, with the digits that its uncertainty `u` leaves it (one more than
-    `format_quantity` would keep); as a power of ten where it is smaller than 1e-4 or larger than
-    1e9.
-    """
-    if not math.isfinite(value):
-        return "n/a"
-    if not (math.isfinite(u) and u > 0.0):
-        return signed(f"{value:.4g}")
-    decimals = 1 - math.floor(math.log10(u))
-    exponent = math.floor(math.log10(max(abs(value), u)))
-    if -4 <= exponent < 9:
-        return signed(f"{value:z.{max(0, decimals)}f}")
-    mantissa = signed(f"{value / 10.0**exponent:z.{max(0, exponent + decimals)}f}")
-    return f"{mantissa}×10{raised(exponent)}"
-
-
-def rounded(value: float, u: float, digits: int, *, beside: float = 0.0) -> str:
-    """`value` to the decimal place of the last of `digits` significant digits of `u`; without a
+def format_rounded(value: float, u: float, digits: int = 2, *, beside: float = 0.0) -> str:
+    """`value` alone to the decimal place of the last of `digits` significant digits of its
+    uncertainty `u`; as a power of ten where it is smaller than 1e-4 or larger than 1e9.  Without a
     usable u to six significant digits.
 
     beside : the larger number next to which it stands, whose notation it shares.
@@ -244,15 +228,17 @@ def rounded(value: float, u: float, digits: int, *, beside: float = 0.0) -> str:
     exponent = math.floor(math.log10(max(abs(value), u, beside)))
     if -4 <= exponent < 9 and place > -9:
         return signed(f"{value:.{max(0, -place)}f}")
-    return signed(f"{value / 10.0**exponent:.{max(0, exponent - place)}f}e{exponent:+03d}")
+    mantissa = signed(f"{value / 10.0**exponent:.{max(0, exponent - place)}f}")
+    return f"{mantissa}×10{raised(exponent)}"
 
 
 def interval(low: float, high: float, u: float, digits: int) -> str:
-    """Both ends by `rounded`, or "n/a"."""
+    """Both ends by `format_rounded`, or "n/a"."""
     if not (math.isfinite(low) and math.isfinite(high)):
         return "n/a"
     larger = max(abs(low), abs(high))
-    return f"[{rounded(low, u, digits, beside=larger)}, {rounded(high, u, digits, beside=larger)}]"
+    ends = (format_rounded(end, u, digits, beside=larger) for end in (low, high))
+    return f"[{', '.join(ends)}]"
 
 
 def format_p(p: float, least: float = 0.0) -> str:

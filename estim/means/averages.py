@@ -36,10 +36,10 @@ from estim.common import (
     Stream,
     Tabled,
     format_p,
+    format_rounded,
     interval,
     phrase,
     read_quantity,
-    rounded,
     significant,
     stream,
 )
@@ -158,8 +158,8 @@ def cells(average: Average) -> tuple[str, ...]:
     value, u, tau, dof, k, low, high = average
     size = u if math.isfinite(u) else 0.25 * (high - low)
     return (
-        rounded(value, size, 2),
-        rounded(u, u, 2, beside=value),
+        format_rounded(value, size),
+        format_rounded(u, u, beside=value),
         significant(tau, 2),
         "" if math.isnan(k) else f"{dof:.3g}".replace("inf", "∞"),
         "" if math.isnan(k) else f"{k:.2f}",

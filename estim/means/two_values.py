@@ -10,8 +10,8 @@ from estim.common import (
     Quantity,
     behind,
     difference,
+    format_rounded,
     read_with_unit,
-    rounded,
     same_numbers,
 )
 from estim.distributions import student_quantile
@@ -40,10 +40,10 @@ class TwoValues:
     def __str__(self) -> str:
         apart = self.difference
         u, expanded = (
-            rounded(size, apart.u, 2, beside=apart.value) + behind(self.unit)
+            format_rounded(size, apart.u, beside=apart.value) + behind(self.unit)
             for size in (apart.u, self.k * apart.u)
         )
-        shown = rounded(apart.value, apart.u, 2) + behind(self.unit)
+        shown = format_rounded(apart.value, apart.u) + behind(self.unit)
         k = "2" if self.k == 2.0 else f"{self.k:.2f} for {self.dof:.3g} degrees of freedom"
         told = "agree (|E_n| <= 1)" if self.agree else "do not agree (|E_n| > 1)"
         return (

@@ -37,19 +37,10 @@ class Option:
         return float(np.exp(np.mean(np.log(self.ratio))))
 
 
-def weigh(
-    basis: Basis, here: Outlook, change: Change, targets: Sequence[Parameter], now: FloatArray
-) -> Option:
-    """What the change would do beside `here`, the campaign as it is, with standard deviations `now`
-    (n_target,).
-    """
-    stays = (
-        change.frames == change.error == change.reach == 1.0
-        and not change.runs
-        and not change.readings
-    )
+def weigh(basis: Basis, change: Change, targets: Sequence[Parameter], now: FloatArray) -> Option:
+    """What the change would do to standard deviations that are `now` (n_target,)."""
     try:
-        there = here if stays else basis.outlook(change)
+        there = basis.outlook(change)
         u = sds_with(there, change.u, targets)
     except InputError as error:
         return Option(

@@ -66,7 +66,7 @@ def ways_to_halve(
     @cache
     def of_readings(frames: float, error: float) -> Option:
         change = Change("", OTHERWISE, frames=frames, error=error)
-        return weigh(basis, here, change, targets, now)
+        return weigh(basis, change, targets, now)
 
     found = []
     for k, target in enumerate(targets):
@@ -84,9 +84,7 @@ def ways_to_halve(
         ]
         more = [option for option in more if option.change.runs or not option.change.own] or more
         if more:
-            ways.append(
-                _many(basis, here, min(more, key=lambda option: option.ratio[k]), target, sd)
-            )
+            ways.append(_many(basis, min(more, key=lambda option: option.ratio[k]), target, sd))
         found.append(
             Halving(target, tuple(sorted(ways, key=lambda way: 0.0 if way.enough else way.ratio)))
         )
@@ -134,10 +132,10 @@ def _steps(of_readings: Callable[[float, float], Option], here: Outlook, k: int)
     ]
 
 
-def _many(basis: Basis, here: Outlook, best: Option, target: Parameter, now: float) -> Way:
+def _many(basis: Basis, best: Option, target: Parameter, now: float) -> Way:
     def of(n: int) -> tuple[str, float]:
         several = again(best.change, n)
-        option = weigh(basis, here, several, [target], np.array([now]))
+        option = weigh(basis, several, [target], np.array([now]))
         return several.words, float("inf") if option.reason else float(option.ratio[0])
 
     return _doubled(of, between=True)

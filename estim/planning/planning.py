@@ -134,7 +134,7 @@ def plan(
     suggested = _suggested(campaign, fit, here, along) if campaign.source.plan.built_in else ()
     changes, done = (*asked, *suggested), list[Option]()
     for i, change in enumerate(changes):
-        done.append(weigh(basis, here, change, targets, now))
+        done.append(weigh(basis, change, targets, now))
         if progress is not None:
             progress(i + 1, len(changes))
     possible = sorted(

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from estim.arrays import BoolArray, FloatArray
-from estim.common import Shown, Tabled, phrase, rounded
+from estim.common import Shown, Tabled, format_rounded, phrase
 from estim.distributions import student_quantile
 from estim.given_numbers import check_probability
 from estim.propagation.evaluation import (
@@ -136,11 +136,11 @@ def expanded_cells(
 ) -> tuple[str, ...]:
     """A value and its uncertainties under the heads `EXPANDED`, all to two digits of u."""
     return (
-        rounded(value, u, 2),
-        rounded(u, u, 2, beside=value),
+        format_rounded(value, u),
+        format_rounded(u, u, beside=value),
         f"{dof:.3g}".replace("inf", "∞"),
         f"{k:.2f}",
-        rounded(expanded, expanded, 2, beside=value),
+        format_rounded(expanded, expanded, beside=value),
     )
 
 

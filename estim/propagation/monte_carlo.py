@@ -22,7 +22,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray
-from estim.common import Shown, Tabled, interval, later, phrase, require_one_of, rounded
+from estim.common import Shown, Tabled, format_rounded, interval, later, phrase, require_one_of
 from estim.given_numbers import check_probability, check_whole, random_generator
 from estim.propagation.copula import copula_matrix, draw_inputs
 from estim.propagation.evaluation import (
@@ -128,7 +128,9 @@ class MonteCarloResult(Tabled):
         ):
             size = u if math.isfinite(u) else 0.25 * (bounds[1] - bounds[0])
             cells = (interval(pair[0], pair[1], size, 2) for pair in (bounds[:2], bounds[2:]))
-            rows.append((name, rounded(mean, size, 2), rounded(u, u, 2, beside=mean), *cells))
+            rows.append(
+                (name, format_rounded(mean, size), format_rounded(u, u, beside=mean), *cells)
+            )
         title = phrase("Monte Carlo (JCGM 101), {n} draws", n=self.n_draw)
         percent = f"{100.0 * self.probability:g} %"
         heads = (f"{percent}, {phrase(word)}" for word in ("symmetric", "shortest"))

@@ -12,9 +12,9 @@ from estim.common import (
     Files,
     behind,
     bracketed,
+    format_rounded,
     interval,
     phrase,
-    rounded,
     significant,
     table,
 )
@@ -42,12 +42,12 @@ def mean_statement(found: TableMean) -> str:
             phrase("mean"), name, unit, best.value, best.u, best.k, best.dof, found.mean.probability
         )
     size = best.u if math.isfinite(best.u) else 0.25 * (best.high - best.low)
-    shown = rounded(best.value, size, 2) + unit
+    shown = format_rounded(best.value, size) + unit
     if math.isfinite(best.u):  # three values and fewer have an interval alone
         shown = phrase(
             "{value} with standard uncertainty u = {u}",
             value=shown,
-            u=rounded(best.u, best.u, 2, beside=best.value) + unit,
+            u=format_rounded(best.u, best.u, beside=best.value) + unit,
         )
     return phrase(
         "{name} = {value}, {percent} interval {ends}, with a dark uncertainty of {tau}.",

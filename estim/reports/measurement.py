@@ -17,10 +17,10 @@ from estim.common import (
     PhraseTable,
     behind,
     bracketed,
+    format_rounded,
     gravest,
     interval,
     phrase,
-    rounded,
 )
 from estim.distributions import student_log_density, student_quantile
 from estim.drawing import BLUE, GREEN, INK, ORANGE, PALE, Axes, Figure, grid, legend_below
@@ -195,7 +195,7 @@ def statement(propagation: Propagation, i: int) -> str:
                 "{what}: {name} = {value}, exact.",
                 what=what,
                 name=output.name,
-                value=rounded(budget.value, 0.0, 2) + unit,
+                value=format_rounded(budget.value, 0.0) + unit,
             )
         return expanded_statement(
             what,
@@ -215,8 +215,8 @@ def statement(propagation: Propagation, i: int) -> str:
             phrase(
                 "{name} = {value} with standard uncertainty u = {u} and",
                 name=output.name,
-                value=rounded(mean, scale, 2) + unit,
-                u=rounded(scale, scale, 2, beside=mean) + unit,
+                value=format_rounded(mean, scale) + unit,
+                u=format_rounded(scale, scale, beside=mean) + unit,
             )
             if math.isfinite(drawn.u[i])
             else phrase(
@@ -237,8 +237,8 @@ def statement(propagation: Propagation, i: int) -> str:
         return told + phrase(
             " These trials lie in two separate groups, up to {below} and from {above}, with none "
             "between them: mean and u describe neither.",
-            below=rounded(below, 0.1 * scale, 2) + unit,
-            above=rounded(above, 0.1 * scale, 2) + unit,
+            below=format_rounded(below, 0.1 * scale) + unit,
+            above=format_rounded(above, 0.1 * scale) + unit,
         )
     return ""
 
@@ -263,7 +263,7 @@ def expanded_statement(
     probability: float,
 ) -> str:
     """A value with its expanded uncertainty, told as GUM 7.2.4 asks."""
-    expanded = f"{rounded(value, k * u, 2)} ± {rounded(k * u, k * u, 2, beside=value)}"
+    expanded = f"{format_rounded(value, k * u)} ± {format_rounded(k * u, k * u, beside=value)}"
     return phrase(
         "{what}: {name} = {value}, where the number after ± is the expanded "
         "uncertainty U = k u, with the standard "
@@ -272,7 +272,7 @@ def expanded_statement(
         what=what,
         name=name,
         value=f"({expanded}){unit}" if unit else expanded,
-        u=rounded(u, u, 2, beside=value) + unit,
+        u=format_rounded(u, u, beside=value) + unit,
         k=k,
         law=phrase("the normal distribution")
         if dof > 1e6
@@ -307,7 +307,7 @@ def measurement_report(propagation: Propagation, *, seed: int, figures: FigureCh
 
 
 def _cell(value: float, u: float, beside: float = 0.0) -> str:
-    return rounded(value, u, _DIGITS, beside=beside)
+    return format_rounded(value, u, _DIGITS, beside=beside)
 
 
 def _ends(u: float, low: float, high: float) -> str:

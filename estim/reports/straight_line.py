@@ -20,10 +20,10 @@ from estim.common import (
     behind,
     bracketed,
     format_quantity,
+    format_rounded,
     interval,
     one_line,
     phrase,
-    rounded,
     significant,
     with_unit,
 )
@@ -238,8 +238,8 @@ def straight_line_lines(line: StraightLine) -> list[str]:
 
 def _pair(value: float, u: float, digits: int = 2) -> str:
     """Value ± uncertainty to as many digits of it."""
-    return rounded(value, u, digits) + (
-        f" ± {rounded(u, u, digits, beside=value)}" if 0.0 < u < math.inf else ""
+    return format_rounded(value, u, digits) + (
+        f" ± {format_rounded(u, u, digits, beside=value)}" if 0.0 < u < math.inf else ""
     )
 
 
