@@ -124,29 +124,6 @@ class SeparableSearch:
         """Whether least squares creep, so that steps by the information must finish."""
         return any(run.creeps for run in self.posterior.likelihoods)
 
-    def scoring(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Jacobian and residuals (data, then priors) for a step of least squares."""
-        key = values.tobytes()
-        if key not in self._latest:  # an optimum is asked for many times
-            pairs = self.posterior.scoring(values)
-            slopes = self.posterior.problem.prior_jacobian(values)
-            jacobian = np.vstack([*(pair[0] for pair in pairs), slopes])
-            residuals = [*(pair[1] for pair in pairs), self.posterior.prior_residuals(values)]
-            self._latest.clear()
-            self._latest[key] = jacobian, np.concatenate(residuals)
-            for part in self._latest[key]:
-                part.flags.writeable = False
-        return self._latest[key]
-
-    @cached_property
-    def spreads(self) -> dict[bytes, FloatArray]:
-        """Optima that were asked for -> their standard deviations."""
-        return {}
-
-    @cached_property
-    def _latest(self) -> dict[bytes, tuple[FloatArray, FloatArray]]:
-        return {}
-
     def chi2(self, values: FloatArray) -> float:
         """Sum of squares of the data and of the priors of the parameters that are moved; those of
         the noise stay where they are.
