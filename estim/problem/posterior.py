@@ -488,23 +488,6 @@ class Posterior:
         named = self.problem.named(values)
         return tuple(likelihood.scoring(named, names) for likelihood, names, _ in self._parts)
 
-    def told(self, values: FloatArray) -> FloatArray:
-        """(n_par, n_par) Fisher information of the data about the curve, the noise held."""
-        named, total = self.problem.named(values), np.zeros((values.size, values.size))
-        for likelihood, names, columns in self._parts:
-            root = likelihood.information_root(named, names)
-            total[np.ix_(columns, columns)] += root.T @ root
-        return total
-
-    def score(self, values: FloatArray) -> FloatArray:
-        """(n_par,) minus the gradient of the log likelihood: J^T r of `narrow_scoring`."""
-        total = np.zeros(values.size)
-        for (jacobian, residuals), columns in zip(
-            self.narrow_scoring(values), self.problem.columns, strict=True
-        ):
-            total[columns] += jacobian.T @ residuals
-        return total
-
     def information(self, values: FloatArray) -> FloatArray:
         """(n_par, n_par) Fisher information of the data about all parameters, without the
         priors.
