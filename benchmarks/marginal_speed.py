@@ -44,7 +44,7 @@ from estim.model import Body
 from estim.model.simulate import frame_times, simulate_positions
 from estim.sampling.chain import Target, sample_posterior
 from estim.sampling.diagnostics import mixing_of
-from estim.sampling.marginal import MarginalOptions, sample_marginal
+from estim.sampling.marginal import sample_marginal
 
 FloatArray = NDArray[np.float64]
 HEAD = """title = "benchmark"
@@ -120,7 +120,7 @@ def chained(draws: FloatArray, seconds: float) -> Moments:
 
 def by_marginal(fit: Fit, columns: list[int], rng: np.random.Generator) -> Moments:
     started = time.process_time()
-    posterior = sample_marginal(fit, rng=rng, options=MarginalOptions(n_draw=20_000))
+    posterior = sample_marginal(fit, rng=rng, n_draw=20_000)
     return weighted(
         posterior.draws[:, columns], posterior.log_weights, time.process_time() - started
     )
@@ -162,7 +162,7 @@ def by_stretch(fit: Fit, columns: list[int], rng: np.random.Generator, seconds: 
 
 def reference(fit: Fit, columns: list[int], rng: np.random.Generator) -> Moments:
     n = 200_000 if len(fit.problem.runs) == 1 else 60_000
-    posterior = sample_marginal(fit, rng=rng, options=MarginalOptions(n_draw=n, n_check=n))
+    posterior = sample_marginal(fit, rng=rng, n_draw=n, n_check=n)
     return weighted(posterior.draws[:, columns], posterior.check_log_weights, 0.0)
 
 

@@ -171,7 +171,7 @@ def test_derivatives_are_those_of_the_density(formula: str, line: Problem) -> No
     np.testing.assert_allclose(
         posterior.jacobian(values), np.transpose(numeric), atol=1e-6 * np.max(np.abs(numeric))
     )
-    ((jacobian, residual),) = posterior.scoring(values)
+    ((jacobian, residual),) = posterior.narrow_scoring(values)
     heights = [
         posterior.pointwise(values + h * np.array([e, -e]))[0].sum(axis=1) for e in np.eye(2)
     ]

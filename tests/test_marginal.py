@@ -31,7 +31,7 @@ from estim.sampling.chain import Target, sample_posterior
 from estim.sampling.conditional import RunTerm, hermite_nodes, log_volume
 from estim.sampling.diagnostics import mixing_of
 from estim.sampling.importance import pareto_smoothed
-from estim.sampling.marginal import MarginalOptions, MarginalPosterior, sample_marginal
+from estim.sampling.marginal import MarginalPosterior, sample_marginal
 from estim.sampling.marginal_draws import marginal_chain
 
 X = np.linspace(0.0, 1.0, 9)
@@ -200,8 +200,8 @@ def test_evidence_is_that_of_brute_force_and_nodes_remove_the_error_of_laplace(
         terms = np.sum(stats.norm(mean, 0.8).logpdf(y), axis=2) + stats.norm(0.0, 1.0).logpdf(sizes)
         log_p += logsumexp(terms, axis=1) + np.log(sizes[1] - sizes[0])
     mean, sd, evidence = grid_moments(rates, log_p)
-    laplace = sample_marginal(fit, rng=rng, options=MarginalOptions(n_draw=20_000))
-    nodes = sample_marginal(fit, rng=rng, options=MarginalOptions(n_draw=20_000, n_node=15))
+    laplace = sample_marginal(fit, rng=rng, n_draw=20_000)
+    nodes = sample_marginal(fit, rng=rng, n_draw=20_000, n_node=15)
     assert abs(laplace.log_evidence - evidence) > 10.0 * laplace.u_log_evidence
     assert nodes.log_evidence == pytest.approx(evidence, abs=4.0 * nodes.u_log_evidence)
     assert abs(nodes.mean[0] - mean) < 4.0 * error_of_mean(nodes, [0])[0]
@@ -239,7 +239,7 @@ def test_inferred_noise_of_each_run_is_integrated_out(
             Uniform(0.0, 2.0),
         )
     )
-    found = sample_marginal(fit, rng=rng, options=MarginalOptions(n_node=3))
+    found = sample_marginal(fit, rng=rng, n_node=3)
     assert found.sampled == ("slope", "bend")
     chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=Target(ess=1500), rng=rng)
     size = mixing_of(chain.draws).ess_bulk
@@ -251,7 +251,7 @@ def test_inferred_noise_of_each_run_is_integrated_out(
     assert np.all(difference < 4.0 * error)
     # the wrong version: own parameters left normal around their mode
     monkeypatch.setattr(RunTerm, "refine_own", lambda self, shared, own, rng: own)
-    wrong = sample_marginal(fit, rng=rng, options=MarginalOptions(n_node=3))
+    wrong = sample_marginal(fit, rng=rng, n_node=3)
     assert np.max(np.abs(wrong.mean - chain.flat.mean(axis=0)) / error) > 10.0
 
 
@@ -305,19 +305,14 @@ def test_single_run_is_sampled_in_all_dimensions(rng: np.random.Generator) -> No
 
 
 def test_too_few_draws_are_not_trusted_and_options_are_checked(rng: np.random.Generator) -> None:
-    found = sample_marginal(
-        fitted(linear_problem(rng)[0]), rng=rng, options=MarginalOptions(n_draw=200)
-    )
+    found = sample_marginal(fitted(linear_problem(rng)[0]), rng=rng, n_draw=200)
     assert not found.trusted
     assert "effective draws" in found.reasons[0]
 
 
 def test_same_seed_gives_the_same_draws(rng: np.random.Generator) -> None:
     fit = fitted(linear_problem(rng)[0])
-    one, two = (
-        sample_marginal(fit, rng=np.random.default_rng(4), options=MarginalOptions(n_draw=500))
-        for _ in range(2)
-    )
+    one, two = (sample_marginal(fit, rng=np.random.default_rng(4), n_draw=500) for _ in range(2))
     assert np.array_equal(one.draws, two.draws)
     assert np.array_equal(one.log_weights, two.log_weights)
 
@@ -347,7 +342,7 @@ def test_two_runs_agree_with_the_chain_in_all_dimensions(
         rng=rng,
         n_start=1,
     )
-    found = sample_marginal(fit, rng=rng, options=MarginalOptions(n_draw=20_000))
+    found = sample_marginal(fit, rng=rng, n_draw=20_000)
     chain = sample_posterior(
         fit.sampled, fit.values, fit.cov, target=Target(ess=500, max_step=1000), rng=rng
     )
@@ -427,8 +422,8 @@ def test_runs_of_few_points_need_nodes_and_get_them() -> None:
     priors = {"a": LogNormal(2.0, 0.5), "tau": LogNormal(1.0, 0.8)}
     data = {name: DataSet(x, y, u_y=sd) for name, y in tables.items()}
     found = fit_curves("a*exp(-x/tau)", data, shared=["a"], priors=priors, n_start=1).fit
-    few = MarginalOptions(n_draw=2000, n_check=2000)
-    laplace = sample_marginal(found, rng=np.random.default_rng(5), options=few)
+    few = {"n_draw": 2000, "n_check": 2000}
+    laplace = sample_marginal(found, rng=np.random.default_rng(5), **few)
     assert not laplace.trusted
     chain, agreement = marginal_chain(found, target=Target(), rng=np.random.default_rng(5))
     assert agreement.verdict == "agree"

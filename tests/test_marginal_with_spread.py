@@ -22,7 +22,7 @@ from estim.sampling import Optima, conditional, marginal_draws
 from estim.sampling.chain import Chain, Target, sample_posterior
 from estim.sampling.importance import difference
 from estim.sampling.log_density import Density
-from estim.sampling.marginal import MarginalOptions, MarginalPosterior, sample_marginal
+from estim.sampling.marginal import MarginalPosterior, sample_marginal
 
 LEVELS = """title = "levels of several days"
 kind = "synthetic"
@@ -113,15 +113,15 @@ def test_a_spread_of_slopes_is_that_of_the_exact_integral(
     seed: int, n_run: int, spread: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fit, slopes = lines(seed, n_run, spread)
-    few = MarginalOptions(n_draw=5000, n_check=2000)
+    few = {"n_draw": 5000, "n_check": 2000}
     expected = exact(slopes)
-    found = sample_marginal(fit, rng=np.random.default_rng(1), options=few)
+    found = sample_marginal(fit, rng=np.random.default_rng(1), **few)
     assert found.trusted
     # the fourth moment of a skewed s: its sd is uncertain by some 2 % from 4000 draws
     assert spreads(found) == pytest.approx(expected, rel=0.07)
     # the wrong version: without the room that z has, which is less where s is large
     monkeypatch.setattr(conditional, "log_volume", lambda root: np.zeros(root.shape[0]))
-    wrong = sample_marginal(fit, rng=np.random.default_rng(1), options=few)
+    wrong = sample_marginal(fit, rng=np.random.default_rng(1), **few)
     assert abs(spreads(wrong)[0] / expected[0] - 1.0) > 0.1
 
 

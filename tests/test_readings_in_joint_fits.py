@@ -23,7 +23,7 @@ from estim.problem.noise import Independent, Scale
 from estim.problem.observations import Parameter
 from estim.problem.posterior import Problem
 from estim.problem.priors import HalfNormal, Normal
-from estim.sampling.marginal import MarginalOptions, sample_marginal
+from estim.sampling.marginal import sample_marginal
 
 SCALES = np.linspace(0.5, 1.8, 521)
 REPLICA = Path(__file__).parents[1] / "data" / "replica" / "campaign.toml"
@@ -85,11 +85,7 @@ def fitted(problem: Problem) -> Fit:
 def test_the_marginal_over_any_number_of_runs_is_the_posterior_on_a_grid(n: int) -> None:
     problem = readings(n, np.random.default_rng(n))
     (mean, sd), (flat, _) = grids(problem)
-    found = sample_marginal(
-        fitted(problem),
-        rng=np.random.default_rng(2),
-        options=MarginalOptions(n_draw=4000, n_check=200),
-    )
+    found = sample_marginal(fitted(problem), rng=np.random.default_rng(2), n_draw=4000, n_check=200)
     error = 4.0 / np.sqrt(found.ess) + 0.03  # the measure is taken to first order
     assert found.trusted
     assert abs(found.mean[0] - mean) < error * sd
@@ -155,7 +151,7 @@ def test_a_size_of_errors_that_runs_share_is_integrated_and_not_pulled() -> None
         )
         assert fit.sampled.measure is not None
         assert [fit.names[i] for i in fit.sampled.measure.columns] == ["scale"]
-        found = sample_marginal(fit, rng=rng, options=MarginalOptions(n_draw=1000, n_check=100))
+        found = sample_marginal(fit, rng=rng, n_draw=1000, n_check=100)
         k = fit.names.index("sigma")
         pulls.append((found.mean[k] - U_Y) / found.sd[k])
     assert abs(np.mean(pulls)) < 4.0 / np.sqrt(len(pulls))

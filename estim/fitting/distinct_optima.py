@@ -216,7 +216,7 @@ def _is_optimum(search: SeparableSearch, end: End) -> bool:
     """Whether the next step of Gauss and Newton stays within half a standard deviation, limits
     held.
     """
-    (jacobian, residuals), moving = search.scoring(end[0]), _moving(search, end)
+    (jacobian, residuals), moving = search.posterior.scoring(end[0]), _moving(search, end)
     jacobian = jacobian[:, moving]
     if not all_finite(jacobian):
         return True
@@ -227,7 +227,7 @@ def _is_optimum(search: SeparableSearch, end: End) -> bool:
 
 def _moving(search: SeparableSearch, end: End) -> IntArray:
     """The parameters that are moved and not pressed onto a limit at an end."""
-    jacobian, residuals = search.scoring(end[0])
+    jacobian, residuals = search.posterior.scoring(end[0])
     return search.free[~near_bound(search, end[0], jacobian, residuals, end[1])[search.free]]
 
 
@@ -235,7 +235,7 @@ def _log_share(search: SeparableSearch, end: End) -> float:
     """Log of what an optimum holds of the posterior, by the normal distribution there and, of
     parameters pressed onto a limit, by how fast the density falls; -inf where that says nothing.
     """
-    (jacobian, residuals), moving = search.scoring(end[0]), _moving(search, end)
+    (jacobian, residuals), moving = search.posterior.scoring(end[0]), _moving(search, end)
     if not all_finite(jacobian[:, search.free]):
         return -math.inf
     cov, condition = inverse_information(jacobian[:, moving])

@@ -63,7 +63,7 @@ def stepped(
     step_size, chi2 = math.inf, search.chi2(values)
     mover = int(search.free[0]) if search.free.size else 0
     for _ in range(most):
-        jacobian, residual = search.scoring(values)
+        jacobian, residual = search.posterior.scoring(values)
         if not all_finite(jacobian, residual):
             break
         near = near_bound(search, values, jacobian, residual, chi2)
@@ -182,15 +182,11 @@ def unit_at(search: SeparableSearch, best: End) -> float:
 
 def spread_at(search: SeparableSearch, best: End) -> FloatArray:
     """(n_par,) standard deviations at an optimum, 0 for what the search does not move."""
-    key = best[0].tobytes()
-    if key not in search.spreads:
-        jacobian = search.scoring(best[0])[0][:, search.free]
-        spread = np.zeros(best[0].size)
-        if all_finite(jacobian):
-            cov = inverse_information(jacobian)[0]
-            spread[search.free] = unit_at(search, best) * sds_of(cov)
-        search.spreads[key] = spread
-    return search.spreads[key]
+    jacobian = search.posterior.scoring(best[0])[0][:, search.free]
+    spread = np.zeros(best[0].size)
+    if all_finite(jacobian):
+        spread[search.free] = unit_at(search, best) * sds_of(inverse_information(jacobian)[0])
+    return spread
 
 
 def is_close(a: FloatArray, b: FloatArray, spread: FloatArray, limit: float) -> bool:

@@ -403,7 +403,7 @@ def _fades(search: SeparableSearch, i: int, places: FloatArray, present: BoolArr
         return False
     sizes = np.zeros(len(places))
     for k, place in enumerate(places):
-        rows = search.scoring(place)[0]
+        rows = search.posterior.scoring(place)[0]
         if all_finite(rows):
             own, others = rows[:, i] * place[i], rows[:, search.free[search.free != i]]
             along = others @ np.linalg.lstsq(others, own, rcond=None)[0]
@@ -653,7 +653,7 @@ def _polished(
     free, likelihoods = search.free, search.posterior.likelihoods
     resolved = max(search.resolved, *(likelihood.resolved for likelihood in likelihoods))
     values, chi2, step_size, mover = stepped(search, values)
-    jacobian, residual = search.scoring(values)
+    jacobian, residual = search.posterior.scoring(values)
     if not all_finite(jacobian, residual):
         names = search.posterior.problem.names
         lost = [names[i] for i in free if not all_finite(jacobian[:, i])]
@@ -673,12 +673,12 @@ def _polished(
     if np.any(near):
         at_limit = np.where(values - search.low < search.high - values, search.low, search.high)
         on_limit = np.where(near, at_limit, values)
-        there = search.scoring(on_limit)[0]
+        there = search.posterior.scoring(on_limit)[0]
         silent = ~np.any(there, axis=0) & np.isin(np.arange(values.size), free)
         if all_finite(there) and np.any(silent):
             # what another parameter hides on its limit lies anywhere: where it started
             inside = known_from_data(search.posterior, on_limit).inside
-            beside = search.scoring(inside)[0]
+            beside = search.posterior.scoring(inside)[0]
             hidden = silent & np.any(beside, axis=0)
             begun = np.where(hidden, search.held, on_limit)
             # not where it is the product of a factor and of one next to 0 that counts

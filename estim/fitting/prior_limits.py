@@ -80,15 +80,15 @@ def around(fit: Fit) -> Quadratic:
     problem, curve = fit.problem, fit.problem.of_curve
     scale = positive_or(fit.scale[curve], 1.0)
     whole = fit.forces or fit.deviations
-    told, score = (
-        whole[0].told
-        if whole
-        else (fit.posterior.told(fit.values), -fit.posterior.score(fit.values))
-    )
-    information = told[np.ix_(curve, curve)] * np.outer(scale, scale)
-    gradient = -score[curve] * scale
     if whole:
-        gradient += information @ ((fit.values - whole[0].about)[curve] / scale)
+        told, score = whole[0].told
+        slope = told[:, curve] @ (fit.values - whole[0].about)[curve] - score
+    else:
+        told = fit.posterior.information(fit.values)
+        jacobian, residuals = fit.posterior.scoring(fit.values)
+        slope = jacobian.T @ residuals - problem.prior_gradient(fit.values)
+    information = told[np.ix_(curve, curve)] * np.outer(scale, scale)
+    gradient = slope[curve] * scale
     spectrum, basis = np.linalg.eigh(information)
     singular, right = np.sqrt(np.maximum(spectrum, 0.0)), basis.T
     seen = singular > math.sqrt(ALONE) * singular[-1]

@@ -51,12 +51,6 @@ class SeparableSearch:
         """Whether any parameter has a limit."""
         return bool(np.isfinite([self.low, self.high]).any())
 
-    @cached_property
-    def _of_noise(self) -> float:
-        """Squares of the residuals of the noise parameters' priors, which no move changes."""
-        held = np.setdiff1d(np.arange(self.held.size), self.free)
-        return float(np.sum(self.posterior.prior_residuals(self.held)[held] ** 2))
-
     @property
     def resolved(self) -> float:
         """Ratio of singular values (columns of unit length) that the rounding errors of the
@@ -114,8 +108,8 @@ class SeparableSearch:
         return self.rounding + 1e-15**2 * float(np.sum(terms**2))
 
     def chi2_at(self, points: FloatArray) -> FloatArray:
-        """(n_point,) sums of squares at points (n_point, n_par), inf where the curve is not
-        finite.
+        """(n_point,) sums of squares of the data, and of the priors of the parameters that are
+        moved, at points (n_point, n_par); inf where the curve is not finite.
         """
         return 2.0 * self.squares.objectives(points)
 
@@ -124,35 +118,9 @@ class SeparableSearch:
         """Whether least squares creep, so that steps by the information must finish."""
         return any(run.creeps for run in self.posterior.likelihoods)
 
-    def scoring(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Jacobian and residuals (data, then priors) for a step of least squares."""
-        key = values.tobytes()
-        if key not in self._latest:  # an optimum is asked for many times
-            pairs = self.posterior.scoring(values)
-            slopes = self.posterior.problem.prior_jacobian(values)
-            jacobian = np.vstack([*(pair[0] for pair in pairs), slopes])
-            residuals = [*(pair[1] for pair in pairs), self.posterior.prior_residuals(values)]
-            self._latest.clear()
-            self._latest[key] = jacobian, np.concatenate(residuals)
-            for part in self._latest[key]:
-                part.flags.writeable = False
-        return self._latest[key]
-
-    @cached_property
-    def spreads(self) -> dict[bytes, FloatArray]:
-        """Optima that were asked for -> their standard deviations."""
-        return {}
-
-    @cached_property
-    def _latest(self) -> dict[bytes, tuple[FloatArray, FloatArray]]:
-        return {}
-
     def chi2(self, values: FloatArray) -> float:
-        """Sum of squares of the data and of the priors of the parameters that are moved; those of
-        the noise stay where they are.
-        """
-        total = float(np.sum(self.posterior.residuals(values) ** 2)) - self._of_noise
-        return max(total, 0.0) if math.isfinite(total) else math.inf
+        """That at values (n_par,)."""
+        return float(self.chi2_at(values[None, :])[0])
 
 
 def set_apart(

@@ -81,9 +81,6 @@ class CountErrors(Likelihood):
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
         return self._slopes(named, names), self._score(named) * self.sd(named)
 
-    def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
-        return self._slopes(named, names)
-
     def whitened(self, named: Named, names: Sequence[str]) -> CountedResiduals:
         mean = self._expected(named)[0][0]
         return CountedResiduals(

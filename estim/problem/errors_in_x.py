@@ -151,9 +151,6 @@ class LatentErrors(Likelihood):
             self.y.size,
         )
 
-    def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
-        return self.scoring(named, names)[0]
-
     def whitened(self, named: Named, names: Sequence[str]) -> Tabled:
         at, scores, slopes = self.score_table(named, names)
         mask = self._of_curve(names)

@@ -290,7 +290,7 @@ class Likelihood(ABC):
 
     def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
         """J (n, n_par) with J^T J the Fisher information about the curve, the noise held."""
-        return self.jacobian(named, names)
+        return self.scoring(named, names)[0]
 
     def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
         """(n_par, n_par) Fisher information about all parameters; of the noise those in `ends`,

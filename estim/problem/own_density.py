@@ -49,9 +49,6 @@ class DensityErrors(Likelihood):
         scores = self.points.gradient(named, names)
         return rooted(self._curvature(named, names, scores), np.sum(scores, axis=0), self.y.size)
 
-    def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
-        return self.scoring(named, names)[0]
-
     def sd(self, named: Named) -> FloatArray:
         return np.ones(self.y.size)
 

@@ -483,19 +483,22 @@ class Posterior:
         wide[:, columns] = part
         return wide
 
-    def scoring(self, values: FloatArray) -> tuple[tuple[FloatArray, FloatArray], ...]:
-        """For each group a Jacobian J (n, n_par) and residuals r (n,) in the curve's parameters for
-        a step of least squares, n >= n_obs.
+    def scoring(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Jacobian J (n, n_par) and residuals r (n,) of all groups, then of the priors, in the
+        curve's parameters for a step of least squares.
         """
-        parts = zip(self.narrow_scoring(values), self.problem.columns, strict=True)
-        return tuple(
-            (self._widened(jacobian, columns), residuals)
-            for (jacobian, residuals), columns in parts
+        pairs = self.narrow_scoring(values)
+        rows = [
+            self._widened(jacobian, columns)
+            for (jacobian, _), columns in zip(pairs, self.problem.columns, strict=True)
+        ]
+        return np.vstack([*rows, self.problem.prior_jacobian(values)]), np.concatenate(
+            [*(residuals for _, residuals in pairs), self.prior_residuals(values)]
         )
 
     def narrow_scoring(self, values: FloatArray) -> tuple[tuple[FloatArray, FloatArray], ...]:
-        """The same with J (n, n_used) in the parameters that each group depends on
-        (`Problem.columns`).
+        """For each group J (n, n_used) in the parameters that it depends on (`Problem.columns`) and
+        r (n,), n >= n_obs.
 
         J^T r is minus the gradient of the log likelihood; J^T J is the Fisher information where
         residuals of least squares (`residuals`) are far from normal (`Likelihood.creeps`), and that
@@ -503,23 +506,6 @@ class Posterior:
         """
         named = self.problem.named(values)
         return tuple(likelihood.scoring(named, names) for likelihood, names, _ in self._parts)
-
-    def told(self, values: FloatArray) -> FloatArray:
-        """(n_par, n_par) Fisher information of the data about the curve, the noise held."""
-        named, total = self.problem.named(values), np.zeros((values.size, values.size))
-        for likelihood, names, columns in self._parts:
-            root = likelihood.information_root(named, names)
-            total[np.ix_(columns, columns)] += root.T @ root
-        return total
-
-    def score(self, values: FloatArray) -> FloatArray:
-        """(n_par,) minus the gradient of the log likelihood: J^T r of `narrow_scoring`."""
-        total = np.zeros(values.size)
-        for (jacobian, residuals), columns in zip(
-            self.narrow_scoring(values), self.problem.columns, strict=True
-        ):
-            total[columns] += jacobian.T @ residuals
-        return total
 
     def information(self, values: FloatArray) -> FloatArray:
         """(n_par, n_par) Fisher information of the data about all parameters, without the

@@ -26,9 +26,8 @@ class RobustErrors(Likelihood):
     tails: Tails
 
     def pointwise(self, named: Named) -> FloatArray:
-        variance = self.size.variance(self.weight, named)
-        z = (self.y - self.points.value(named)) / np.sqrt(variance)
-        return self.tails.log_density(z, named) - 0.5 * np.log(variance)
+        log_variance = np.log(self.size.variance(self.weight, named))
+        return self.tails.log_density(self.standardised(named), named) - 0.5 * log_variance
 
     def standardised(self, named: Named) -> FloatArray:
         return (self.y - self.points.value(named)) / np.sqrt(self.size.variance(self.weight, named))

@@ -49,21 +49,6 @@ _LEAST_ESS = 400.0
 _MOST_SAMPLED = 12
 
 
-@dataclass(frozen=True)
-class MarginalOptions:
-    """n_draw : draws of the marginal.  n_check : how many of them get exact weights in all
-    dimensions.
-    n_node : Gauss-Hermite nodes along each own parameter of a run; 1 is Laplace's approximation, 5
-        leaves no visible error.
-    wide : whether a quarter of the draws comes from a proposal three times as wide.
-    """
-
-    n_draw: int = 8000
-    n_check: int = 4000
-    n_node: int = 1
-    wide: bool = False
-
-
 @dataclass(frozen=True, eq=False)
 class MarginalPosterior:
     """Weighted draws of a joint posterior.
@@ -126,16 +111,23 @@ def sample_marginal(
     fit: Fit,
     *,
     rng: np.random.Generator,
-    options: MarginalOptions | None = None,
+    n_draw: int = 8000,
+    n_check: int = 4000,
+    n_node: int = 1,
+    wide: bool = False,
     progress: Progress | None = None,
 ) -> MarginalPosterior:
     """Draws of the posterior of a joint fit, through the marginal of its shared parameters.
+
+    n_draw : draws of the marginal.  n_check : how many of them get exact weights in all dimensions.
+    n_node : Gauss-Hermite nodes along each own parameter of a run; 1 is Laplace's approximation, 5
+        leaves no visible error.
+    wide : whether a quarter of the draws comes from a proposal three times as wide.
 
     Raises InputError where a run's noise is not normal, where runs share nothing or too many
     parameters have to be sampled, and NumericalError where the fit leaves a combination of
     parameters undetermined or the proposal finds no posterior mass.
     """
-    options = options or MarginalOptions()
     if fit.singular:
         raise NumericalError(
             "the marginal over runs needs a fit that determines every parameter: state one "
@@ -151,15 +143,15 @@ def sample_marginal(
         progress(0, phrase("adaptation to the marginal over the runs"))
     mean, cov = fit.values[columns], fit.cov[np.ix_(columns, columns)]
     proposal = adapt_proposal(target, mean, cov, rng=rng, n_round=1000)
-    if options.wide:
+    if wide:
         proposal = proposal.widened()
-    shared = proposal.draw(rng, options.n_draw)
+    shared = proposal.draw(rng, n_draw)
     log_beside = target.log_prior(shared)
     seen = np.flatnonzero(np.isfinite(log_beside))
-    draws = np.empty((options.n_draw, fit.problem.n_par))
+    draws = np.empty((n_draw, fit.problem.n_par))
     draws[:, columns] = shared
-    by_run, log_q = np.zeros((2, len(terms), options.n_draw))
-    runs = target.at_runs(shared[seen], n_node=options.n_node, progress=progress)
+    by_run, log_q = np.zeros((2, len(terms), n_draw))
+    runs = target.at_runs(shared[seen], n_node=n_node, progress=progress)
     for i, (log_marginal, around) in enumerate(runs):
         by_run[i, seen] = log_marginal
         own, log_q[i, seen] = around.draw(rng)
@@ -169,8 +161,8 @@ def sample_marginal(
     log_weights = raw - np.max(raw)
     inside = np.flatnonzero(np.isfinite(log_weights))
     nowhere = np.flatnonzero(~np.isfinite(log_weights))
-    first = inside[inside < options.n_check]
-    raw_all = np.full(min(options.n_check, options.n_draw), -np.inf)
+    first = inside[inside < n_check]
+    raw_all = np.full(min(n_check, n_draw), -np.inf)
     raw_all[first] = (log_beside - log_proposal)[first]
     refined = []
     for number, (term, log_marginal, log_own) in enumerate(
@@ -207,7 +199,7 @@ def sample_marginal(
         ess_all,
         shift,
         u_shift,
-        n_node=options.n_node,
+        n_node=n_node,
         exact=columns.size == fit.problem.n_par,
     )
     return MarginalPosterior(

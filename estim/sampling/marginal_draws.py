@@ -14,7 +14,7 @@ from estim.sampling.certificate import Agreement, no_comparison
 from estim.sampling.chain import Chain, Convergence, Progress, Target
 from estim.sampling.diagnostics import mixing_of
 from estim.sampling.importance import K_HAT_LIMIT
-from estim.sampling.marginal import MarginalOptions, MarginalPosterior, sample_marginal
+from estim.sampling.marginal import MarginalPosterior, sample_marginal
 
 _N_CHAIN = 4  # parts that the independent draws are shown in
 
@@ -33,13 +33,12 @@ def marginal_chain(
     """
     n_draw = int(max(8000, 2.5 * target.ess))
     try:
-        marginal = sample_marginal(
-            fit, rng=rng, options=MarginalOptions(n_draw=n_draw), progress=progress
-        )
+        marginal = sample_marginal(fit, rng=rng, n_draw=n_draw, progress=progress)
         if not marginal.trusted:
             wide = not marginal.k_hat < K_HAT_LIMIT
-            options = MarginalOptions(n_draw=n_draw, n_node=5, wide=wide)
-            marginal = sample_marginal(fit, rng=rng, options=options, progress=progress)
+            marginal = sample_marginal(
+                fit, rng=rng, n_draw=n_draw, n_node=5, wide=wide, progress=progress
+            )
     except np.linalg.LinAlgError as error:
         raise NumericalError(
             f"the marginal over runs cannot be computed ({error}): use the sampler"
