@@ -35,7 +35,7 @@ _LOWER = 16.0  # of a mode below the highest, in log density: it is left out
 # standard deviations; a path whose steps collapse ends before a jump of the density
 _MIN_STEP = 1e-2
 _LOOKS = 10  # for a point of a path
-_DIFFERENCE = 0.005  # step of the finite differences, in standard deviations
+_DIFFERENCE = 0.02  # step of the finite differences, in standard deviations
 
 
 @dataclass(frozen=True, eq=False)
