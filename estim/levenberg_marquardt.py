@@ -117,12 +117,14 @@ Task = Generator[Start, End, T]
 
 
 @np.errstate(all="ignore")
-def run_descents(function: ObjectiveFunction, tasks: Sequence[Task[T]]) -> list[T]:
+def run_descents(
+    function: ObjectiveFunction, tasks: Sequence[Task[T]], *, max_steps: int = 60
+) -> list[T]:
     """What the tasks return, in their order; each is sent the end of the descent from every start
-    that it yields.
+    that it yields, which ends after `max_steps` in any case.
     """
     results: dict[int, T] = {}
-    on_their_way = _Descents(function, len(tasks))
+    on_their_way = _Descents(function, len(tasks), max_steps=max_steps)
 
     def go_on(k: int, end: End | None) -> None:
         try:
@@ -296,7 +298,7 @@ class _Descents:
     """
 
     def __init__(
-        self, function: ObjectiveFunction, n: int, *, ftol: float = 0.0, max_steps: int = 60
+        self, function: ObjectiveFunction, n: int, *, ftol: float = 0.0, max_steps: int
     ) -> None:
         n_par = function.low.size
         self.function, self.ftol, self.max_steps = function, ftol, max_steps

@@ -67,7 +67,7 @@ def share_and_mean(density: Bent, proposal, rng: np.random.Generator) -> tuple[f
 def test_a_spike_with_tails_that_bend_is_proposed_as_it_is() -> None:
     density, rng = Bent(), np.random.default_rng(1)
     parts = density.parts()
-    proposal = proposal_of_parts(density, parts, rng=rng)
+    proposal = proposal_of_parts(density, parts, density.centre, rng=rng)
     share, mean, error = share_and_mean(density, proposal, rng)
     assert share > 0.5
     assert abs(mean - 1.0) < 4.0 * error < 0.2
@@ -85,7 +85,7 @@ def test_a_spike_with_tails_that_bend_is_proposed_as_it_is() -> None:
 def test_parts_that_are_nowhere_near_are_no_proposal() -> None:
     density = Bent()
     far = NormalParts(np.ones(1), density.centre[None] + 40.0, np.diag(density.spike**2)[None])
-    assert proposal_of_parts(density, far, rng=np.random.default_rng(1)) is None
+    assert proposal_of_parts(density, far, far.means[0], rng=np.random.default_rng(1)) is None
 
 
 def test_a_chain_of_what_is_made_of_parts_takes_its_moves_from_them() -> None:

@@ -12,16 +12,13 @@ from targets import COV, banana, bimodal, half_normal, normal
 
 from estim.campaign import load_campaign
 from estim.fitting import fit_least_squares
+from estim.levenberg_marquardt import End, run_descents
 from estim.problem import folded
+from estim.sampling.cholesky import lower_factor
 from estim.sampling.log_density import Density, Support
-from estim.sampling.ridges import (
-    coordinates_at_modes,
-    expanded,
-    path_proposal,
-    profile_paths,
-    ridge_proposal,
-)
+from estim.sampling.ridges import Ridges, about_mode, ridge_proposal
 
+OPEN = np.full(2, -np.inf), np.full(2, np.inf)
 ROUNDING = 1e-8  # standard deviations, and of log densities
 
 Case = tuple[Density, np.ndarray, np.ndarray, Sequence[np.ndarray], Support | None]
@@ -62,60 +59,65 @@ CASES: dict[str, Callable[[Path], Case]] = {
 }
 
 
+def path_of(ridges: Ridges, mode: End, held: int) -> list[End]:
+    """From end to end."""
+    down, up = (
+        run_descents(ridges, [ridges.path(mode, held, way)], max_steps=10)[0] for way in (-1.0, 1.0)
+    )
+    return [*down[::-1], mode, *up]
+
+
 @pytest.mark.parametrize("name", CASES)
 def test_ridges_followed_together_are_those_followed_one_by_one(name: str, replica: Path) -> None:
     density, start, cov, starts, support = CASES[name](replica)
-    coordinates, centres = coordinates_at_modes(density, np.vstack([start, *starts]), cov, support)
-    assert len(centres) == (2 if name == "two modes" else 1) * start.size
-    row, expansions, log_marginals = profile_paths(coordinates, centres)
-    together = path_proposal(coordinates, centres)
-    sds = np.sqrt(np.diag(cov))
-    for i in range(len(centres)):
-        only = np.array([i])
-        one, of_ridge = coordinates.rows(only), row == i
-        assert np.sum(of_ridge) > 2
-        _, alone, masses = profile_paths(one, centres[only])
-        np.testing.assert_allclose(
-            expansions.points[of_ridge] / sds, alone.points / sds, rtol=0.0, atol=ROUNDING
-        )
-        # of a normal log density where it lies so deep, per standard deviation
-        slope = np.sqrt(2.0 * np.maximum(-masses, 0.5))
-        assert np.all(np.abs(log_marginals[of_ridge] - masses) < ROUNDING * slope)
-        of_one = path_proposal(one, centres[only])
-        np.testing.assert_allclose(
-            together.means[of_ridge] / sds, of_one.means / sds, rtol=0.0, atol=10.0 * ROUNDING
-        )
-        np.testing.assert_allclose(
-            together.factors[of_ridge] / sds[:, None],
-            of_one.factors / sds[:, None],
-            rtol=0.0,
-            atol=10.0 * ROUNDING,
-        )
+    together = ridge_proposal(density, start, cov, starts=starts, support=support)
+    ends = support or (np.full(start.size, -np.inf), np.full(start.size, np.inf))
+    sds, first, weights = np.sqrt(np.diag(cov)), 0, []
+    for at in (start, *starts):
+        ridges, mode = about_mode(density, at, cov, ends)
+        for i in range(start.size):
+            path = path_of(ridges, mode, i)
+            assert len(path) > 2
+            weight, means, covs = ridges.components(path, i, path.index(mode))
+            of_path = slice(first, first + len(path))
+            np.testing.assert_allclose(
+                together.means[of_path] / sds, means / sds, rtol=0.0, atol=10.0 * ROUNDING
+            )
+            np.testing.assert_allclose(
+                together.factors[of_path] / sds[:, None],
+                lower_factor(covs) / sds[:, None],
+                rtol=0.0,
+                atol=10.0 * ROUNDING,
+            )
+            first += len(path)
+            weights += weight.tolist()
+    assert first == together.weights.size
+    np.testing.assert_allclose(together.weights, np.array(weights) / np.sum(weights), rtol=1e-6)
 
 
 def test_a_way_along_a_normal_density_is_its_regression() -> None:
     """The others are where they are expected given the first, and the density falls by half the
     square of its standard deviations.
     """
-    coordinates, centres = coordinates_at_modes(normal(COV), np.zeros((1, 4)), COV, None)
-    row, expansions, log_marginals = profile_paths(coordinates, centres)
+    ridges, mode = about_mode(
+        normal(COV), np.zeros(4), COV, (np.full(4, -np.inf), np.full(4, np.inf))
+    )
     for axis in range(4):
-        points = expansions.points[row == axis]
+        path = path_of(ridges, mode, axis)
+        points = np.array([end.values for end in path])
         expected = points[:, axis, None] * COV[axis] / COV[axis, axis]
         np.testing.assert_allclose(points, expected, atol=1e-6)
+        heights = [ridges.log_marginal(end, axis) - ridges.log_marginal(mode, axis) for end in path]
         np.testing.assert_allclose(
-            log_marginals[row == axis], -0.5 * points[:, axis] ** 2 / COV[axis, axis], atol=1e-6
+            heights, -0.5 * points[:, axis] ** 2 / COV[axis, axis], atol=1e-6
         )
         assert np.max(np.abs(points[:, axis])) > 4.0 * np.sqrt(COV[axis, axis])
 
 
 def test_a_ridge_that_bends_is_followed() -> None:
     """Given x, y is most probable at bend (x^2 - 1)."""
-    coordinates, centres = coordinates_at_modes(
-        banana(2.0), np.array([[0.0, -2.0]]), np.eye(2), None
-    )
-    row, expansions, _ = profile_paths(coordinates, centres)
-    x, y = expansions.points[row == 0].T
+    ridges, mode = about_mode(banana(2.0), np.array([0.0, -2.0]), np.eye(2), OPEN)
+    x, y = np.array([end.values for end in path_of(ridges, mode, 0)]).T
     np.testing.assert_allclose(y, 2.0 * (x**2 - 1.0), atol=1e-5)
     assert np.ptp(x) > 8.0
 
@@ -126,14 +128,11 @@ def test_what_is_pressed_against_a_limit_is_as_wide_as_the_density_falls() -> No
         normal(np.eye(2)),
         function=lambda x: np.where(x[:, 0] >= 0.0, -3.0 * x[:, 0] - 0.5 * x[:, 1] ** 2, -np.inf),
     )
-    coordinates, centres = coordinates_at_modes(
-        falling, np.zeros((1, 2)), 50.0 * np.eye(2), (np.array([0.0, -np.inf]), np.full(2, np.inf))
+    ridges, mode = about_mode(
+        falling, np.zeros(2), 50.0 * np.eye(2), (np.array([0.0, -np.inf]), np.full(2, np.inf))
     )
-    np.testing.assert_allclose(centres, 0.0, atol=1e-6)
-    free = dataclasses.replace(coordinates, held=np.full(2, -1))
-    expansions = expanded(free, centres)
-    assert expansions.at_bound[0].tolist() == [True, False]
-    sds = np.sqrt(np.diag(np.linalg.inv(expansions.precisions[0])))
+    np.testing.assert_allclose(mode.values, 0.0, atol=1e-6)
+    sds = np.sqrt(np.diag(np.linalg.inv(ridges.precision(mode))))
     assert sds == pytest.approx([1.0 / 3.0, 1.0], rel=0.01)
 
 
@@ -176,4 +175,4 @@ class Deep:
 
 
 def test_the_mode_of_a_density_next_to_nothing_is_not_left_out() -> None:
-    assert coordinates_at_modes(Deep(), np.zeros((1, 2)), np.eye(2), None)[1].shape == (2, 2)
+    assert np.any(ridge_proposal(Deep(), np.zeros(2), np.eye(2)).means != 0.0)

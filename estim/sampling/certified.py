@@ -195,7 +195,7 @@ def proposed_chain(
             progress(0, phrase("proposal"))
         rng = stream(seed, Stream.PROPOSAL)
         if optima.parts is not None:
-            proposal = proposal_of_parts(density, optima.parts, rng=rng)
+            proposal = proposal_of_parts(density, optima.parts, optima.value, rng=rng)
         proposal = proposal or optima.adapted(density, rng)
     return sample_posterior(
         density,
