@@ -13,7 +13,6 @@ import hashlib
 import os
 import re
 import stat
-import sys
 from pathlib import Path
 
 from estim.common import InputError, in_its_file, note_input, phrase
@@ -34,11 +33,8 @@ def read_bytes(path: Path, *, limit: int = MAX_BYTES) -> bytes:
     try:
         # before it is opened: opening a device may move it
         _check_status(path.stat(), limit)
-        with path.open("rb", buffering=0) as stream:
-            _check_status(os.fstat(stream.fileno()), limit)
-            if sys.platform != "win32":
-                os.set_blocking(stream.fileno(), False)
-            data = _read(stream.fileno(), limit + 1)
+        with path.open("rb") as stream:
+            data = stream.read(limit + 1)  # however long it says it is
     except OSError as error:
         raise InputError(f"cannot be read ({(error.strerror or str(error)).lower()})") from None
     except InputError:
@@ -69,15 +65,6 @@ def _check_status(status: os.stat_result, limit: int) -> None:
         raise _too_large(limit, status.st_size)
     if status.st_size == 0:
         raise InputError("must not be empty: its size is 0")
-
-
-def _read(handle: int, limit: int) -> bytes:
-    """Bytes up to the end of the file, at most `limit` of them, however long it says it is."""
-    parts, remaining = [], limit
-    while remaining > 0 and (part := os.read(handle, min(remaining, 1024**2))):
-        parts.append(part)
-        remaining -= len(part)
-    return b"".join(parts)
 
 
 def _too_large(limit: int, size: object) -> InputError:
