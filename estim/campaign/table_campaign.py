@@ -320,13 +320,12 @@ def _known(key: str, text: str) -> object:
 def run_names(files: Sequence[Path]) -> list[str]:
     """The names of files as those of runs, each once."""
     names: list[str] = []
-    taken = set[str]()
     for file in files:
         name = re.sub(r"[^\w.+-]+", "-", file.stem).lstrip("-.+")[:60] or "run"
         name += "-run" * (name.lower() in ("figures", "report", "result", "draws"))
         ends = ("", *(f"-{number}" for number in range(2, len(files) + 1)))
+        taken = [*map(str.lower, names)]
         names.append(next(name + end for end in ends if (name + end).lower() not in taken))
-        taken.add(names[-1].lower())
     return names
 
 
@@ -446,12 +445,8 @@ def _axis(wanted: str, layout: Layout) -> Axis:
     bare, stated = name_and_unit(wanted)
     if wanted not in layout.names and stated and bare in layout.names:
         return Axis(bare, "", stated)
-    called = (
-        *(name == wanted for name in layout.names),
-        *(bare_name(name) == wanted for name in layout.names),
-    )
-    place = called.index(True) % len(layout.names) if any(called) else None
-    unit = "" if place is None else layout.units[place]
+    called = [*layout.names, *map(bare_name, layout.names)]
+    unit = layout.units[called.index(wanted) % len(layout.names)] if wanted in called else ""
     # a word of a name may stand for x in the formula
     return Axis(wanted, bare if bare != wanted or " " in bare else "", stated or unit)
 
