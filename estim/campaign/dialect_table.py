@@ -6,6 +6,7 @@ say how a file of the program Tracker is read.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import msgspec
 
@@ -34,7 +35,7 @@ def dialect_of(levels: Sequence[tuple[KeyPath, DialectKeys]], places: Places) ->
     """How a table is written by what the levels say of it, the first of them before the others.
     Raises InputError at the key's line.
     """
-    entries = {
+    entries: dict[str, tuple[Any, KeyPath]] = {
         key: (tuple(value) if key == "columns" else value, path)
         for path, level in reversed(levels)
         for key in DialectKeys.__struct_fields__
