@@ -215,11 +215,7 @@ class CampaignFile:
         """
         written = self.files[self.names[index]]
         refuse_outside(self.path.parent / written)
-        try:
-            exists = (self.path.parent / written).exists()
-        except OSError:  # a name too long
-            exists = True  # its reader says why it cannot be read
-        if not exists:
+        if not os.path.exists(self.path.parent / written):
             raise self.error(
                 "cannot be found (no such file; names are relative to the folder of the "
                 "campaign file)",

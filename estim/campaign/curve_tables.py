@@ -10,6 +10,8 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
+import msgspec
+
 from estim.campaign.campaign_file import CampaignFile
 from estim.campaign.curve_keys import (
     AxisTable,
@@ -81,20 +83,15 @@ def check_words(source: CampaignFile, table: CurveTable, runs: Sequence[CurveRun
         raise source.error("must name another column than x", ("curve", "y"), value=y.column)
     for path, level in _levels(table, runs):
         for key, error in (("u_y", level.u_y), ("u_x", level.u_x)):
-            if (
-                isinstance(error, ReadingErrorTable)
-                and (error.column or error.minus or error.plus) is not None
-                and any(
-                    getattr(error, attribute) is not None
-                    for attribute in PriorKeys.__struct_fields__
-                )
-            ):
+            if not isinstance(error, ReadingErrorTable):
+                continue
+            said = {
+                name for name, value in msgspec.structs.asdict(error).items() if value is not None
+            }
+            columns = said.difference(PriorKeys.__struct_fields__)
+            if columns and columns < said:
                 raise source.error("must be a 'column' or have a 'prior', not both", (*path, key))
-            if (
-                isinstance(error, ReadingErrorTable)
-                and (sides := (error.minus, error.plus)) != (None, None)
-                and (None in sides or key == "u_x" or error.column is not None)
-            ):
+            if columns not in (set(), {"column"}) and (columns, key) != ({"minus", "plus"}, "u_y"):
                 rule = "must be a 'column', or for y both 'minus' and 'plus'"
                 raise source.error(rule, (*path, key))
         for name, entry in level.parameters.items():

@@ -35,27 +35,18 @@ def dialect_of(levels: Sequence[tuple[KeyPath, DialectKeys]], places: Places) ->
     """How a table is written by what the levels say of it, the first of them before the others.
     Raises InputError at the key's line.
     """
-    entries: dict[str, Any] = {}
-    for path, level in reversed(levels):
-        entries |= {
-            key: (value, path)
-            for key in DialectKeys.__struct_fields__
-            if (value := getattr(level, key)) is not None
-        }
-    columns = tuple(entries["columns"][0]) if "columns" in entries else None
+    entries: dict[str, tuple[Any, KeyPath]] = {
+        key: (tuple(value) if key == "columns" else value, path)
+        for path, level in reversed(levels)
+        for key in DialectKeys.__struct_fields__
+        if (value := getattr(level, key)) is not None
+    }
     try:
-        return Dialect(
-            columns, **{key: value for key, (value, _) in entries.items() if key != "columns"}
-        )
+        return Dialect(**{key: value for key, (value, _) in entries.items()})
     except InputError as error:
-        path = (
-            entries[str(error.field)][1]
-            if error.field in entries
-            else entries["header"][1]
-            if "header" in entries
-            else ()
-        )
-        raise places.error(error.rule, (*path, str(error.field)), value=error.value) from None
+        field = str(error.field)
+        _, path = entries.get(field) or entries["header"]
+        raise places.error(error.rule, (*path, field), value=error.value) from None
 
 
 def choices_of(run: msgspec.Struct) -> Choices | None:

@@ -35,7 +35,6 @@ from estim.common import (
 from estim.curves import Formula, Limits, called_by_name, linear_in, read_formula
 from estim.reading import (
     COLUMNS,
-    DIALECT_KEYS,
     UNITS,
     Dialect,
     Layout,
@@ -50,6 +49,7 @@ from estim.reading import (
     parse_toml,
     place_of,
     read_layout,
+    read_release,
     uncertainty_of,
     value_columns,
     way_to,
@@ -199,7 +199,7 @@ def text_of_table(
         "jitter": choices.jitter or None,
         "robust": choices.robust,
         "noise": counted,
-        **{key: getattr(choices.dialect, key) for key in DIALECT_KEYS},
+        **vars(choices.dialect),
     }
     parameters = {
         name: _parameter(name, choices)
@@ -208,9 +208,10 @@ def text_of_table(
     }
     own = {name: parameters.pop(name) for name in dict.fromkeys(choices.own)}
     tables = [("[curve]", curve)] + ([("[curve.parameters]", parameters)] if parameters else [])
-    release = None if choices.release is None else _release(choices.release)
+    release = None if choices.release is None else read_release(choices.release)
     read = {"track": choices.track, "release": release, "parameters": own or None}
-    return _text(file, choices, [*tables, *(("[[runs]]", {**head, **read}) for head in heads)])
+    runs = (("[[runs]]", {**head, **read}) for head in heads)
+    return toml_text({"title": choices.title or file.stem, "kind": choices.kind}, [*tables, *runs])
 
 
 def _counted(choices: TableChoices) -> dict[str, object] | None:
@@ -228,12 +229,6 @@ def _counted(choices: TableChoices) -> dict[str, object] | None:
     except ValueError:
         trials = choices.trials
     return {"model": choices.noise, "trials": trials}
-
-
-def _text(
-    file: Path, choices: TableChoices, tables: Sequence[tuple[str, Mapping[str, object]]]
-) -> str:
-    return toml_text({"title": choices.title or file.stem, "kind": choices.kind}, tables)
 
 
 def _text_of_rolling(file: Path, choices: TableChoices, named: Mapping[str, str]) -> str:
@@ -254,7 +249,7 @@ def _text_of_rolling(file: Path, choices: TableChoices, named: Mapping[str, str]
             _SHARED,
         )
     )
-    track = {"track": choices.track, "release": choices.release and _release(choices.release)}
+    track = {"track": choices.track, "release": choices.release and read_release(choices.release)}
     if is_track(file) or any(track.values()) or {*TRACK_KEYS} & {*run}:
         if choices.x or choices.y:
             rule = "goes with a table: of a track the way along its motion is taken"
@@ -263,18 +258,14 @@ def _text_of_rolling(file: Path, choices: TableChoices, named: Mapping[str, str]
         columns = None
     else:
         columns = _columns_of_run(file, choices)
-    dialect = {key: getattr(choices.dialect, key) for key in DIALECT_KEYS}
-    read = track | dialect | {"columns": columns}
+    read = track | vars(choices.dialect) | {"columns": columns}
     whole = {**named, "body": _BODY, **read, **run, "window": window or None}
-    return _text(
-        file,
-        choices,
-        [
-            ("[shared]", shared | {"noise": noise or None}),
-            (f"[bodies.{_BODY}]", said),
-            ("[[runs]]", whole),
-        ],
-    )
+    tables = [
+        ("[shared]", shared | {"noise": noise or None}),
+        (f"[bodies.{_BODY}]", said),
+        ("[[runs]]", whole),
+    ]
+    return toml_text({"title": choices.title or file.stem, "kind": choices.kind}, tables)
 
 
 def _columns_of_run(file: Path, choices: TableChoices) -> tuple[str, ...] | None:
@@ -329,13 +320,12 @@ def _known(key: str, text: str) -> object:
 def run_names(files: Sequence[Path]) -> list[str]:
     """The names of files as those of runs, each once."""
     names: list[str] = []
-    taken = set[str]()
     for file in files:
         name = re.sub(r"[^\w.+-]+", "-", file.stem).lstrip("-.+")[:60] or "run"
         name += "-run" * (name.lower() in ("figures", "report", "result", "draws"))
         ends = ("", *(f"-{number}" for number in range(2, len(files) + 1)))
+        taken = [*map(str.lower, names)]
         names.append(next(name + end for end in ends if (name + end).lower() not in taken))
-        taken.add(names[-1].lower())
     return names
 
 
@@ -458,12 +448,8 @@ def _axis(wanted: str, layout: Layout) -> Axis:
     bare, stated = name_and_unit(wanted)
     if wanted not in layout.names and stated and bare in layout.names:
         return Axis(bare, "", stated)
-    called = (
-        *(name == wanted for name in layout.names),
-        *(bare_name(name) == wanted for name in layout.names),
-    )
-    place = called.index(True) % len(layout.names) if any(called) else None
-    unit = "" if place is None else layout.units[place]
+    called = [*layout.names, *map(bare_name, layout.names)]
+    unit = layout.units[called.index(wanted) % len(layout.names)] if wanted in called else ""
     # a word of a name may stand for x in the formula
     return Axis(wanted, bare if bare != wanted or " " in bare else "", stated or unit)
 
@@ -548,10 +534,6 @@ def _error(key: str, written: str | None) -> object:
     if key == "u_y" and "%" in written:
         return written
     return _stated(written, f"--{key.replace('_', '-')}")
-
-
-def _release(written: str) -> str | float:
-    return written if written in ("first", "keep") else _number(written, "--release")
 
 
 def pairs(given: Sequence[str], option: str) -> dict[str, str]:

@@ -83,12 +83,7 @@ def inside(name: str) -> bool:
     """Whether a path that somebody may have written can be one of a file and leads no way out of
     its folder.
     """
-    plain = name.isprintable() and all(
-        # bytes of a name
-        len(part.encode("utf-8", "replace")) <= 255
-        for part in PurePosixPath(name).parts
-    )
-    return plain and not (
+    return name.isprintable() and not (
         PurePosixPath(name).is_absolute()
         or Path(name).is_absolute()
         or ".." in PurePosixPath(name).parts

@@ -13,95 +13,68 @@ import io
 import os
 import sys
 from collections.abc import Iterator
-from typing import BinaryIO, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
 
 # EX_IOERR of sysexits.h; what a shell says of a command that SIGPIPE ended
 CANNOT_SAY, NO_READER = 74, 141
 
 
-class Outlet(io.TextIOBase):
-    """A text stream that drops what cannot be written.  A letter that it cannot show is written
-    like '\\u03b3'.
-    """
+class Outlet(io.RawIOBase):
+    """The bytes of a stream, of which those that cannot be written are dropped."""
 
-    def __init__(self, stream: TextIO) -> None:
-        self._stream, self._error = stream, 0
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")
-
-    @property
-    def encoding(self) -> str:  # type: ignore[override]
-        return self._stream.encoding
-
-    @property
-    def buffer(self) -> BinaryIO | None:
-        """Where click writes what a shell asks it to complete, as bytes."""
-        return getattr(self._stream, "buffer", None)
-
-    @property
-    def trouble(self) -> str:
-        """Why something could not be written, in words; "" where all was, or only the reader was
-        gone, as `head` is.
+    def __init__(self, stream: Any) -> None:
+        """stream : bytes without a buffer of their own.  error : number of what kept one from being
+        written, 0 while all are.
         """
-        return (
-            f"cannot be written ({os.strerror(self._error).lower()})"
-            if self.code == CANNOT_SAY
-            else ""
-        )
+        self._stream, self.error = stream, 0
 
-    @property
-    def code(self) -> int:
-        """The exit code that this asks for where nothing else asks for one."""
-        return 0 if not self._error else NO_READER if self._error == errno.EPIPE else CANNOT_SAY
-
-    def write(self, text: str, /) -> int:
-        if not self._error:
+    def write(self, data: ReadableBuffer, /) -> int:
+        if not self.error:
             try:
-                self._stream.write(text)
+                if (written := self._stream.write(data)) is not None:
+                    return int(written)
+                self.error = errno.EAGAIN
             except OSError as error:
-                self._drop(error)
-        return len(text)
-
-    def flush(self) -> None:
-        """Also called when this is thrown away, perhaps after the stream beneath was closed."""
-        if not (self._error or self._stream.closed):
-            try:
-                self._stream.flush()
-            except OSError as error:
-                self._drop(error)
+                self.error = error.errno or errno.EIO
+        return len(memoryview(data))
 
     def isatty(self) -> bool:
-        return self._stream.isatty()
+        return bool(self._stream.isatty())
 
     def fileno(self) -> int:
-        return self._stream.fileno()
+        return int(self._stream.fileno())
 
     def writable(self) -> bool:
         return True
 
-    def _drop(self, error: OSError) -> None:
-        """Nothing is written from now on; what the stream still holds goes nowhere, or Python would
-        complain at its end.
-        """
-        self._error = error.errno or errno.EIO
-        with open(os.devnull, "wb") as nowhere:
-            os.dup2(nowhere.fileno(), self._stream.fileno())
-
 
 @contextlib.contextmanager
 def outlets() -> Iterator[Outlet]:
-    """`sys.stdout` and `sys.stderr` as outlets while the block runs; the first is given."""
+    """`sys.stdout` and `sys.stderr` through outlets while the block runs; that of the first is
+    given.  A letter that they cannot show is written like '\\u03b3'.
+    """
     # a closed one must not become the number of a file that is written
     while (handle := os.open(os.devnull, os.O_RDWR)) <= 2:
         pass
     os.close(handle)
     before = sys.stdout, sys.stderr
     with open(os.devnull, "w", encoding="utf-8") as nowhere:
-        out, err = (Outlet(nowhere if stream is None else stream) for stream in before)
-        sys.stdout, sys.stderr = out, err
+        outlet, sys.stdout = _through(sys.stdout or nowhere)
+        _, sys.stderr = _through(sys.stderr or nowhere)
         try:
-            yield out
+            yield outlet
         finally:
-            out.flush()
-            err.flush()
+            sys.stdout.flush()
+            sys.stderr.flush()
             sys.stdout, sys.stderr = before
+
+
+def _through(stream: TextIO) -> tuple[Outlet, TextIO]:
+    outlet = Outlet(getattr(stream.buffer, "raw", stream.buffer))
+    buffer = io.BufferedWriter(outlet)
+    return outlet, io.TextIOWrapper(
+        buffer, stream.encoding, "backslashreplace", line_buffering=True
+    )

@@ -4,6 +4,7 @@ written whole.
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import sys
@@ -20,7 +21,7 @@ from estim.cli.formats import chosen
 from estim.cli.machine import answer, begun, written
 from estim.cli.origin import with_origin
 from estim.cli.origin_record import ORIGIN, written_before
-from estim.cli.output_streams import outlets
+from estim.cli.output_streams import CANNOT_SAY, NO_READER, outlets
 from estim.common import (
     EstimError,
     Files,
@@ -75,9 +76,14 @@ def exit_code(command: Callable[[], object]) -> int:
     """
     with outlets() as stdout:
         code = _code(command)
-        if stdout.trouble:
-            say(f"error: standard output: {stdout.trouble}", err=True)
-    return code or stdout.code
+        sys.stdout.flush()
+        if stdout.error == errno.EPIPE:  # its reader was gone, as `head` is
+            return code or NO_READER
+        if stdout.error:
+            why = os.strerror(stdout.error).lower()
+            say(f"error: standard output: cannot be written ({why})", err=True)
+            return code or CANNOT_SAY
+    return code
 
 
 def _code(command: Callable[[], object]) -> int:

@@ -83,7 +83,7 @@ def verify(report: Path, root: Path | None) -> None:
         made = Path(temporary) / origin.part
         if not trouble and not (made / ORIGIN).is_file():
             trouble = "cannot be recomputed: the command makes no such report"
-        comparison = _Comparison(folder, made, place.resolve(), str(given.get("lang", "en")))
+        comparison = _Comparison(folder, made, str(given.get("lang", "en")))
         if trouble:
             comparison.wrong.extend([*comparison.changed_outputs(Path(), origin), trouble])
         else:
@@ -187,15 +187,13 @@ class _Part:
 class _Comparison:
     """A report and all below it, against those that its command makes now.
 
-    folder : of the report.  made : of the one that was made now.  place : from where inputs are
-        named.  lang : its language.
+    folder : of the report.  made : of the one that was made now.  lang : its language.
     wrong : what does not hold, in lines.  compared, aside : files, and parts of them, that were
         compared and that were not.
     """
 
     folder: Path
     made: Path
-    place: Path
     lang: str
     wrong: list[str] = field(default_factory=list)
     compared: list[str] = field(default_factory=list)
@@ -220,7 +218,7 @@ class _Comparison:
             )
         for part in parts:
             self.wrong.extend(self.changed_outputs(part.folder, part.before))
-            changed = self._changed_inputs(part.before.inputs, part.now.inputs)
+            changed = _changed_inputs(part.before.inputs, part.now.inputs)
             self.wrong.extend(line for line in changed if line not in self.wrong)
             self._compare_part(part, same_draws=same_draws, exact=exact)
 
@@ -252,21 +250,6 @@ class _Comparison:
                 yield f"changed: {label} is missing"
             elif hashlib.sha256(data).hexdigest() != digest:
                 yield f"changed: {label} is not as it was written"
-
-    def _changed_inputs(self, before: Mapping[str, str], now: Mapping[str, str]) -> Iterator[str]:
-        """Of the inputs as the origin has them and as they were read now."""
-        old, new = (
-            {os.path.normpath(self.place / path): (path, sha) for path, sha in inputs.items()}
-            for inputs in (before, now)
-        )
-        for where in sorted({*old, *new}):
-            path = (old.get(where) or new[where])[0]
-            if where not in old:
-                yield f"changed: the input {path} is read, and {ORIGIN} does not name it"
-            elif where not in new:
-                yield f"changed: the input {path} is named by {ORIGIN} and is not read"
-            elif old[where][1] != new[where][1]:
-                yield f"changed: the input {path} is not the one that the report was made from"
 
     def _compare_part(self, part: _Part, *, same_draws: bool, exact: bool) -> None:
         """same_draws : in all parts.  exact : whether all files of numbers are the same to the last
@@ -350,6 +333,17 @@ class _Comparison:
         }
         with spoken(self.lang):
             return with_formats(files, ["html"])[_PAGE]
+
+
+def _changed_inputs(before: Mapping[str, str], now: Mapping[str, str]) -> Iterator[str]:
+    """Of the inputs as the origin has them and as they were read now."""
+    for path in sorted({*before, *now}):
+        if path not in before:
+            yield f"changed: the input {path} is read, and {ORIGIN} does not name it"
+        elif path not in now:
+            yield f"changed: the input {path} is named by {ORIGIN} and is not read"
+        elif before[path] != now[path]:
+            yield f"changed: the input {path} is not the one that the report was made from"
 
 
 def _is_picture(name: str) -> bool:

@@ -13,7 +13,6 @@ from estim.reading.named_columns import (
     table_of,
 )
 from estim.reading.dialect import (
-    DIALECT_KEYS,
     PLAIN,
     Dates,
     Decimal,

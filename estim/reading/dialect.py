@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Literal
 
 from estim.common import InputError, in_unit, is_unit
@@ -127,7 +127,6 @@ class Dialect:
 
 
 PLAIN = Dialect()  # nothing is stated
-DIALECT_KEYS = tuple(key.name for key in fields(Dialect))
 
 
 def column_number(letters: str) -> int:
@@ -254,7 +253,7 @@ def dialect_of_options(said: Mapping[str, Any]) -> Dialect:
     """
     columns = said.get("columns")
     names = None if columns is None else tuple(name.strip() for name in columns.split(","))
-    keys = (key for key in DIALECT_KEYS if key not in ("columns", "header"))
+    keys = Dialect.__dataclass_fields__.keys() - {"columns", "header"}
     try:
         return Dialect(names, **{key: said.get(key) for key in keys})
     except InputError as error:

@@ -34,7 +34,7 @@ def read_bytes(path: Path, *, limit: int = MAX_BYTES) -> bytes:
         # before it is opened: opening a device may move it, and a pipe waits for its writer
         _check_status(path.stat(), limit)
         with path.open("rb") as stream:
-            data = stream.read(limit + 1)
+            data = stream.read(limit + 1)  # however long it says it is
     except OSError as error:
         raise InputError(f"cannot be read ({(error.strerror or str(error)).lower()})") from None
     except InputError:

@@ -10,6 +10,7 @@ import csv
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 from types import MappingProxyType
 from typing import Any, Self
 
@@ -235,16 +236,16 @@ def line_numbers(lines: Sequence[int]) -> str:
     """Lines of a file as people say them, `3, 5, 8 to 12`; of many the first, and how many more
     there are.
     """
-    starts = [i for i, line in enumerate(lines) if i == 0 or line != lines[i - 1] + 1]
-    parts: list[str] = []
-    for first, end in zip(starts, [*starts[1:], len(lines)], strict=True):
-        alone = end - first < 3
-        stretch = (
-            [str(line) for line in lines[first:end]]
-            if alone
-            else [phrase("{first} to {last}", first=lines[first], last=lines[end - 1])]
+    parts, told = list[str](), 0
+    for _, pairs in groupby(enumerate(lines), lambda pair: pair[1] - pair[0]):
+        stretch = [line for _, line in pairs]
+        said = (
+            [phrase("{first} to {last}", first=stretch[0], last=stretch[-1])]
+            if len(stretch) > 2
+            else [*map(str, stretch)]
         )
-        if len(parts) + len(stretch) > 6:
-            return ", ".join([*parts, phrase("and {n} more", n=len(lines) - first)])
-        parts += stretch
+        if len(parts) + len(said) > 6:
+            return ", ".join([*parts, phrase("and {n} more", n=len(lines) - told)])
+        parts += said
+        told += len(stretch)
     return ", ".join(parts)

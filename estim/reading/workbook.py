@@ -90,14 +90,13 @@ class _Sheet:
         self.uncomputed: Cells = {}
 
     def cell(self, rows: int, columns: int, text: str | None) -> None:
-        """The cell where the place is, as many times as it is repeated from there."""
+        """A cell, as many times as it is repeated from here; one without a value never is."""
         ends = (self.row + rows, self.column + columns)
         self.most = [max(pair) for pair in zip(self.most, ends, strict=True)]
         if self.most[0] * self.most[1] > _MAX_CELLS:
             raise InputError(f"must have at most {_MAX_CELLS} cells", field="sheet")
         if text is not None:
-            for row in range(self.row, ends[0]):
-                self.uncomputed |= {(row, at): text for at in range(self.column, ends[1])}
+            self.uncomputed[self.row, self.column] = text
 
 
 def _uncomputed_of_xlsx(parts: Files, index: int) -> Cells:
@@ -141,17 +140,16 @@ def _uncomputed_of_xlsx(parts: Files, index: int) -> Cells:
 
 def _uncomputed_of_ods(content: bytes) -> dict[str, Cells]:
     """The same of every sheet, by its name."""
-    found, sheet, texts = dict[str, Cells](), _Sheet(), list[str]()
-    pending: list[tuple[int, int, str | None]] = []
+    found, sheet, texts, rows = dict[str, Cells](), _Sheet(), list[str](), 1
 
     def begun(tag: str, said: Attributes, _: int) -> None:
-        nonlocal sheet
+        nonlocal sheet, rows
         if tag == "table":
             sheet = _Sheet()
             found[said.get("table:name", "")] = sheet.uncomputed
         elif tag == "table-row":
             sheet.row, sheet.column = sheet.row + 1, 0
-            pending.clear()
+            rows = int(said.get("table:number-rows-repeated", 1))
         elif tag in ("table-cell", "covered-table-cell"):
             texts.clear()
 
@@ -167,12 +165,9 @@ def _uncomputed_of_ods(content: bytes) -> dict[str, Cells]:
             elif "table:formula" in said and kind is None:
                 uncomputed = said["table:formula"].removeprefix("of:")
             if kind is not None or shown or uncomputed:
-                pending.append((sheet.column, columns, uncomputed))
+                sheet.cell(rows, columns, uncomputed)
             sheet.column += columns
         elif tag == "table-row":
-            rows = int(said.get("table:number-rows-repeated", 1))
-            for sheet.column, columns, uncomputed in pending:
-                sheet.cell(rows, columns, uncomputed)
             sheet.row += rows - 1
 
     walk(content, ended, begun)

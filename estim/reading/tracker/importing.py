@@ -201,16 +201,22 @@ def _release(track: Track, ramp: Ramp, release: str | float) -> tuple[int, float
     """The first row, the position that is zero there, and both in words."""
     if release == "keep":
         return 0, 0.0, phrase("x_m = 0 at the origin of the axes, as in the file")
-    if release == "first":
-        words = phrase(
-            "x_m = 0 at the first point, t = {t:.8g} s, {x:.6g} m from the origin of the axes",
-            t=track.t[0],
-            x=ramp.along[0],
-        )
-        return 0, float(ramp.along[0]), words
-    time = float(release)
-    steps = float(np.median(np.diff(track.t)))
-    if not math.isfinite(time) or not track.t[0] - steps <= time <= track.t[-1]:
+    row = 0 if release == "first" else _row_at(track, float(release))
+    words = phrase(
+        "x_m = 0 at the first point, t = {t:.8g} s, {x:.6g} m from the origin of the axes"
+        if release == "first"
+        else "x_m = 0 at the release stated, t = {t:.8g} s, {x:.6g} m from the origin of the axes",
+        t=track.t[row],
+        x=ramp.along[row],
+    )
+    earlier = phrase("; {n} earlier points were excluded", n=row) if row else ""
+    return row, float(ramp.along[row]), words + earlier
+
+
+def _row_at(track: Track, time: float) -> int:
+    """The row of a stated release, s.  Raises InputError."""
+    step = float(np.median(np.diff(track.t)))
+    if not math.isfinite(time) or not track.t[0] - step <= time <= track.t[-1]:
         raise InputError(
             f"must be a time of the track, {track.t[0]:.6g} to {track.t[-1]:.6g} s",
             field="release",
@@ -219,16 +225,7 @@ def _release(track: Track, ramp: Ramp, release: str | float) -> tuple[int, float
     row = int(np.argmin(np.abs(track.t - time)))
     if track.t.size - row < _MIN_ROWS:
         raise InputError(f"must leave at least {_MIN_ROWS} points", field="release", value=time)
-    words = phrase(
-        "x_m = 0 at the release stated, t = {t:.8g} s, {x:.6g} m from the origin of the axes",
-        t=track.t[row],
-        x=ramp.along[row],
-    )
-    return (
-        row,
-        float(ramp.along[row]),
-        words + (phrase("; {n} earlier points were excluded", n=row) if row else ""),
-    )
+    return row
 
 
 def _tilt(ramp: Ramp) -> tuple[str, ...]:

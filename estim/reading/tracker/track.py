@@ -63,32 +63,25 @@ class Track:
             raise InputError(
                 f"must hold at {bound} points", field=f"track {self.name}", value=n, file=self.file
             )
-        self._check_times()
-
-    def _check_times(self) -> None:
-        steps = np.diff(self.t)
-        if np.all(steps >= LEAST_STEP) and np.max(np.abs(self.t)) <= MOST:
-            return
-        row = int(np.argmin(steps > 0.0)) + 1
-        rule = "must increase from row to row"
-        if np.all(steps > 0.0):
-            rule = (
-                f"must advance by at least {LEAST_STEP:g} s from row to row, and lie within "
-                f"±{MOST:g} s"
-            )
-            row = (
-                int(np.argmin(steps)) + 1
-                if np.min(steps) < LEAST_STEP
-                else int(np.argmax(np.abs(self.t)))
-            )
-        elif steps[row - 1] == 0.0:
-            count = int(np.sum(steps == 0.0))
-            same = (
-                f"row repeats its time; if it is a copy, drop it by {DROP}"
-                if count == 1
-                else "rows repeat their time: rounded by a spreadsheet?"
-            )
-            rule += f" ({count} {same})"
-        raise InputError(
-            rule, field="t", value=float(self.t[row]), file=self.file, line=int(self.lines[row])
+        steps = np.diff(self.t, prepend=-np.inf)
+        copies = int(np.sum(steps == 0.0))
+        same = (
+            f"row repeats its time; if it is a copy, drop it by {DROP}"
+            if copies == 1
+            else "rows repeat their time: rounded by a spreadsheet?"
         )
+        repeated = f" ({copies} {same})" if steps[np.argmin(steps > 0.0)] == 0.0 else ""
+        for valid, rule in (
+            (steps > 0.0, f"must increase from row to row{repeated}"),
+            (steps >= LEAST_STEP, f"must advance by at least {LEAST_STEP:g} s from row to row"),
+            (np.abs(self.t) <= MOST, f"must lie within ±{MOST:g} s"),
+        ):
+            if not np.all(valid):
+                row = int(np.argmin(valid))
+                raise InputError(
+                    rule,
+                    field="t",
+                    value=self.t[row].item(),
+                    file=self.file,
+                    line=int(self.lines[row]),
+                )
