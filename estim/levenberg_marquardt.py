@@ -253,6 +253,10 @@ class LeastSquares:
         hopeless : times the lowest squares, above which the higher half is given up every few
             steps.
         """
+        if not self.nonlinear.size:
+            solved, halves = self.evaluate(points, np.arange(len(points)))
+            found = np.isfinite(halves)
+            return np.where(found[:, None], solved, points), 2.0 * halves, found
         descents = _Descents(self, len(points), ftol=ftol, max_steps=max_steps)
         descents.points[:], descents.held[:], descents.going[:] = points, True, True
         descents.held[:, self.nonlinear] = False
@@ -360,7 +364,8 @@ class _Descents:
         going = np.flatnonzero(self.going)
         begun = going[np.isfinite(self.objectives[going])]
         trials = self.points.copy()
-        trials[begun] = self._next(begun, begun[self.stale[begun]])
+        if begun.size:
+            trials[begun] = self._next(begun, begun[self.stale[begun]])
         now = np.flatnonzero(self.going)
         if not now.size:
             return

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
@@ -36,6 +38,34 @@ def function(y: FloatArray, low: float, linear: tuple[int, ...]) -> LeastSquares
         1e-7,
         X.size,
     )
+
+
+def test_linear_parameters_alone_are_solved_for_at_one_look(rng: np.random.Generator) -> None:
+    """As those of a curve are whose rate is held, however far it is off; where the curve is not
+    finite a point stays where it is.
+    """
+    truth = np.array([[3.0, 0.5, 1.0]])
+    y = decays(truth) + 0.05 * rng.standard_normal((1, X.size))
+    looks = []
+
+    def residuals(points: FloatArray, _which: IntArray) -> FloatArray:
+        looks.append(len(points))
+        return decays(points) - y
+
+    search = replace(
+        function(y, 0.0, (0, 2)), residuals=residuals, nonlinear=np.zeros(0, dtype=np.int64)
+    )
+    starts = np.array([[9.0, rate, -2.0] for rate in (0.2, 0.5, 4.0, -1e3)])
+    ends, squares, converged = search.descend(starts, ftol=1e-12, max_steps=100)
+    assert looks == [4 * 3]  # each point, and beside it in both linear parameters
+    for rate, end, square in zip(starts[:3, 1], ends[:3], squares[:3], strict=True):
+        columns = np.column_stack([np.exp(-rate * X), np.ones(X.size)])
+        exact, least, *_ = np.linalg.lstsq(columns, y[0])
+        np.testing.assert_allclose(end, [exact[0], rate, exact[1]], rtol=1e-8)
+        assert square == pytest.approx(float(least[0]), rel=1e-9)
+    assert converged.tolist() == [True, True, True, False]
+    assert ends[3].tolist() == starts[3].tolist()
+    assert squares[3] == np.inf
 
 
 @pytest.mark.parametrize("linear", [(), (0, 2)])

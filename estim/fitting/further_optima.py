@@ -196,9 +196,10 @@ def _bending(
     _, here = search.squares.tangents(points, search.free, _WIDE)
     _, there = search.squares.tangents(beside, search.free, _WIDE)
     with np.errstate(all="ignore"):
-        change = (there - here) / (beside[:, i] - points[:, i])[:, None, None]
-        orthogonal = change - here @ solve(here, change, 1e-9)
-        relative = np.linalg.norm(orthogonal, axis=1) / np.linalg.norm(here, axis=1)
+        there -= here
+        there -= here @ solve(here, there, 1e-9)
+        squares = [np.einsum("kij,kij->kj", part, part) for part in (there, here)]
+        relative = np.sqrt(squares[0] / squares[1]) / np.abs(beside[:, i] - points[:, i])[:, None]
     return np.max(finite_or(relative, 0.0), axis=1)
 
 
