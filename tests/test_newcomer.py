@@ -467,8 +467,14 @@ def test_one_column_of_decimal_commas_is_read_where_its_name_shows_it_and_else_a
             ["fit", "t.csv", "--formula", "line", "--every", "2"],
             "^command line: 'every' must leave between 3 and",
         ),
-        (["fit", "t.csv", "--formula", "line", "--x", "z"], r"t.csv:1: 'z' is missing \(the header"),
-        (["fit", "t.csv", "--formula", "line", "--y", "z"], r"t.csv:1: 'z' is missing \(the header"),
+        (
+            ["fit", "t.csv", "--formula", "line", "--x", "z"],
+            r"t.csv:1: 'z' is missing \(the header",
+        ),
+        (
+            ["fit", "t.csv", "--formula", "line", "--y", "z"],
+            r"t.csv:1: 'z' is missing \(the header",
+        ),
         (["line", "t.csv", "--x", "z"], r"t.csv:1: 'z' is missing \(the header has x, y\)"),
         (["mean", "t.csv", "--y", "z"], r"t.csv:1: 'z' is missing \(the header has x, y\)"),
         (["fit", "t.csv", "--formula", "line", "--run", "a"], "^command line: '--run' must name"),
