@@ -583,3 +583,12 @@ def test_the_command_alone_shows_its_help() -> None:
     assert re.search(r"\n  line +Fit a straight line ", done.output)
     assert re.search(r"\n  diff +Compare two values,", done.output)
     assert "error" not in done.output
+
+
+def test_the_command_that_is_advised_for_a_new_campaign_can_be_typed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("t.csv").write_text("x,y\n1,2\n2,3.1\n3,4\n")
+    done = runner().invoke(cli.cli, ["new", "my tea", "--from", "t.csv"])
+    assert "fit it by: estim fit 'my tea.toml'\n" in done.output
