@@ -54,7 +54,8 @@ def stream(seed: int, name: Stream, *index: int) -> np.random.Generator:
     """
     from numpy.random import SeedSequence, default_rng
 
-    if isinstance(seed, bool) or not isinstance(seed, Integral) or seed < 0:
+    given: object = seed
+    if isinstance(given, bool) or not isinstance(given, Integral) or seed < 0:
         raise InputError("must be a whole number >= 0", field="seed", value=seed)
 
     return default_rng(SeedSequence(seed, spawn_key=(int(name), *index)))
