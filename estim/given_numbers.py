@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import EXTREME, InputError, extreme
 
 _REFUSED = {
     "M": ", not dates: count them from one of them, (t - t[0])/numpy.timedelta64(1, 's')",
@@ -89,7 +89,20 @@ def finite_numbers(values: Any, field: str, rule: str = "must be numbers") -> Fl
     bad = array[~np.isfinite(array)]
     if bad.size:
         raise InputError("must be finite", field=field, value=float(bad[0]))
+    check_size(array, field)
     return array
+
+
+def check_size(values: FloatArray, field: str, *, each: bool = False) -> None:
+    """Raises InputError naming `field` where the largest of finite `values` is beyond all measure,
+    so that its square may be no number.
+
+    each : whether none may be; one that is 0 is not.
+    """
+    sizes = np.abs(values[values != 0.0])
+    for size in (np.max(sizes), np.min(sizes))[: 1 + each] if sizes.size else ():
+        if extreme(float(size)):
+            raise InputError(EXTREME, field=field, value=float(size))
 
 
 def check_whole(value: Any, field: str, least: int) -> None:

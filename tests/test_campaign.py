@@ -636,7 +636,8 @@ MISTAKES = {
         "'body' must name one of the bodies",
     ),
     "syntax error": ('phi_deg = "4.0(4)"', "phi_deg = 4.0(4)", "phi_deg",
-    "'file' is not valid TOML ("),
+    "'file' is not valid TOML, in which text and values with an uncertainty stand in quotes ("),
+    "g in cm/s²": ("g = 9.81", "g = 981.0", "g = 981", "'g' is in m/s², and must be at most 500"),
     "key twice": ("g = 9.81", "g = 9.81\ng = 9.8", "g = 9.8\n", "'file' is not valid TOML ("),
 }  # fmt: skip
 

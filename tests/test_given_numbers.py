@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from uncertainties import ufloat
 
 from estim import (
     Binomial,
@@ -21,15 +22,18 @@ from estim import (
     InputError,
     Poisson,
     budget_along,
+    compare_values,
     confidence_band,
     fit_curve,
     fit_curves,
     fit_line,
     inverse_prediction,
     line_posterior,
+    mean,
     prediction_band,
     propagate_linear,
     propagate_monte_carlo,
+    sample_curve,
 )
 from estim.given_numbers import real_number, real_numbers
 
@@ -250,3 +254,43 @@ def test_a_seed_stands_for_its_generator_and_anything_else_is_refused() -> None:
     for wrong in ("one", -1, 1.5, True, [1, 2]):
         with pytest.raises(InputError, match="'rng' must be a seed"):
             fit_curve("a + b*x", x, y, rng=wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("ask", "field"),
+    [
+        (lambda: fit_line(X * 1e200, Y), "x"),
+        (lambda: fit_line(X, Y * 1e-200), "y"),
+        (lambda: fit_line(X, Y, u_y=1e-200), "u_y"),
+        (lambda: fit_curve("a + b*x", X, Y * 1e200), "y"),
+        (lambda: fit_curve("a + b*x", X, Y, u_y=[1e-200, *[0.1] * (len(Y) - 1)]), "u_y"),
+        (lambda: mean([1e200, 3e200]), "values"),
+        (lambda: mean([1.0, 2.0], [0.1, 1e-200]), "u"),
+    ],
+)
+def test_what_cannot_be_squared_is_refused_at_every_door(
+    ask: Callable[[], object], field: str
+) -> None:
+    with pytest.raises(InputError, match=rf"^'{field}' must be 0 or between 1e-100 and 1e100"):
+        ask()
+
+
+def test_small_values_beside_ordinary_ones_are_kept() -> None:
+    """The end of a decay that was computed, for example."""
+    assert fit_line(X, Y + 1e-200).slope == fit_line(X, Y).slope
+    assert fit_curve("a + b*x", [0.0, 1e-180, 1.0, 2.0], [1.0, 1.1, 2.0, 3.1]).status == "ok"
+
+
+@pytest.mark.parametrize("wrong", ["a", -1, 0, 2.5, True])
+def test_starts_are_a_whole_number_and_so_is_a_seed(wrong: object) -> None:
+    with pytest.raises(InputError, match=r"^'n_start' must be a whole number >= 1"):
+        fit_curve("a + b*x", X, Y, n_start=wrong)  # type: ignore[arg-type]
+    if wrong != 0:
+        with pytest.raises(InputError, match=r"^'seed' must be a whole number >= 0"):
+            sample_curve(fit_curve("a + b*x", X, Y), seed=wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("wrong", [(9.81, 0.02), ["9.81(2)"], ufloat(9.81, 0.02), None])
+def test_what_is_no_quantity_is_not_compared(wrong: object) -> None:
+    with pytest.raises(InputError, match=r"^'first' must be a number or"):
+        compare_values(wrong, "9.79(3)")  # type: ignore[arg-type]

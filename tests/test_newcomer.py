@@ -462,6 +462,9 @@ def test_one_column_of_decimal_commas_is_read_where_its_name_shows_it_and_else_a
         (["line", "t.csv", "--x", "x", "--y", "x"], "'--y' must name another column than --x"),
         (["mean", "k.csv"], r"k.csv: 'column' must be named by --y \(there are run, p\)"),
         (["mean", "k.csv", "--y", "p"], "k.csv:2: 'p' must be a number without marks between"),
+        (["mean", "t.csv", "--y", "y", "--u-y", "5%"], "'--u-y' must be a number or a column: put"),
+        (["line", "r.csv"], "r.csv:3: 'row' must have 2 cells: 3"),
+        (["line", "s.csv"], r"s.csv:2: 'row' must have 2 cells \(decimal commas\? write decimal"),
         (["fit", "k.csv", "--formula", "line"], "k.csv:2: 'p' must be a number without marks"),
         (
             ["fit", "t.csv", "--formula", "line", "--every", "2"],
@@ -493,6 +496,8 @@ def test_a_slip_of_the_first_hour_is_told_with_its_cure(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("t.csv").write_text("x,y\n1,2\n2,3.1\n3,4\n")
+    Path("r.csv").write_text("x,y\n1,2\n2,3.1,a draught\n3,4\n4,5.1\n")
+    Path("s.csv").write_text("x,y\n0,5,1,2\n1,0,2,1\n1,5,2,9\n")
     Path("k.csv").write_text("run,p\n1,1'234\n2,1'236\n3,1'231\n")
     decay = (f"{x},{100.0 * math.exp(-x / 3.0) + 5.0 + (-1) ** x},1\n" for x in range(12))
     Path("e.csv").write_text("x,y,u_y\n" + "".join(decay))
@@ -583,3 +588,12 @@ def test_the_command_alone_shows_its_help() -> None:
     assert re.search(r"\n  line +Fit a straight line ", done.output)
     assert re.search(r"\n  diff +Compare two values,", done.output)
     assert "error" not in done.output
+
+
+def test_the_command_that_is_advised_for_a_new_campaign_can_be_typed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("t.csv").write_text("x,y\n1,2\n2,3.1\n3,4\n")
+    done = runner().invoke(cli.cli, ["new", "my tea", "--from", "t.csv"])
+    assert "fit it by: estim fit 'my tea.toml'\n" in done.output

@@ -156,9 +156,12 @@ def test_a_syntax_error_is_told_with_its_line(tmp_path) -> None:
         'title = "a" # \u2028 \x85\n"k (at line 7, column 1)" = 1\n"k (at line 7, column 1)" = 2\n'
     )
     (tmp_path / "c.toml").write_text(text, encoding="utf-8")
-    with pytest.raises(
-        InputError, match=r"c\.toml:3: 'file' is not valid TOML \(Cannot overwrite a value\)$"
-    ):
+    told = r"c\.toml:3: 'file' is not valid TOML \(Cannot overwrite a value\): \"k \(at"
+    with pytest.raises(InputError, match=told):
+        load_campaign(tmp_path / "c.toml")
+    (tmp_path / "c.toml").write_text('title = "a"\nradius_m = 0.15(1)\n')
+    told = r"c\.toml:2: .* stand in quotes \(Expected newline or .*\): radius_m = 0\.15\(1\)$"
+    with pytest.raises(InputError, match=told):
         load_campaign(tmp_path / "c.toml")
 
 

@@ -121,6 +121,8 @@ QUANTITIES: Mapping[str, QuantityKind] = MappingProxyType(
             later("acceleration of free fall"),
             0.0,
             False,
+            500.0,
+            "is in m/s², and must be at most 500 (is it in cm/s²?)",
         ),
     }
 )

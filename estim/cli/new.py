@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -59,7 +60,7 @@ def new_campaign(name: Path, files: tuple[Path, ...], said: Mapping[str, Any]) -
         say(columns)
     guessed = "" if choices.formula or choices.rolling else "; its curve is a guess: write yours"
     say(f"campaign: {path}{guessed}")
-    say(f"fit it by: estim fit {path}")
+    say(f"fit it by: {shlex.join(('estim', 'fit', str(path)))}")
 
 
 def _in_a_terminal() -> bool:

@@ -7,7 +7,10 @@ draws.  A name's number is what the draws depend on: new names go to the end.
 from __future__ import annotations
 
 from enum import IntEnum
+from numbers import Integral
 from typing import TYPE_CHECKING
+
+from estim.common.errors import InputError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -47,8 +50,12 @@ class Stream(IntEnum):
 
 def stream(seed: int, name: Stream, *index: int) -> np.random.Generator:
     """The generator of `name` under `seed` (the user's), or of its part number `index` (a trial, a
-    run).
+    run).  Raises InputError for what is no seed.
     """
     from numpy.random import SeedSequence, default_rng
+
+    given: object = seed
+    if isinstance(given, bool) or not isinstance(given, Integral) or seed < 0:
+        raise InputError("must be a whole number >= 0", field="seed", value=seed)
 
     return default_rng(SeedSequence(seed, spawn_key=(int(name), *index)))

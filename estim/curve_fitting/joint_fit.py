@@ -44,7 +44,7 @@ from estim.curves import (
     with_joint_priors,
 )
 from estim.fitting import N_START, moved_by_integration
-from estim.given_numbers import random_generator
+from estim.given_numbers import check_whole, random_generator
 from estim.problem import JointNormal
 
 _FELT = 0.3  # standard deviations by which effects must move what is shared to be told
@@ -198,6 +198,7 @@ def fit_curves(
     require_points(joint.parameters, joint.y.size, stated=joint.stated)
     if n_start is None:
         n_start = min(getattr(points.curve, "n_start", N_START) for points in sets.values())
+    check_whole(n_start, "n_start", 1)
     fitted = fit_errors if joint.infers_errors else fit_stated
     return _without_fitted_effects(fitted(joint, joint.with_sigma(1.0), rng, n_start))
 

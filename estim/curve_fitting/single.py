@@ -78,7 +78,7 @@ from estim.fitting import (
     spread,
     with_other_modes,
 )
-from estim.given_numbers import are_complex, random_generator
+from estim.given_numbers import are_complex, check_whole, random_generator
 from estim.problem import Problem
 from estim.words import tell
 
@@ -194,6 +194,7 @@ def fit_curve(
     """
     rng = random_generator(rng)
     n_start = getattr(curve, "n_start", N_START) if n_start is None else n_start
+    check_whole(n_start, "n_start", 1)
     whole = are_complex(y)
     curve, x = (curve, x) if whole else numbered(curve, x)
     priors = with_joint_priors(priors)

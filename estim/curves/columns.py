@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import InputError
-from estim.given_numbers import real_numbers
+from estim.given_numbers import check_size, real_numbers
 
 
 def column(values: ArrayLike | None, field: str) -> FloatArray:
@@ -23,6 +23,7 @@ def column(values: ArrayLike | None, field: str) -> FloatArray:
         raise InputError(
             "must be finite", field=field, value=float(array[bad[0]]), index=int(bad[0])
         )
+    check_size(array, field)
     array.setflags(write=False)
     return array
 
@@ -59,6 +60,7 @@ def errors_of(u: ArrayLike, n_obs: int, field: str, *, some_exact: bool = False)
         raise InputError(
             "must be > 0", field=field, value=float(sizes[bad]), index=bad if given.ndim else None
         )
+    check_size(sizes, field, each=True)
     return sizes
 
 

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray, sds_of
 from estim.common import InputError
-from estim.given_numbers import finite_numbers, real_numbers
+from estim.given_numbers import check_size, finite_numbers, real_numbers
 from estim.line.joint_covariance import check_joint
 
 # of the mean variance of all readings, and of a point's own: what is exact across a line has the
@@ -73,6 +73,7 @@ def line_data(
     for field, values in (("u_x", ux), ("u_y", uy)):
         if np.any(values < 0.0):
             raise InputError("must be >= 0", field=field, value=float(values.min()))
+        check_size(values, field, each=True)
     if np.any(np.abs(r) >= 1.0):
         raise InputError(
             "must lie between -1 and 1", field="r_xy", value=float(r[np.argmax(np.abs(r))])

@@ -44,7 +44,7 @@ from estim.common import (
     stream,
 )
 from estim.distributions import chi2_tail, student_quantile
-from estim.given_numbers import check_probability, real_numbers
+from estim.given_numbers import check_probability, check_size, real_numbers
 from estim.means.dark_uncertainty import der_simonian_laird, hierarchical, mandel_paule, weighted
 
 CONSISTENT = 0.05  # least p of chi^2 (Cox 2002, Metrologia 39, 589)
@@ -201,12 +201,14 @@ def mean(
     x = real_numbers(values, "values")
     if x.ndim != 1 or not 2 <= x.size <= _MOST or not all_finite(x):
         raise InputError(f"must be 2 to {_MOST} finite numbers", field="values", value=values)
+    check_size(x, "values")
     if u is not None and groups is not None:
         raise InputError("are for readings without uncertainties", field="groups")
     if u is not None:
         errors = real_numbers(u, "u")
         if errors.shape not in ((), x.shape) or not np.all((errors > 0.0) & np.isfinite(errors)):
             raise InputError("must be > 0, one or as many as values", field="u", value=u)
+        check_size(errors, "u", each=True)
         return _of_values(x, np.broadcast_to(errors, x.shape), probability)
     if np.ptp(x) == 0.0:
         raise InputError(

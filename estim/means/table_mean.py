@@ -66,6 +66,9 @@ def mean_of_table(
             errors = read_number(u)
         except ValueError:
             column = u if u in layout.names else bare_name(u)
+            if u.endswith("%") and u not in layout.names:
+                rule = "must be a number or a column: put the share of each value in a column"
+                raise InputError(rule, field="--u-y", value=u) from None
     table = table_of(layout, [name, *filter(None, (column,))], 2)
     if column:
         errors = table.columns[column]

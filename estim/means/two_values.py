@@ -71,11 +71,9 @@ def compare_values(
     E_n = 1.34: the two values do not agree (|E_n| > 1)
     """
     (a, unit, dof), (b, other, dof_b) = (
-        (*read_with_unit(given, field=field), math.inf)
-        if isinstance(given, str)
-        else given
-        if len(given) == 3
-        else (*given, math.inf)
+        (*given, math.inf)[:3]
+        if isinstance(given, tuple) and isinstance(given[0], Quantity)
+        else (*read_with_unit(given, field=field), math.inf)
         for field, given in (("first", first), ("second", second))
     )
     if unit != other and not same_numbers(unit, other):

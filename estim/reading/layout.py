@@ -154,6 +154,13 @@ def read_layout(path: Path, dialect: Dialect, *, needed: Sequence[str] = ()) -> 
         raise InputError("has no rows of numbers below the line of names")
     names, header_line, units = _header(above, below, rows, delimiter, dialect, needed)
     if not names:
+        for width in [len(_trimmed(row.cells)) for row in above]:
+            odd = [row for row in rows if len(_trimmed(row.cells)) != width]
+            # one row among many, or decimal commas that part cells
+            if odd and (
+                2 * len(odd) < len(rows) or (delimiter, 2 * width) == (",", len(odd[0].cells))
+            ):
+                raise cells_differ(len(odd[0].cells), width, delimiter, odd[0].number)
         raise _no_names(rows[0], delimiter)
     head = facts_of(lines, header_line or rows[0].number)
     units = [

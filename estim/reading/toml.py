@@ -90,15 +90,21 @@ def parse_toml(text: str, file: str) -> tuple[dict[str, Any], Places]:
     except tomllib.TOMLDecodeError as error:
         message, _, place = str(error).rpartition(" (at ")
         match = re.match(r"line (\d+), column \d+\)", place)
-        table = file.lower().endswith((".csv", ".tsv", ".txt", ".dat"))
+        at = int(match[1]) if match else None
+        if file.lower().endswith((".csv", ".tsv", ".txt", ".dat")):
+            rule = (
+                "is a table, not a TOML file (estim new NAME --from FILE writes a campaign for it)"
+            )
+            raise InputError(rule, file=file, field="file", line=at) from None
+        twice = "overwrite" in message or "twice" in message
+        cure = "" if twice else ", in which text and values with an uncertainty stand in quotes"
         raise InputError(
-            "is a table, not a TOML file (estim new NAME --from FILE writes a campaign for it)"
-            if table
-            else "is not valid TOML",
-            quoted="" if table else message,
+            f"is not valid TOML{cure}",
+            quoted=message,
             file=file,
             field="file",
-            line=int(match[1]) if match else None,
+            line=at,
+            value=text.split("\n")[at - 1].strip() if at else None,
         ) from None
     except ValueError as error:  # a whole number of thousands of digits
         raise InputError("is not valid TOML", quoted=str(error), file=file, field="file") from None
