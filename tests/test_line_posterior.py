@@ -205,6 +205,23 @@ def test_common_zero_offsets_widen_the_intercept_and_nothing_else(rng):
     assert origin.mean[3] == pytest.approx(plain.mean[0], abs=0.1 * plain.sd[0] + 0.05)
 
 
+def test_a_zero_error_of_an_angle_turns_the_line_of_its_sines(rng):
+    """By generalised least squares, written out; the same error of all sines leaves the slope."""
+    angle = np.radians(np.linspace(10.0, 57.0, 16))
+    x, each, u_y = 0.187 * np.sin(angle), 0.026 * np.cos(angle), 0.01
+    y = np.sin(angle) + u_y * rng.standard_normal(16)
+    columns = np.column_stack([np.ones(16), x])
+    found, exact = [], []
+    for zero in (each, np.full(16, each.mean())):
+        cov = u_y**2 * np.eye(16) + np.outer(zero, zero)
+        inverse = np.linalg.inv(columns.T @ np.linalg.solve(cov, columns))
+        exact += [(inverse @ columns.T @ np.linalg.solve(cov, y))[1], np.sqrt(inverse[1, 1])]
+        line = weigh_line(line_posterior(x, y, u_y=u_y, u_zero_y=zero), rng=rng, n_draw=40_000)
+        found += [line.mean[1], line.sd[1]]
+    assert exact[1] > 1.5 * exact[3]
+    assert found == pytest.approx(exact, rel=0.03)
+
+
 # sampling and evidence
 
 
@@ -318,6 +335,7 @@ def test_points_through_the_origin_have_no_intercept(rng):
         ({"u_y": 0.1, "scatter": 0.0}, "'scatter' must be > 0"),
         ({"u_y": 0.1, "scatter": np.inf}, "'scatter' must be > 0 and finite"),
         ({"u_y": 0.1, "u_zero_x": -1.0}, "'u_zero_x' must be >= 0"),
+        ({"u_y": 0.1, "u_zero_y": [0.1, 0.2]}, "'u_zero_y' must be >= 0"),
         ({"u_y": 0.1, "intercept_sd": -1.0}, "'intercept_sd' must be > 0"),
         (
             {"u_y": 0.1, "intercept_sd": 1.0, "through_origin": True},

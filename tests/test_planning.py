@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from report_words import first_screen, words
+from scipy import stats
 
 from estim.campaign import NewRun, load_campaign
 from estim.cli.commands import cli
@@ -336,6 +337,25 @@ def test_half_the_error_of_a_reading_halves_what_it_makes_uncertain(
             matrix = (1.0 / share**2 + 2.0) * columns @ columns.T
             exact = np.sqrt(np.diag(np.linalg.inv(matrix)))
             np.testing.assert_allclose(sds, exact, rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("noise", "prior"), [("", -1), ("u_y = 0.001\njitter = true\n", 0)], ids=["size", "jitter"]
+)
+def test_an_error_that_is_inferred_has_the_size_that_the_residuals_leave(
+    tmp_path: Path, noise: str, prior: int
+) -> None:
+    """The median given them, with the prior size^prior: S/size^2 is chi-squared.  At the mode it
+    would be smaller by a fifth.
+    """
+    text = LINE.replace("u_y = 0.1\n", noise)
+    found = plan(load_campaign(line(tmp_path, text=text)), ["line"], seed=1)
+    x, y = np.loadtxt(tmp_path / "line.csv", delimiter=",", skiprows=1, unpack=True)
+    columns = np.column_stack([np.ones(10), x])
+    squares = np.linalg.lstsq(columns, y)[1]
+    size = np.sqrt(squares / stats.chi2.median(8 - 1 - prior))
+    sds = size * np.sqrt(np.diag(np.linalg.inv(columns.T @ columns)))
+    assert found.now == pytest.approx(sds, rel=0.03)  # 1 % by the draws
 
 
 def test_the_best_place_for_the_slope_of_a_line_is_its_far_end(tmp_path: Path) -> None:

@@ -102,18 +102,22 @@ def measure_of(
 def moved_by_integration(
     posterior: Posterior, values: FloatArray, cov: FloatArray
 ) -> dict[str, float]:
-    """Shared parameter -> by how many standard deviations it moves, to first order, where the
-    effects of single runs are integrated out instead of being fitted too.
+    """Spread -> by how many standard deviations it moves, to first order, where the effects of
+    single runs are integrated out instead of being fitted too.
 
-    The density of a spread s and of effects s z_r is highest where s is far too large, whatever the
-    number of runs: the larger s, the less the z_r cost.
+    A spread s is what only effects show: in c + s z_r nothing depends on it where all z_r are 0.
+    The density of s and of all z_r is highest where s is far too large, whatever the number of
+    runs: the larger s, the less the z_r cost.
     """
-    measure = measure_of(posterior, values, cov, incidental=posterior.problem.effects)
+    problem = posterior.problem
+    measure = measure_of(posterior, values, cov, incidental=problem.effects)
     if measure is None:
         return {}
-    at = measure.columns
+    at, is_effect = measure.columns, [name in problem.effects for name in problem.names]
+    without = np.where(is_effect, problem.start(), values)
+    silent = np.diag(sum(posterior.informations(without)))[at] == 0.0
     moves = -(cov[np.ix_(at, at)] @ measure.slope) / sds_of(cov)[at]
-    return dict(zip(np.array(posterior.problem.names)[at].tolist(), moves.tolist(), strict=True))
+    return {problem.names[i]: float(moves[k]) for k, i in enumerate(at) if silent[k]}
 
 
 def _log_room(posterior: Posterior, values: FloatArray, incidental: frozenset[str]) -> float:

@@ -8,9 +8,10 @@ and integrated out.  What to use when:
 - the stated uncertainties explain the scatter (``LineFit.p_value``): no ``scatter``.
 - they do not, or none are known for y: ``scatter``, the sd of a half-normal prior on an extra
   normal scatter in y.
-- all readings of an instrument share a zero error: ``u_zero_x``, ``u_zero_y``.  The points see only
-  intercept + zero_y - slope zero_x: with a flat intercept they say nothing on the zeros, whose
-  uncertainty then simply widens the intercept.
+- all readings of an instrument share a zero error: ``u_zero_x``, ``u_zero_y``.  Where it moves
+  all points alike they see only intercept + zero_y - slope zero_x: with a flat intercept they say
+  nothing on the zeros, whose uncertainty then simply widens the intercept.  Where it moves them
+  by different amounts (an angle whose sine is y) it turns the line too.
 - the line is known to pass through the origin: ``through_origin``.
 
 Why tau: with d_i = y_i - a - b x_i of variance v_i, and z_i the abscissa with its regression on d_i
@@ -41,6 +42,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray, root_mean_square
 from estim.common import InputError
+from estim.given_numbers import real_numbers
 from estim.line.angle_profile import LineData, line_data, scaled_points
 from estim.line.regression import fit_line
 from estim.problem import HalfNormal, Normal, Prior
@@ -62,6 +64,8 @@ class LinePosterior:
     # "intercept", "scatter" (in y), "zero_x", "zero_y" (offsets common to all points): those that
     # have one; a free intercept without one has a flat prior of density 1
     priors: Mapping[str, Prior]
+    # "zero_x", "zero_y" -> (n_obs,) what of such an offset each point has, 1 where it has most
+    gains: Mapping[str, FloatArray]
 
     def log_density(self, draws: ArrayLike) -> FloatArray:
         """log of likelihood times prior (n_draw,); -inf where it vanishes.
@@ -83,8 +87,10 @@ class LinePosterior:
         b = column["slope"][:, None]
         tau2 = np.exp(2.0 * column["log_tau"])[:, None]
         extra = np.exp(2.0 * column["log_scatter"])[:, None] if "scatter" in self.priors else 0.0
-        x = data.x - column.get("zero_x", zero)[:, None]
-        y = data.y - column.get("zero_y", zero)[:, None]
+        x, y = (
+            read - column.get(name, zero)[:, None] * self.gains.get(name, 1.0)
+            for name, read in (("zero_x", data.x), ("zero_y", data.y))
+        )
         var_x, cov_xy = data.u_x**2, data.r_xy * data.u_x * data.u_y
         var_y = extra + (0.0 if data.method == "ols" else data.u_y**2)
         d = y - column.get("intercept", zero)[:, None] - b * x
@@ -120,8 +126,8 @@ def line_posterior(
     u_y: ArrayLike | None = None,
     r_xy: ArrayLike = 0.0,
     scatter: float | None = None,
-    u_zero_x: float = 0.0,
-    u_zero_y: float = 0.0,
+    u_zero_x: ArrayLike = 0.0,
+    u_zero_y: ArrayLike = 0.0,
     intercept_sd: float | None = None,
     through_origin: bool = False,
 ) -> LinePosterior:
@@ -133,7 +139,8 @@ def line_posterior(
     through_origin : the intercept is exactly 0.
     x, y, u_x, u_y, r_xy : as in ``fit_line``; without both uncertainties ``scatter`` must be given.
     scatter : unit of y, sd of the half-normal prior on the scatter.
-    u_zero_x, u_zero_y : unit of x, y.
+    u_zero_x, u_zero_y : unit of x, y; of all points, or (n_obs,) where one error moves points by
+        different amounts.
     intercept_sd : unit of y, sd of a normal prior on the intercept; needed for
         ``intercept_evidence``.  Raises InputError.
 
@@ -148,9 +155,14 @@ def line_posterior(
     for field, value in (("scatter", scatter), ("intercept_sd", intercept_sd)):
         if value is not None and not 0.0 < value < np.inf:
             raise InputError("must be > 0 and finite", field=field, value=value)
-    for field, value in (("u_zero_x", u_zero_x), ("u_zero_y", u_zero_y)):
-        if not 0.0 <= value < np.inf:
-            raise InputError("must be >= 0 and finite", field=field, value=value)
+    zeros: dict[str, FloatArray] = {}
+    for name, given in (("zero_x", u_zero_x), ("zero_y", u_zero_y)):
+        u = real_numbers(given, f"u_{name}")
+        if u.shape not in ((), data.x.shape) or not np.all((u >= 0.0) & np.isfinite(u)):
+            rule = "must be >= 0 and finite, one or as many as points"
+            raise InputError(rule, field=f"u_{name}", value=given)
+        if np.any(u > 0.0):
+            zeros[name] = np.broadcast_to(u, data.x.shape)
     if through_origin and intercept_sd is not None:
         raise InputError(
             "has no meaning for a line through the origin", field="intercept_sd", value=intercept_sd
@@ -160,19 +172,24 @@ def line_posterior(
         priors["intercept"] = Normal(0.0, intercept_sd)
     if scatter is not None:
         priors["scatter"] = HalfNormal(scatter)
-    for name, u in (("zero_x", u_zero_x), ("zero_y", u_zero_y)):
-        if u > 0.0:
-            priors[name] = Normal(0.0, float(u))
-    return _posed(data, priors, through_origin=through_origin)
+    priors |= {name: Normal(0.0, float(np.max(u))) for name, u in zeros.items()}
+    gains = {name: u / np.max(u) for name, u in zeros.items()}
+    return _posed(data, priors, gains, through_origin=through_origin)
 
 
 def without_intercept(posterior: LinePosterior) -> LinePosterior:
     """The same posterior with the intercept fixed at 0."""
     priors = {name: prior for name, prior in posterior.priors.items() if name != "intercept"}
-    return _posed(posterior.data, priors, through_origin=True)
+    return _posed(posterior.data, priors, posterior.gains, through_origin=True)
 
 
-def _posed(data: LineData, priors: Mapping[str, Prior], *, through_origin: bool) -> LinePosterior:
+def _posed(
+    data: LineData,
+    priors: Mapping[str, Prior],
+    gains: Mapping[str, FloatArray],
+    *,
+    through_origin: bool,
+) -> LinePosterior:
     """The posterior with its guess, which comes from the least-squares line."""
     # the points and their mirror images: the best line of both goes through the origin
     signs = (1.0, -1.0) if through_origin else (1.0,)
@@ -215,4 +232,5 @@ def _posed(data: LineData, priors: Mapping[str, Prior], *, through_origin: bool)
         data=data,
         scale=scale,
         priors=MappingProxyType(dict(priors)),
+        gains=MappingProxyType(dict(gains)),
     )

@@ -58,13 +58,13 @@ class ThetaMinSeries:
         return _sd_of_sine(self.theta_min, self.u_theta_min)
 
     @property
-    def u_zero_x(self) -> float:
-        """The common zero error of the tilt as one of its sine, at the mean tilt."""
-        return float(np.mean(np.cos(self.phi))) * self.u_zero_phi
+    def u_zero_x(self) -> FloatArray:
+        """(n_obs,) what the common zero error of the tilt does to its sine."""
+        return np.cos(self.phi) * self.u_zero_phi
 
     @property
-    def u_zero_y(self) -> float:
-        return float(np.mean(np.cos(self.theta_min))) * self.u_zero_theta_min
+    def u_zero_y(self) -> FloatArray:
+        return np.cos(self.theta_min) * self.u_zero_theta_min
 
 
 def _sd_of_sine(angle: FloatArray, u: FloatArray) -> FloatArray:

@@ -19,7 +19,7 @@ posterior, drawn, says how far it is to be trusted.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -121,11 +121,13 @@ def plan(
         fit = fit_problem(problem, rng=stream(seed, Stream.PLAN_FIT))
     tested = failed_tests(check_goodness(fit, rng=stream(seed, Stream.PLAN_TESTS)), dof=fit.dof)
     findings = wrong([*tested, stated_values(fit, check_stated_values(fit))])
+    draws, how, _ = posterior_draws(fit, 1000.0, stream(seed, Stream.PLAN_DRAWS))
     basis = (
         rolling_basis(campaign, names, fit)
         if campaign.formula is None
         else CurveBasis(campaign, tuple(names), fit)
     )
+    basis = replace(basis, fit=_with_sizes_of(draws, fit))
     nothing = Change(phrase("present experiment"), OTHERWISE)
     here = basis.outlook(nothing)
     columns = [here.problem.names.index(p.name) for p in targets]
@@ -140,7 +142,6 @@ def plan(
     possible = sorted(
         (option for option in done if not option.reason), key=lambda option: option.score
     )
-    draws, how, _ = posterior_draws(fit, 1000.0, stream(seed, Stream.PLAN_DRAWS))
     drawn = np.std(draws[:, [fit.names.index(p.name) for p in targets]], axis=0)
     halving = ways_to_halve(basis, here, targets, now, possible)
     return Plan(
@@ -160,6 +161,14 @@ def plan(
         findings,
         seed,
     )
+
+
+def _with_sizes_of(draws: FloatArray, fit: Fit) -> Fit:
+    """The fit with what is unknown of the errors at its medians in the draws (n_draw, n_par): at
+    the mode their size is too small, since the curve was fitted to the same residuals.
+    """
+    of_noise = [name in fit.problem.noise_names for name in fit.names]
+    return replace(fit, values=np.where(of_noise, np.median(draws, axis=0), fit.values))
 
 
 def targets_of(
