@@ -339,7 +339,7 @@ def test_no_noise_model_misstates_its_uncertainty(tmp_path, name):
 @pytest.mark.statistics
 def test_a_sigma_half_as_large_is_called_too_narrow(tmp_path):
     calibration = sbc(
-        load(tmp_path, "{sigma_x_m = 0.001}"), 100, analysed=NoiseTable(sigma_x_m=0.0005)
+        load(tmp_path, "{sigma_x_m = 0.001}"), 60, analysed=NoiseTable(sigma_x_m=0.0005)
     )
     assert calibration.p_value("theta0[r]") < 1e-3
     said = {finding.parameters[0].name: tell(finding) for finding in findings(calibration)}

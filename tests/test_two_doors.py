@@ -211,21 +211,13 @@ def noisy(shape: str, seed: int) -> tuple[str, np.ndarray, np.ndarray, float]:
     return SWING, x, y, 0.1
 
 
-# the least and the largest errors, an even and an odd number of points; more in `make test-long`
-TABLES = [("decay", 0), ("decay", 5), ("peak", 0), ("peak", 1), ("malus", 0), ("swing", 0)]
-MORE_TABLES = [
-    pytest.param(shape, k, marks=pytest.mark.statistics)
-    for shape, n in (("decay", 6), ("peak", 6), ("malus", 3), ("swing", 3))
-    for k in range(n)
-    if (shape, k) not in TABLES
-]
+# ok, refused whatever is stated (decay 5), and refused unless the errors are stated (peak 2)
+TABLES = [("decay", 0), ("decay", 5), ("peak", 1), ("peak", 2), ("malus", 0), ("swing", 0)]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("stated", [False, True], ids=["unstated", "stated"])
-@pytest.mark.parametrize(
-    ("shape", "seed"), [*TABLES, *MORE_TABLES, ("line", 0), ("silent", 0), ("sinking", 0)]
-)
+@pytest.mark.parametrize(("shape", "seed"), [*TABLES, ("line", 0), ("silent", 0), ("sinking", 0)])
 def test_both_doors_say_the_same_of_a_table(
     shape: str, seed: int, stated: bool, tmp_path: Path
 ) -> None:

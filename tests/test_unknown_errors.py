@@ -421,24 +421,6 @@ def test_a_campaign_infers_a_jitter_as_python_does(tmp_path: Path) -> None:
 
 
 @pytest.mark.statistics
-def test_intervals_beside_a_jitter_hold_what_they_say_and_those_without_do_not() -> None:
-    rng, n, n_without = np.random.default_rng(5), 200, 80
-    x, u = np.linspace(0.0, 1.0, 25), np.full(25, 0.1)
-    held = np.zeros((2, 2))
-    for i in range(n):
-        y = 1.0 + 2.0 * x + rng.standard_normal(25) * np.hypot(u, 0.2)
-        for k, jitter in enumerate((True, False) if i < n_without else (True,)):
-            fit = fit_curve("a + b*x", x, y, u_y=u, jitter=jitter, n_start=1)
-            for j, p in enumerate((0.68, 0.95)):
-                low, high = fit.intervals["b"][p]
-                held[k, j] += low < 2.0 < high
-    # profiles of a likelihood are good to the order 1/n_obs: 25 points, 3 unknowns
-    for share, p in zip(held[0] / n, (0.68, 0.95), strict=True):
-        assert abs(share - p) < 3.2 * (p * (1.0 - p) / n) ** 0.5 + 0.03
-    assert held[1, 1] / n_without < 0.75
-
-
-@pytest.mark.statistics
 def test_what_few_readings_in_several_sets_share_is_held_as_often_as_it_says() -> None:
     """Three sets of five points, each with an unknown size of its errors.  What the curvature at
     the mode says, as if these sizes were known, holds it too rarely.
