@@ -175,13 +175,7 @@ class LeastSquares:
     step: float
     n_res: int
 
-    @property
-    def quasi_newton(self) -> bool:
-        return False
-
-    @property
-    def fraction_to_bound(self) -> float:
-        return 0.9
+    quasi_newton, fraction_to_bound = False, 0.9
 
     def reach(self, points: FloatArray) -> FloatArray:
         return np.maximum(np.abs(points), self.size)

@@ -47,6 +47,8 @@ class ProfileSearch:
     prior_sd: FloatArray
     cov: FloatArray
 
+    quasi_newton, fraction_to_bound = True, 1.0
+
     def objectives(self, points: FloatArray) -> FloatArray:
         """(n_point,) -2 log density, inf where there is none."""
         draws = self.coordinates.values(points)
@@ -65,14 +67,6 @@ class ProfileSearch:
         the longer.
         """
         return 5.0 * self.scale + np.abs(points - self.coordinates.of(self.coordinates.centre))
-
-    @property
-    def quasi_newton(self) -> bool:
-        return True
-
-    @property
-    def fraction_to_bound(self) -> float:
-        return 1.0
 
     def evaluate(self, points: FloatArray, which: IntArray) -> tuple[FloatArray, FloatArray]:
         """The points and their objectives."""

@@ -11,7 +11,7 @@ from typing import Literal
 
 from estim.campaign import NewRun
 from estim.common import phrase, split_level, with_unit
-from estim.problem import Parameter, Problem, n_uses
+from estim.problem import Parameter, Problem, uses_of
 
 Group = Literal["a quantity measured better", "the same runs, measured otherwise", "more data"]
 BETTER: Group = "a quantity measured better"
@@ -69,7 +69,7 @@ def measured_better(problem: Problem, *, factor: float = 0.5) -> tuple[Change, .
     stated = [
         p
         for p in problem.parameters
-        if p.prior.measured and p.name not in problem.noise_names and n_uses(p.name, problem.runs)
+        if p.prior.measured and p.name not in problem.noise_names and uses_of(problem.runs)[p.name]
     ]
     return tuple(
         Change(better_words(every, u), BETTER, u=u)

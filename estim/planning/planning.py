@@ -46,7 +46,7 @@ from estim.planning.halving import Halving, ways_to_halve
 from estim.planning.planned_readings import CurveBasis
 from estim.planning.rolling import Outlook, posed, rolling_basis
 from estim.planning.suggestions import more_runs, planned_runs
-from estim.problem import Parameter, Problem, n_uses
+from estim.problem import Parameter, Problem, uses_of
 
 FAR = 0.15  # how far linear theory may be from the drawn posterior before it is not to be trusted
 Progress = Callable[[int, int], None]
@@ -180,7 +180,7 @@ def targets_of(
     asked, place = (
         (list(wanted), None) if wanted else (campaign.source.plan.wanted, ("plan", "for"))
     )
-    of_curve = [p for p in problem.parameters if n_uses(p.name, problem.runs)]
+    of_curve = [p for p in problem.parameters if uses_of(problem.runs)[p.name]]
     found: list[Parameter] = []
     for name in asked:
         named = [p for p in problem.parameters if name in (p.name, split_level(p.name)[0])]

@@ -52,7 +52,6 @@ from estim.problem.observations import (
     Observations,
     Parameter,
     Rows,
-    n_uses,
     shared_first,
     uses_of,
     parameters_of,

@@ -293,11 +293,6 @@ class Observations:
         }
 
 
-def n_uses(name: str, runs: Sequence[Observations]) -> int:
-    """Number of `runs` whose curve has the parameter `name`."""
-    return sum(name in run.curve_parameters for run in runs)
-
-
 def parameters_of(runs: Iterable[Observations]) -> frozenset[str]:
     """Those on which any of `runs` depends."""
     return frozenset[str]().union(*(run.parameters for run in runs))
