@@ -35,7 +35,7 @@ _LOWER = 16.0  # of a mode below the highest, in log density: it is left out
 # standard deviations; a path whose steps collapse ends before a jump of the density
 _MIN_STEP = 1e-2
 _LOOKS = 10  # for a point of a path
-_DIFFERENCE = 0.02  # step of the finite differences, in standard deviations
+_DIFFERENCE = 0.01  # step of the finite differences, in standard deviations
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class Ridges:
     low: FloatArray
     high: FloatArray
 
-    quasi_newton: ClassVar[bool] = True
+    quasi_newton: ClassVar[bool] = False
     fraction_to_bound: ClassVar[float] = 1.0
 
     def reach(self, points: FloatArray) -> FloatArray:
@@ -80,18 +80,10 @@ class Ridges:
         )
         # no difference reaches beyond a bound from there
         middle = np.clip(points, self.low + margin, self.high - margin)
-        curved = curved | np.any(middle != points, axis=1)
-
-        def beside(at: FloatArray, moves: FloatArray) -> FloatArray:
-            """(2, n, n_move) values about points, one way and the other."""
-            moves = _DIFFERENCE * np.stack([moves, -moves])[:, None] @ factor.T
-            rows = at[:, None] + moves
-            return self.objectives(rows.reshape(-1, rows.shape[-1])).reshape(rows.shape[:-1])
-
-        above, below = beside(middle, np.vstack([0.0 * eye[:1], eye]))
-        twice = 2.0 * above[curved, :1]
-        own = (above + below)[curved, 1:] - twice
-        both = np.sum(beside(middle[curved], eye[first] + eye[second]), axis=0) - twice
+        moves = _DIFFERENCE * np.vstack([0.0 * eye[:1], eye, eye[first] + eye[second]]) @ factor.T
+        rows = middle[:, None] + np.stack([moves, -moves])[:, None]
+        above, below = self.objectives(rows.reshape(-1, len(eye))).reshape(rows.shape[:-1])
+        own, both = np.split((above + below - 2.0 * above[:, :1])[:, 1:], [len(eye)], axis=1)
         bent = own[:, :, None] * eye
         bent[:, first, second] = bent[:, second, first] = 0.5 * (
             both - own[:, first] - own[:, second]
@@ -99,12 +91,10 @@ class Ridges:
         bent[~np.all(np.isfinite(bent), axis=(1, 2))] = 2.0 * _DIFFERENCE**2 * eye
         sizes, axes = np.linalg.eigh(bent / _DIFFERENCE**2)
         axes = np.linalg.inv(factor).T @ axes
-        hessians = np.zeros((*points.shape, eye.shape[0]))
         # for the curvatures to be positive
-        hessians[curved] = (axes * np.maximum(np.abs(sizes), 0.04)[:, None, :]) @ np.swapaxes(
-            axes, 1, 2
-        )
-        slopes = finite_or(above - below, 0.0)[:, 1:] / (2.0 * _DIFFERENCE) @ np.linalg.inv(factor)
+        hessians = (axes * np.maximum(np.abs(sizes), 0.04)[:, None, :]) @ np.swapaxes(axes, 1, 2)
+        slopes = finite_or(above - below, 0.0)[:, 1 : 1 + len(eye)] / (2.0 * _DIFFERENCE)
+        slopes = slopes @ np.linalg.inv(factor)
         return slopes + np.einsum("nij,nj->ni", hessians, points - middle), hessians
 
     def precision(self, at: End, held: int | None = None) -> FloatArray:
@@ -138,7 +128,7 @@ class Ridges:
             if not (room > 1e-12 * width and depth < _DEPTH and step > _MIN_STEP * width):
                 break
             advance = sign * min(step, room)
-            end = yield Start(here + tangent * advance, (held,))
+            end = yield Start(here + tangent * advance, (held,), tolerance=1e-10)
             deeper = top - self.log_marginal(end, held) if np.any(end.hessian) else np.inf
             # target decrease of the log marginal density in a step at the mode; 1 more for each
             # unit of depth
