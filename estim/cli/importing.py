@@ -11,7 +11,6 @@ import click
 
 from estim.cli.options import PATH
 from estim.cli.terminal import say, write_files
-from estim.common import InputError
 
 if TYPE_CHECKING:
     from estim.reading import Unit
@@ -73,8 +72,6 @@ def import_file(
     from estim.reading import Choices, import_track, read_release, run_table
 
     choices = Choices(track, along, unit, read_release(release), frame_ms, drop_duplicates)
-    if out.resolve() == file.resolve():
-        raise InputError("must not be the file that is read", field="--out", value=str(out))
     imported = import_track(file, choices)
     write_files(out.parent, {out.name: run_table(imported)})
     for fact in imported.facts:

@@ -66,13 +66,8 @@ def verify(report: Path, root: Path | None) -> None:
     the tolerances (docs/verifying.md), and what was not compared.  Exit code 0: everything that was
     compared agrees; 3: something does not.
     """
-    try:
-        os.stat(report)
-    except (OSError, ValueError) as error:
-        message = getattr(error, "strerror", None) or str(error)
-        raise InputError(
-            f"cannot be read ({message.lower()})", field="report", value=str(report)
-        ) from None
+    if not os.path.exists(report):
+        raise InputError("cannot be found", field="report", value=str(report))
     folder = report if os.path.isdir(report) else report.parent
     origin = read_origin(folder)
     given = _given(origin, folder)

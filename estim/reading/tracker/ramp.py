@@ -50,15 +50,26 @@ def run_along(track: Track, direction: str | float = "fit") -> Ramp:
     direction makes no sense.
     """
     stated = _stated(direction)
-    if track.x is None or track.y is None:
-        return _one_coordinate(track, stated)
-    dx, dy = _way(track, track.x, track.y)
-    fitted, u, scatter = _principal_axis(track.x, track.y)
+    known = {name: one for name, one in (("x", track.x), ("y", track.y)) if one is not None}
+    x, y = (known.get(name, np.zeros_like(track.t)) for name in ("x", "y"))
+    dx, dy = _way(track, x, y)
+    fitted, u, scatter = _principal_axis(x, y)
     if math.cos(fitted) * dx + math.sin(fitted) * dy < 0.0:
         fitted += math.pi
     angle = fitted if stated is None else stated
     cos, sin = math.cos(angle), math.sin(angle)
-    along, across = track.x * cos + track.y * sin, track.y * cos - track.x * sin
+    along, across = x * cos + y * sin, y * cos - x * sin
+    if len(known) == 1:
+        (name,) = known
+        if abs(abs(math.cos(angle - fitted)) - 1.0) > 1e-9:
+            raise InputError(
+                f"must be fit, {name} or -{name}: the file holds no other coordinate",
+                field="along",
+                value=f"{math.degrees(angle):g}",
+            )
+        way = name if cos + sin > 0.0 else f"-{name}"
+        words = phrase("along {name}, the only coordinate in the file", name=way)
+        return Ramp(_fixed(along), None, angle, words, None, math.nan)
     if stated is None:
         words = phrase(
             "fitted to the points: {angle:.3f} deg from the x axis, standard uncertainty "
@@ -87,28 +98,6 @@ def _stated(direction: str | float) -> float | None:
             "must be fit, x, y, -x, -y or an angle in degrees", field="along", value=direction
         )
     return math.radians(degrees)
-
-
-def _one_coordinate(track: Track, stated: float | None) -> Ramp:
-    """A track of which only x or y is known: it runs along that axis."""
-    name, known = ("x", track.x) if track.x is not None else ("y", track.y)
-    assert known is not None
-    axis = math.radians(_AXES[name])
-    (way,) = _way(track, known)
-    sign = way if stated is None else math.cos(stated - axis)
-    if stated is not None and abs(abs(sign) - 1.0) > 1e-9:
-        raise InputError(
-            f"must be fit, {name} or -{name}: the file holds no other coordinate",
-            field="along",
-            value=f"{math.degrees(stated):g}",
-        )
-    sign = math.copysign(1.0, sign)
-    words = phrase(
-        "along {name}, the only coordinate in the file", name=name if sign > 0 else f"-{name}"
-    )
-    return Ramp(
-        _fixed(sign * known), None, axis if sign > 0 else axis - math.pi, words, None, math.nan
-    )
 
 
 def _way(track: Track, *positions: FloatArray) -> list[float]:
