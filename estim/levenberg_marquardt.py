@@ -182,21 +182,26 @@ class LeastSquares:
 
     def objectives(self, points: FloatArray) -> FloatArray:
         """(n,) at points as they are, inf where the residuals are not finite."""
-        which, squares = np.arange(len(points)), np.empty(len(points))
         with np.errstate(all="ignore"):
-            for part in self.parts(len(points), 0):
-                residuals = self.residuals(points[part], which[part])
-                squares[part] = np.einsum("ij,ij->i", residuals, residuals)
-        return finite_or(0.5 * squares, np.inf)
+            return self.solved_for(self.linear[:0], points, np.arange(len(points)))[1]
 
     def evaluate(self, points: FloatArray, which: IntArray) -> tuple[FloatArray, FloatArray]:
+        return self.solved_for(self.linear, points, which)
+
+    def solved_for(
+        self, moving: IntArray, points: FloatArray, which: IntArray, step: float = 1.0
+    ) -> tuple[FloatArray, FloatArray]:
+        """Points (n, n_par) with the parameters `moving` put where the residuals are least, to
+        first order by differences of `step` of a parameter's size, and the objectives there (n,),
+        inf where there is none.
+        """
         solved, squares = points.copy(), np.empty(len(points))
-        for part in self.parts(len(points), self.linear.size):
-            residuals, columns = self.tangents(points[part], self.linear, 1.0, which[part])
-            if self.linear.size:
-                step = finite_or(solve(columns, -residuals[:, :, None]), 0.0)
-                solved[part, self.linear] += step[..., 0]
-                residuals = residuals + (columns @ step)[..., 0]
+        for part in self.parts(len(points), moving.size):
+            residuals, columns = self.tangents(points[part], moving, step, which[part])
+            if moving.size:
+                by = finite_or(solve(columns, -residuals[:, :, None]), 0.0)
+                solved[part, moving] += by[..., 0]
+                residuals = residuals + (columns @ by)[..., 0]
             squares[part] = np.einsum("ij,ij->i", residuals, residuals)
         return solved, finite_or(0.5 * squares, np.inf)
 
@@ -228,8 +233,9 @@ class LeastSquares:
         steps = step * np.maximum(np.abs(at), self.size[moving])
         beside = at + np.where(at + steps > self.high[moving], -steps, steps)
         rows = np.repeat(points, n_row, axis=0)
-        rows.reshape(-1, n_row, points.shape[1])[:, np.arange(1, n_row), moving] = beside
-        every = self.residuals(rows, np.repeat(which, n_row)).reshape(len(points), n_row, -1)
+        rows.reshape(len(points), n_row, points.shape[1])[:, np.arange(1, n_row), moving] = beside
+        every = self.residuals(rows, np.repeat(which, n_row))
+        every = every.reshape(len(points), n_row, self.n_res)
         columns = every[:, 1:]
         columns -= every[:, :1]
         columns /= (beside - at)[:, :, None]

@@ -68,6 +68,17 @@ def test_linear_parameters_alone_are_solved_for_at_one_look(rng: np.random.Gener
     assert squares[3] == np.inf
 
 
+def test_objectives_are_those_of_points_as_they_are(rng: np.random.Generator) -> None:
+    """Linear parameters are not solved for; of no points there are none."""
+    y = rng.standard_normal((1, X.size))
+    points = np.array([[3.0, 0.5, 1.0], [0.0, 1.0, 2.0], [1.0, -1e3, 0.0]])
+    search = replace(function(y, 0.0, (0, 2)), residuals=lambda points, _: decays(points) - y)
+    with np.errstate(over="ignore"):
+        expected = 0.5 * np.sum((decays(points) - y) ** 2, axis=1)
+    np.testing.assert_allclose(search.objectives(points), expected, rtol=1e-14)
+    assert search.objectives(points[:0]).shape == (0,)
+
+
 @pytest.mark.parametrize("linear", [(), (0, 2)])
 @pytest.mark.parametrize("low", [0.0, 0.7])
 def test_all_descents_end_where_scipy_ends(

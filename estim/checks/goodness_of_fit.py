@@ -518,7 +518,8 @@ def _checks(
         read = np.split(recorded().T, ends[:-1], axis=1)
         apart = sized and exact is not recorded
         whole = np.split(exact().T, ends[:-1], axis=1) if apart else []
-        read = [z[~(_squares(z) < z.shape[1] * _ALIKE**2)] for z in read]
+        zero = [_squares(z) < z.shape[1] * _ALIKE**2 for z in read]
+        read = [z[~none] if none.any() else z for z, none in zip(read, zero, strict=True)]
         for tally in tallies:
             drawn = whole if apart and tally.name in _OF_SIZE else read
             simulated = tested[tally.run].tests[tally.name](drawn[tally.run])

@@ -163,23 +163,14 @@ def _dips(search: SeparableSearch, values: FloatArray, i: int) -> FloatArray:
         return np.zeros((0, values.size))
     points = np.repeat(values[None, :], places.size, axis=0)
     points[:, i] = places
-    heights = np.empty(places.size)
-    moved = points.copy()
-    for batch in search.squares.parts(places.size, others.size):
-        base, columns = search.squares.tangents(points[batch], others, search.squares.step)
-        with np.errstate(all="ignore"):
-            step = solve(columns, -base[:, :, None])
-            residuals = base + (columns @ step)[..., 0]
-            moved[batch, others] += step[..., 0]
-            heights[batch] = np.sum(residuals**2, axis=1)
-    heights = finite_or(heights, np.inf)
+    squares = search.squares
+    moved, heights = squares.solved_for(others, points, np.arange(places.size), squares.step)
     padded = np.concatenate([[np.inf], heights, [np.inf]])
     dips = np.flatnonzero((heights <= padded[:-2]) & (heights <= padded[2:]) & np.isfinite(heights))
     dips = dips[np.argsort(heights[dips])][:_MOST_DIPS]
     if np.array_equal(others, search.linear):  # which a descent solves for at its first look
         return points[dips]
-    good = dips[np.all(np.isfinite(moved[dips]), axis=1)]
-    return np.vstack([points[dips], np.clip(moved[good], search.low, search.high)])
+    return np.vstack([points[dips], np.clip(moved[dips], search.low, search.high)])
 
 
 def _bending(
