@@ -254,6 +254,10 @@ def test_two_values_are_compared_with_their_correlation():
     for wrong, rule in (("9.79(2) m/s", "must be in m/s², as the first"), ("x", "second")):
         with pytest.raises(InputError, match=rule):
             estim.compare_values("9.81(2) m/s²", wrong)
+    with pytest.raises(InputError, match="must be in m/s², as the first: no unit"):
+        estim.compare_values("9.81(2) m/s²", "9.79(2)")
+    with pytest.raises(InputError, match="must have no unit, as the first: m/s²"):
+        estim.compare_values("9.81(2)", "9.79(2) m/s²")
     with pytest.raises(InputError, match="between -1 and 1"):
         estim.compare_values("9.81(2)", "9.79(2)", r=1.1)
 

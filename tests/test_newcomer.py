@@ -486,6 +486,10 @@ def test_one_column_of_decimal_commas_is_read_where_its_name_shows_it_and_else_a
             "^command line: 'a' is not determined .* if a start that was stated is far off",
         ),
         (
+            ["fit", "u.csv", "--formula", "exponential + constant"],
+            "far from 0, at 1700000000 to 1700000011: count .* as x - 1700000000 in the formula",
+        ),
+        (
             ["fit", "e.csv", "--formula", "a*exp(-x/tau) + c", "--start", "a=1e30"],
             "^command line: 'start' of tau could not be found",
         ),
@@ -499,8 +503,9 @@ def test_a_slip_of_the_first_hour_is_told_with_its_cure(
     Path("r.csv").write_text("x,y\n1,2\n2,3.1,a draught\n3,4\n4,5.1\n")
     Path("s.csv").write_text("x,y\n0,5,1,2\n1,0,2,1\n1,5,2,9\n")
     Path("k.csv").write_text("run,p\n1,1'234\n2,1'236\n3,1'231\n")
-    decay = (f"{x},{100.0 * math.exp(-x / 3.0) + 5.0 + (-1) ** x},1\n" for x in range(12))
-    Path("e.csv").write_text("x,y,u_y\n" + "".join(decay))
+    for name, since in (("e.csv", 0), ("u.csv", 1_700_000_000)):
+        decay = (f"{since + t},{100.0 * math.exp(-t / 3.0) + 5.0 + (-1) ** t},1" for t in range(12))
+        Path(name).write_text("\n".join(["x,y,u_y", *decay]))
     Path("d.csv").write_text("m/g,m/g\n1,2\n2,3.1\n3,4\n")
     Path("n.txt").write_text("1.5\n2.5\n3.5\n")
     Path("c.csv").write_text("1,2,0\n0,1,0\n0,0,1\n")

@@ -681,6 +681,8 @@ def test_a_file_that_cannot_be_read_says_why_and_several_are_listed(browser: Bro
     form = browser.get(asked.place)
     assert form.status == 200
     assert "The file cannot be read as it is" in form.text
+    asked = browser.hand_in({"Länge_1 αβ.csv": b"x,y\n1,2\n2,3.1,a draught\n3,4\n4,5.1\n"})
+    assert "as it is: Länge_1 αβ.csv:3:" in words(browser.get(asked.place).text)
     browser.hand_in({"one.csv": LINE, "two.csv": LINE})
     page = browser.get("/").text
     assert ">one.csv<" in page

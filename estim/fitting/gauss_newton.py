@@ -172,7 +172,8 @@ def inverse_information(
         else 0.0
     )
     inverse = np.where(singular > resolved * singular[0], 1.0 / np.maximum(singular, 1e-300), 0.0)
-    return (right.T * inverse**2) @ right / np.outer(scale, scale), condition
+    with np.errstate(over="ignore"):  # of what hardly changes the curve it is infinite
+        return (right.T * inverse**2) @ right / np.outer(scale, scale), condition
 
 
 def unit_at(search: SeparableSearch, best: End) -> float:

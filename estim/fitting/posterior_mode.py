@@ -63,13 +63,14 @@ def fit_white(problem: Problem, *, rng: np.random.Generator) -> Fit:
 
 @contextmanager
 def blunder_named(problem: Problem) -> Iterator[None]:
-    """While a problem is fit: a reading far from all others is named in the error that it may have
-    caused.
+    """While a problem is fit: a reading far from all others, and abscissas far from 0, are named in
+    the error that they may have caused.
     """
     try:
         yield
     except (InputError, NumericalError) as error:
         rule = error.rule + "".join(map(_far_off, problem.runs))
+        rule += "" if "x - x0" in rule else "".join([*map(_far_from_zero, problem.runs)][:1])
         if rule == error.rule:
             raise
         if isinstance(error, NumericalError):
@@ -89,6 +90,19 @@ def _far_off(run: Observations) -> str:
     return (
         f"; {run.y[i]:.4g} at x = {run.x[i]:.4g} lies far from all other readings: if it may be a "
         f"blunder, correct it or allow for outliers ({choice})"
+    )
+
+
+def _far_from_zero(run: Observations) -> str:
+    """What to do about x that hardly differ beside their size, as times since 1970; "" where they
+    do.
+    """
+    low, high = float(np.min(run.x)), float(np.max(run.x))
+    if run.motion or not 0.0 < high - low < 0.01 * min(abs(low), abs(high)):
+        return ""
+    return (
+        f"; all x lie far from 0, at {low:.10g} to {high:.10g}: count them from one of them, as "
+        f"x - {low:.10g} in the formula"
     )
 
 

@@ -77,7 +77,9 @@ def compare_values(
         for field, given in (("first", first), ("second", second))
     )
     if unit != other and not same_numbers(unit, other):
-        raise InputError(f"must be in {unit}, as the first", field="second", value=other)
+        wanted = "have no unit" if unit == "1" else f"be in {unit}"
+        value = "no unit" if other == "1" else other
+        raise InputError(f"must {wanted}, as the first", field="second", value=value)
     if not abs(r) <= 1.0:
         raise InputError("must be between -1 and 1", field="r", value=r)
     apart = difference(a, b, correlation=r)

@@ -154,7 +154,7 @@ def read_layout(path: Path, dialect: Dialect, *, needed: Sequence[str] = ()) -> 
         raise InputError("has no rows of numbers below the line of names")
     names, header_line, units = _header(above, below, rows, delimiter, dialect, needed)
     if not names:
-        for width in [len(_trimmed(row.cells)) for row in above]:
+        for width in [n for row in above if (n := len(_trimmed(row.cells))) > 1]:
             odd = [row for row in rows if len(_trimmed(row.cells)) != width]
             # one row among many, or decimal commas that part cells
             if odd and (

@@ -229,6 +229,9 @@ class Pages:
         if upload is None:
             return page("propagate", status, fields=fields, error=error)
         seen = await self._preview(upload)
+        if not upload.parts:  # of several files each keeps the name that tells it from the others
+            error = error.replace(upload.file, upload.given)
+            seen |= {"error": seen.get("error", "").replace(upload.file, upload.given)}
         known = self._store.uploads.records
         fields = {"asked": "formula", **fields}
         return page(
