@@ -7,6 +7,7 @@ The stages are those of the pipeline, with less demanded of the sampler: `ESS` s
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -18,7 +19,15 @@ from estim.calibration.uniformity import N_RANK
 from estim.common import PROBABILITIES, InputError, Label, NumericalError, Stream, stream
 from estim.fitting import Fit, fit_least_squares, refit
 from estim.problem import Parameter, Prior, Problem
-from estim.sampling import InCoordinates, Optima, Target, adapt_proposal, certify, sample_posterior
+from estim.sampling import (
+    InCoordinates,
+    Optima,
+    Target,
+    adapt_proposal,
+    certify,
+    marginal_chain,
+    sample_posterior,
+)
 
 What = Literal["sbc", "coverage"]
 
@@ -161,6 +170,12 @@ def posterior_draws(fit: Fit, ess: float, rng: np.random.Generator) -> tuple[Flo
     """Draws (n_draw, n_par) of the posterior, which engine gave them, and what it did not reach (or
     "").  Raises NumericalError.
     """
+    if any(p.between for p in fit.problem.parameters):
+        # a chain does not get from spreads as large as at the mode to those that are probable
+        with suppress(InputError, NumericalError):
+            chain, _ = marginal_chain(fit, target=Target(ess=ess), rng=rng)
+            if chain.convergence.met:
+                return chain.flat, "importance sampling", ""
     density = InCoordinates(fit.sampled, fit.coordinates)
     at = Optima(fit.values, fit.cov).of(fit.coordinates)
     # draws in each round of adaptation
