@@ -11,6 +11,7 @@ import pytest
 
 from estim import pipeline
 from estim.arrays import log_sum_exp
+from estim.calibration import posterior_draws
 from estim.campaign import load_campaign
 from estim.common import NumericalError, Status
 from estim.curve_fitting.joint_fit import fit_curves
@@ -128,6 +129,16 @@ def test_a_spread_of_slopes_is_that_of_the_exact_integral(
     monkeypatch.setattr(conditional, "log_volume", lambda root: np.zeros(root.shape[0]))
     wrong = sample_marginal(fit, rng=np.random.default_rng(1), **few)
     assert abs(spreads(wrong)[0] / expected[0] - 1.0) > 0.1
+
+
+@pytest.mark.slow
+def test_draws_for_plans_and_calibrations_have_the_exact_spread_too() -> None:
+    """Where a chain of as many steps as they allow does not converge."""
+    fit, slopes = lines(5, 5, 0.2)
+    draws, how, shortfall = posterior_draws(fit, 1000.0, np.random.default_rng(2))
+    assert (how, shortfall) == ("importance sampling", "")
+    s, b = draws[:, fit.names.index("s")], draws[:, fit.names.index("b")]
+    assert (s.mean(), s.std(), b.std()) == pytest.approx(exact(slopes), rel=0.1)
 
 
 def levels(folder: Path, seed: int, n_run: int, n: int) -> tuple[Fit, np.ndarray]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from scipy import stats
 
 from estim.campaign import NewRun, load_campaign
 from estim.cli.commands import cli
-from estim.common import InputError, Quantity
+from estim.common import InputError, Quantity, Status
 from estim.discrepancy import force_sizes
 from estim.fitting import expected_information, fit_problem, information
 from estim.model import Body, speed, turning_point
@@ -370,6 +371,8 @@ def test_the_best_place_for_the_slope_of_a_line_is_its_far_end(tmp_path: Path) -
     assert found.now == pytest.approx(found.drawn, rel=0.1)
     assert plan_status(found)[0].ok
     assert plan_answers(found)[0].startswith("u(b)")
+    short = replace(found, shortfall="R-hat 1.2 is not below 1.02")
+    assert plan_status(short) == (Status.NOT_CONVERGED, ["R-hat 1.2 is not below 1.02"])
 
 
 def test_a_row_outside_the_window_may_lie_where_the_curve_has_no_value(tmp_path: Path) -> None:

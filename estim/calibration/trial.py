@@ -7,6 +7,7 @@ The stages are those of the pipeline, with less demanded of the sampler: `ESS` s
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -18,7 +19,16 @@ from estim.calibration.uniformity import N_RANK
 from estim.common import PROBABILITIES, InputError, Label, NumericalError, Stream, stream
 from estim.fitting import Fit, fit_least_squares, refit
 from estim.problem import Parameter, Prior, Problem
-from estim.sampling import InCoordinates, Optima, Target, adapt_proposal, certify, sample_posterior
+from estim.sampling import (
+    Chain,
+    InCoordinates,
+    Optima,
+    Target,
+    adapt_proposal,
+    certify,
+    marginal_chain,
+    sample_posterior,
+)
 
 What = Literal["sbc", "coverage"]
 
@@ -161,6 +171,10 @@ def posterior_draws(fit: Fit, ess: float, rng: np.random.Generator) -> tuple[Flo
     """Draws (n_draw, n_par) of the posterior, which engine gave them, and what it did not reach (or
     "").  Raises NumericalError.
     """
+    hard = any(p.between for p in fit.problem.parameters)
+    # a chain does not get from spreads as large as at the mode to those that are probable
+    if hard and (chain := _integrated(fit, ess, rng)) is not None:
+        return chain.flat, "importance sampling", ""
     density = InCoordinates(fit.sampled, fit.coordinates)
     at = Optima(fit.values, fit.cov).of(fit.coordinates)
     # draws in each round of adaptation
@@ -174,11 +188,24 @@ def posterior_draws(fit: Fit, ess: float, rng: np.random.Generator) -> tuple[Flo
             return fit.coordinates.values(certificate.draws), "importance sampling", ""
     target = Target(rhat=1.02, ess=ess, n_tau=20.0, max_step=4000, n_ensemble=2)
     chain = sample_posterior(density, at.value, at.cov, target=target, rng=rng, proposal=proposal)
+    # a spread that a formula holds is as hard
+    if not chain.convergence.met and not hard and fit.problem.effects:
+        integrated = _integrated(fit, ess, rng)
+        if integrated is not None:
+            return integrated.flat, "importance sampling", ""
     return (
         fit.coordinates.values(chain.thinned(20_000)),
         "chain",
         "" if chain.convergence.met else chain.convergence.message,
     )
+
+
+def _integrated(fit: Fit, ess: float, rng: np.random.Generator) -> Chain | None:
+    """Draws by the marginal over runs, None where that does not do."""
+    with suppress(InputError, NumericalError):
+        chain, _ = marginal_chain(fit, target=Target(ess=ess), rng=rng)
+        return chain if chain.convergence.met else None
+    return None
 
 
 def reported(problem: Problem, draws: FloatArray, names: Sequence[str]) -> FloatArray:

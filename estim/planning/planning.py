@@ -60,7 +60,7 @@ class Plan:
     values : (n_target,) at the fit.
     now : (n_target,) standard deviations as things are, by linear theory.
     drawn : (n_target,) those of the drawn posterior of the data at hand.
-    how : what drew it.
+    how : what drew it.  shortfall : what the draws did not reach, "" for nothing.
     options : everything that was weighed, the best first.  refused : what cannot be measured.
     halving : for each target what would halve its standard deviation.
     along : of a user's own curve, one further reading at each place.
@@ -76,6 +76,7 @@ class Plan:
     now: FloatArray
     drawn: FloatArray
     how: str
+    shortfall: str
     options: tuple[Option, ...]
     refused: tuple[Option, ...]
     halving: tuple[Halving, ...]
@@ -121,7 +122,7 @@ def plan(
         fit = fit_problem(problem, rng=stream(seed, Stream.PLAN_FIT))
     tested = failed_tests(check_goodness(fit, rng=stream(seed, Stream.PLAN_TESTS)), dof=fit.dof)
     findings = wrong([*tested, stated_values(fit, check_stated_values(fit))])
-    draws, how, _ = posterior_draws(fit, 1000.0, stream(seed, Stream.PLAN_DRAWS))
+    draws, how, shortfall = posterior_draws(fit, 1000.0, stream(seed, Stream.PLAN_DRAWS))
     basis = (
         rolling_basis(campaign, names, fit)
         if campaign.formula is None
@@ -153,6 +154,7 @@ def plan(
         now,
         drawn,
         how,
+        shortfall,
         tuple(possible),
         tuple(option for option in done if option.reason),
         halving,
@@ -164,11 +166,15 @@ def plan(
 
 
 def _with_sizes_of(draws: FloatArray, fit: Fit) -> Fit:
-    """The fit with what is unknown of the errors at its medians in the draws (n_draw, n_par): at
-    the mode their size is too small, since the curve was fitted to the same residuals.
+    """The fit with the sizes of errors, and spreads between runs with the deviations of these, at
+    their medians in the draws (n_draw, n_par): at the mode errors are too small, since the curve
+    was fitted to the same residuals, and spreads too large.
     """
-    of_noise = [name in fit.problem.noise_names for name in fit.names]
-    return replace(fit, values=np.where(of_noise, np.median(draws, axis=0), fit.values))
+    drawn = [
+        p.between or p.name in fit.problem.noise_names or p.name in fit.problem.effects
+        for p in fit.problem.parameters
+    ]
+    return replace(fit, values=np.where(drawn, np.median(draws, axis=0), fit.values))
 
 
 def targets_of(

@@ -46,6 +46,8 @@ def plan_status(plan: Plan) -> tuple[Status, list[str]]:
     """
     if plan.findings:
         return decide(plan.findings), [tell(f) for f in plan.findings]
+    if plan.shortfall:
+        return Status.NOT_CONVERGED, [plan.shortfall]
     reasons = [
         phrase(
             "linear theory gives u({symbol}) = {linear}, but the sampled posterior gives "
