@@ -164,8 +164,7 @@ def test_one_bad_reading_is_named_with_its_error(tmp_path: Path) -> None:
             assert SIGMA < frame.numbers[0].sd < 2.5 * SIGMA
 
 
-@pytest.mark.parametrize("noise", ["speeds", "positions"])
-@pytest.mark.parametrize("row", [12, 20])
+@pytest.mark.parametrize(("row", "noise"), [(12, "speeds"), (20, "positions")])
 def test_a_shift_that_stays_is_named_where_it_begins_and_no_single_reading_far_from_it(
     tmp_path: Path, row: int, noise: str
 ) -> None:
