@@ -12,7 +12,8 @@ import sys
 
 from estim.shadowed_modules import forget_working_folder, in_the_way, namesake_behind
 
-_BAD_INPUT = 2  # `estim.cli.commands.BAD_INPUT`, which cannot be imported yet
+# those of `estim.cli.commands`, which cannot be imported yet
+_BAD_INPUT, _INTERRUPTED = 2, 130
 # made before garbage is looked for: modules make many that stay, and looking through them took a
 # tenth of a short command
 _OBJECTS = 500_000
@@ -38,6 +39,9 @@ def main() -> None:
             raise
         sys.stderr.write(f"error: {in_the_way(file)}\n")
         sys.exit(_BAD_INPUT)
+    except KeyboardInterrupt:  # while modules are loaded; later `exit_code` says so
+        sys.stderr.write("interrupted\n")
+        sys.exit(_INTERRUPTED)
 
 
 if __name__ == "__main__":

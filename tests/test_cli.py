@@ -185,6 +185,23 @@ main()
     assert done.stdout.splitlines()[-1] == "loaded:"
 
 
+def test_an_interrupt_while_modules_are_loaded_is_one_word() -> None:
+    code = """
+import sys
+from estim.__main__ import main
+
+class Impatient:
+    def find_spec(self, name, path, target=None):
+        if name == "estim.cli.commands":
+            raise KeyboardInterrupt
+
+sys.meta_path.insert(0, Impatient())
+main()
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted\n")
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_capped_chains_of_several_runs_get_a_folder_each_and_an_index_and_exit_with_3(
