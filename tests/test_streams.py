@@ -4,6 +4,7 @@ an exit code and the report all the same.
 
 from __future__ import annotations
 
+import io
 import os
 import subprocess
 import sys
@@ -145,6 +146,13 @@ def test_what_a_command_found_outweighs_a_line_that_nobody_reads(
         assert exit_code(lambda: say("one") or say("two") or found) == (found or code)
     if full:
         os.close(writer)
+
+
+def test_a_stream_of_text_without_bytes_is_written_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As that of a notebook."""
+    monkeypatch.setattr(sys, "stdout", io.StringIO())
+    assert exit_code(lambda: say("γ")) == 0
+    assert sys.stdout.getvalue() == "γ\n"
 
 
 @pytest.mark.slow

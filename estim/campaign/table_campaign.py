@@ -35,6 +35,7 @@ from estim.common import (
 from estim.curves import Formula, Limits, called_by_name, linear_in, read_formula
 from estim.reading import (
     COLUMNS,
+    PLAIN,
     UNITS,
     Dialect,
     Layout,
@@ -105,7 +106,7 @@ class TableChoices:
     kind: Kind = "measured"
     track: str | None = None
     release: str | None = None
-    dialect: Dialect = field(default_factory=Dialect)
+    dialect: Dialect = PLAIN
 
     @property
     def asked(self) -> list[str]:

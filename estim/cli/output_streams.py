@@ -73,6 +73,9 @@ def outlets() -> Iterator[Outlet]:
 
 
 def _through(stream: TextIO) -> tuple[Outlet, TextIO]:
+    """A stream of text through an outlet; one that has no bytes, of a notebook say, as it is."""
+    if not hasattr(stream, "buffer"):
+        return Outlet(None), stream
     outlet = Outlet(getattr(stream.buffer, "raw", stream.buffer))
     buffer = io.BufferedWriter(outlet)
     return outlet, io.TextIOWrapper(

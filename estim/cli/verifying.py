@@ -266,9 +266,9 @@ class _Comparison:
         for name, (old, new) in part.files.items():
             label = (part.folder / name).as_posix()
             page = name == _PAGE
-            if old is None:
-                self.wrong.append(f"{label}: is missing")
-            elif new is None and not name.endswith(_OPTIONAL):
+            if old is None:  # which is said already
+                continue
+            if new is None and not name.endswith(_OPTIONAL):
                 self.wrong.append(f"{label}: is not made any more")
             elif name == _TIMES or name.endswith(".pdf") or new is None:
                 self.aside.append(label)

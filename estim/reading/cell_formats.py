@@ -8,14 +8,14 @@ without a decimal mark (2.5 as 25e-1), so that they do not say which mark the ot
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import date
 from decimal import Decimal
 from itertools import pairwise
 
 from estim.common import InputError, in_unit, is_unit, phrase, require_clear_share, same_numbers
-from estim.reading.cells import is_missing, looks_like_a_number
+from estim.reading.cells import Row, is_missing, looks_like_a_number
 from estim.reading.dialect import bare_name, is_uncertainty, uncertainty_of
 from estim.reading.table import Layout, line_numbers
 
@@ -78,7 +78,7 @@ def _quantity(cell: str) -> re.Match[str] | None:
 
 def _quantities(table: Layout, place: int, cells: Sequence[tuple[int, str]]) -> Layout:
     name, stated = table.names[place], table.units[place]
-    values, errors = dict[int, str](), dict[int, str]()
+    values = dict[int, list[str]]()
     converted: dict[str, list[int]] = {}
     unit, with_u, differences = stated, None, is_uncertainty(bare_name(name))
     for number, cell in cells:
@@ -104,9 +104,7 @@ def _quantities(table: Layout, place: int, cells: Sequence[tuple[int, str]]) -> 
             like = "the header says" if stated else "the cells above it are"
             texts = [_converted(text, unit_here, unit, name, number, like) for text in texts]
             converted.setdefault(unit_here, []).append(number)
-        values[number] = texts[0]
-        if with_u:
-            errors[number] = texts[1]
+        values[number] = texts
     told = [
         phrase(
             "1 value of '{name}' in {unit} was converted to {wanted} (line {lines})"
@@ -124,22 +122,13 @@ def _quantities(table: Layout, place: int, cells: Sequence[tuple[int, str]]) -> 
         told.append(
             phrase("the values of '{name}' are in {unit}, as its cells say", name=name, unit=unit)
         )
-    table = _replaced(table, place, values, unit)
     if not with_u:
-        return _told(table, *told)
-    called = f"u_{bare_name(name)}"
+        return _replaced(table, place, values, unit, told)
     if (column := uncertainty_of(name, table.names)) is not None:
         rule = "has uncertainties in its cells, and a column of their own as well"
         raise InputError(rule, field=name, value=column, line=cells[0][0])
-    rows = [
-        row._replace(cells=[*row.cells[: len(table.names)], errors.get(row.number, "")])
-        if len(row.cells) >= len(table.names) and not any(row.cells[len(table.names) :])
-        else row
-        for row in table.rows
-    ]
     told.append(phrase("the cells of '{name}' hold its standard uncertainties", name=name))
-    table = replace(table, names=(*table.names, called), units=(*table.units, unit), rows=rows)
-    return _told(table, *told)
+    return _replaced(table, place, values, unit, told, (f"u_{bare_name(name)}",))
 
 
 def _same(unit: str, other: str, differences: bool) -> bool:
@@ -170,19 +159,36 @@ def _without_mark(value: Decimal) -> str:
     return f"{'-' * sign}{''.join(map(str, digits))}e{exponent}"
 
 
-def _replaced(table: Layout, place: int, values: dict[int, str], unit: str) -> Layout:
-    rows = [
-        row._replace(cells=[*row.cells[:place], values[row.number], *row.cells[place + 1 :]])
-        if row.number in values
-        else row
-        for row in table.rows
-    ]
-    units = (*table.units[:place], unit, *table.units[place + 1 :])
-    return replace(table, units=units, rows=rows)
+def _replaced(
+    table: Layout,
+    place: int,
+    values: Mapping[int, Sequence[str]],
+    unit: str,
+    told: Sequence[str],
+    further: tuple[str, ...] = (),
+) -> Layout:
+    """The table with other cells in the column at `place`, and in columns called `further` behind
+    all others.  values : line -> its cells.
+    """
+    width = len(table.names)
 
+    def whole(row: Row) -> Row:
+        blank = (row.cells[place], *[""] * len(further))
+        cell, *behind = values.get(row.number, blank)
+        return row._replace(
+            cells=[*row.cells[:place], cell, *row.cells[place + 1 : width], *behind]
+        )
 
-def _told(table: Layout, *facts: str) -> Layout:
-    return replace(table, assumed=(*table.assumed, *facts))
+    return replace(
+        table,
+        names=(*table.names, *further),
+        units=(*table.units[:place], unit, *table.units[place + 1 :], *[unit] * len(further)),
+        rows=[
+            row if len(row.cells) < width or any(row.cells[width:]) else whole(row)
+            for row in table.rows
+        ],
+        assumed=(*table.assumed, *told),
+    )
 
 
 def _moment(cell: str) -> re.Match[str] | None:
@@ -249,7 +255,7 @@ def _moments(
         shown = dialect.since
     unit = dialect.time_unit or "s"
     factor = Decimal(repr(in_unit(1.0, unit, "s")))
-    values = {number: _without_mark((at - origin) / factor) for number, _, at in moments}
+    values = {number: [_without_mark((at - origin) / factor)] for number, _, at in moments}
     words = {
         "dmy": phrase(", dates read as day.month.year"),
         "mdy": phrase(", dates read as month/day/year"),
@@ -264,7 +270,7 @@ def _moments(
             order=words[order],
         )
     )
-    return _told(_replaced(table, place, values, unit), *told)
+    return _replaced(table, place, values, unit, told)
 
 
 def _order(

@@ -128,9 +128,12 @@ def read_layout(path: Path, dialect: Dialect, *, needed: Sequence[str] = ()) -> 
     if ends:
         below_it = line_numbers([row.number for row in ends])
         facts.append(
-            phrase("what stands below the table was not read (line {lines})", lines=below_it)
-            if len(ends) == 1
-            else phrase("what stands below the table was not read (lines {lines})", lines=below_it)
+            phrase(
+                "what stands below the table was not read (line {lines})"
+                if len(ends) == 1
+                else "what stands below the table was not read (lines {lines})",
+                lines=below_it,
+            )
         )
     split, thousands = _without_thousands(split, dialect)
     facts += thousands

@@ -19,14 +19,13 @@ if TYPE_CHECKING:
 
 def answers_of(store: Store, batch: str) -> list[Answer]:
     """The answers of a batch, the oldest first, without those in whose place another stands."""
-    answers = [answer for answer in store.answers.records.values() if answer.batch == batch]
-    gone = {answer.instead for answer in answers}
-    newest = {answer.instead: answer.id for answer in answers}  # a row may be replaced twice
-    return [
-        answer
-        for answer in answers
-        if answer.id not in gone and (not answer.instead or newest[answer.instead] == answer.id)
-    ]
+    rows, first = dict[str, Answer](), dict[str, str]()  # a row may be replaced twice
+    for answer in store.answers.records.values():
+        if answer.batch == batch:
+            at = first[answer.id] = first.get(answer.instead, answer.id)
+            rows.pop(at, None)
+            rows[at] = answer
+    return [*rows.values()]
 
 
 def rows_of(store: Store, answers: Sequence[Answer]) -> tuple[list[Row], list[Spread]]:

@@ -28,7 +28,6 @@ class Ramp:
 
     along, across : (n,) m; across is None where only one coordinate is known.  Their zero is the
         origin of the axes.
-    angle : rad, of the direction, counter-clockwise from the x axis.
     direction : how it was chosen, in words.
     tilt : rad, of the fitted line against the x axis, positive uphill, with its uncertainty from
         the scatter alone (not from a camera or axes that hang askew); None where only one
@@ -39,7 +38,6 @@ class Ramp:
 
     along: FloatArray
     across: FloatArray | None
-    angle: float
     direction: str
     tilt: Quantity | None
     scatter: float
@@ -69,7 +67,7 @@ def run_along(track: Track, direction: str | float = "fit") -> Ramp:
             )
         way = name if cos + sin > 0.0 else f"-{name}"
         words = phrase("along {name}, the only coordinate in the file", name=way)
-        return Ramp(_fixed(along), None, angle, words, None, math.nan)
+        return Ramp(_fixed(along), None, words, None, math.nan)
     if stated is None:
         words = phrase(
             "fitted to the points: {angle:.3f} deg from the x axis, standard uncertainty "
@@ -80,7 +78,7 @@ def run_along(track: Track, direction: str | float = "fit") -> Ramp:
     else:
         words = phrase("as stated: {angle:g} deg from the x axis", angle=_degrees(angle))
     tilt = Quantity(math.atan2(math.sin(fitted), abs(math.cos(fitted))), u)
-    return Ramp(_fixed(along), _fixed(across), angle, words, tilt, scatter)
+    return Ramp(_fixed(along), _fixed(across), words, tilt, scatter)
 
 
 def _stated(direction: str | float) -> float | None:
@@ -100,17 +98,16 @@ def _stated(direction: str | float) -> float | None:
     return math.radians(degrees)
 
 
-def _way(track: Track, *positions: FloatArray) -> list[float]:
+def _way(track: Track, x: FloatArray, y: FloatArray) -> tuple[float, float]:
     """Displacement at the first point that is half as far from the start as any: the way the motion
     starts.  Raises InputError where there is none.
     """
-    away = [position - position[0] for position in positions]
-    distance = np.linalg.norm(away, axis=0)
+    distance = np.hypot(x - x[0], y - y[0])
     reach = float(np.max(distance))
     if not reach > 1e-9:
         raise InputError("does not move", field=f"track {track.name}", value=f"{reach:g} m")
     first = int(np.argmax(distance >= 0.5 * reach))
-    return [float(displacement[first]) for displacement in away]
+    return float(x[first] - x[0]), float(y[first] - y[0])
 
 
 def _principal_axis(x: FloatArray, y: FloatArray) -> tuple[float, float, float]:

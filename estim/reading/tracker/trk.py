@@ -378,18 +378,10 @@ def _sticks(panel: Element, axes: _Axes) -> tuple[list[str], list[str]]:
     """
     facts, warnings = [], []
     for name, kind, track in _tracks(panel):
-        stick = track.find("stickmode")
-        lengths = track.find("worldlengths")
-        ends = track.find("framedata")
-        place = None if ends is None else ends.object("[0]")
-        if (
-            kind != "TapeMeasure"
-            or stick is None
-            or stick.text != "true"
-            or lengths is None
-            or lengths.find("[0]") is None
-            or place is None
-        ):
+        stick, lengths, ends = map(track.find, ("stickmode", "worldlengths", "framedata"))
+        place = ends and ends.object("[0]")
+        is_stick = kind == "TapeMeasure" and stick and stick.text == "true"
+        if not (is_stick and lengths and lengths.find("[0]") and place):
             continue
         x1, y1, x2, y2 = (place.number(end) for end in ("x1", "y1", "x2", "y2"))
         dx, dy, length = x2 - x1, y2 - y1, lengths.number("[0]")
