@@ -4,7 +4,6 @@ engine as `fit_curve`.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -12,18 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from estim.common import (
-    PROBABILITIES,
-    Amount,
-    Finding,
-    InputError,
-    Kind,
-    decide,
-    split_level,
-    wrong,
-)
+from estim.common import InputError
 from estim.curve_fitting.result import CurveFit
-from estim.curve_fitting.single import fit_errors, fit_stated
+from estim.curve_fitting.single import fit_errors, fit_stated, without_fitted_effects
 from estim.curves import (
     AxisNames,
     Component,
@@ -43,11 +33,9 @@ from estim.curves import (
     with_defaults,
     with_joint_priors,
 )
-from estim.fitting import N_START, moved_by_integration
+from estim.fitting import N_START
 from estim.given_numbers import check_whole, random_generator
 from estim.problem import JointNormal
-
-_FELT = 0.3  # standard deviations by which effects must move what is shared to be told
 
 
 def fit_curves(
@@ -200,37 +188,7 @@ def fit_curves(
         n_start = min(getattr(points.curve, "n_start", N_START) for points in sets.values())
     check_whole(n_start, "n_start", 1)
     fitted = fit_errors if joint.infers_errors else fit_stated
-    return _without_fitted_effects(fitted(joint, joint.with_sigma(1.0), rng, n_start))
-
-
-def _without_fitted_effects(found: CurveFit) -> CurveFit:
-    """The fit without the uncertainties of parameters for which it makes a difference whether
-    effects of single data sets, of which one prior is stated for all, are integrated out.
-    """
-    fit = found.fit
-    effects = sorted({split_level(name)[0] for name in found.problem.effects})
-    moves = (
-        {}
-        if fit.singular or not fit.success
-        else moved_by_integration(fit.posterior, fit.values, fit.cov)
-    )
-    apart = {name: move for name, move in moves.items() if abs(move) > _FELT}
-    if not apart:
-        return found
-    findings = [
-        Finding(Kind.EFFECTS_FITTED, size=move, parameters=(Amount(name),), names=tuple(effects))
-        for name, move in apart.items()
-    ]
-    unknown = dict.fromkeys(PROBABILITIES, (math.nan, math.nan))
-    told = wrong([*found.findings, *findings])
-    return replace(
-        found,
-        sds={**found.sds, **dict.fromkeys(apart, math.nan)},
-        intervals={**found.intervals, **dict.fromkeys(apart, unknown)},
-        status=decide(told),
-        findings=told,
-        complete=False,
-    )
+    return without_fitted_effects(fitted(joint, joint.with_sigma(1.0), rng, n_start))
 
 
 @contextmanager

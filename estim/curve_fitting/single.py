@@ -35,7 +35,17 @@ from estim.checks import (
     values_outside,
     wrong_curves,
 )
-from estim.common import PROBABILITIES, Amount, Finding, Kind, Status, decide, phrase, wrong
+from estim.common import (
+    PROBABILITIES,
+    Amount,
+    Finding,
+    Kind,
+    Status,
+    decide,
+    phrase,
+    split_level,
+    wrong,
+)
 from estim.curve_fitting.complex_values import ComplexFit, parts_of
 from estim.curve_fitting.result import CurveFit, unnamed
 from estim.curves import (
@@ -69,6 +79,7 @@ from estim.fitting import (
     fit_discrepancy,
     fit_optimum,
     led_here,
+    moved_by_integration,
     pressed_edges,
     profiled,
     refit,
@@ -83,6 +94,7 @@ from estim.problem import Problem
 from estim.words import tell
 
 _ROUNDS = 60  # of the size of the errors, where priors make it matter
+_FELT = 0.3  # standard deviations by which effects must move a spread to be told
 _SETTLED = 1e-7  # standard deviations, between two rounds with the slopes of the curve
 _PERFECT = 3e-14  # residuals below this share of y are rounding errors
 # the same where terms of the curve cancel, which leaves it fewer digits; beyond, the curve has too
@@ -228,12 +240,47 @@ def fit_curve(
         complete = fit_stated(posed, posed.with_sigma(1.0), rng, n_start)
     else:
         complete = _fit_estimated(posed, rng, n_start)
+    complete = without_fitted_effects(complete)
     if isinstance(posed, JointProblem):
         return ComplexFit(**vars(complete))
-    unusable = complete.status in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED)
+    unusable = complete.status in (
+        Status.NOT_IDENTIFIED,
+        Status.NOT_CONVERGED,
+        Status.METHODS_DISAGREE,
+    )
     if posed.lacks is None or unusable or not complete.goodness:
         return complete
     return _fit_discrepancy(posed, complete, rng)
+
+
+def without_fitted_effects(found: CurveFit) -> CurveFit:
+    """The fit without the uncertainties of parameters for which it makes a difference whether
+    effects that are stated as 0 within an uncertainty are integrated out.
+    """
+    fit = found.fit
+    effects = sorted({split_level(name)[0] for name in found.problem.effects})
+    moves = (
+        {}
+        if fit.singular or not fit.success
+        else moved_by_integration(fit.posterior, fit.values, fit.cov)
+    )
+    apart = {name: move for name, move in moves.items() if abs(move) > _FELT}
+    if not apart:
+        return found
+    findings = [
+        Finding(Kind.EFFECTS_FITTED, size=move, parameters=(Amount(name),), names=tuple(effects))
+        for name, move in apart.items()
+    ]
+    unknown = dict.fromkeys(PROBABILITIES, (math.nan, math.nan))
+    told = wrong([*found.findings, *findings])
+    return replace(
+        found,
+        sds={**found.sds, **dict.fromkeys(apart, math.nan)},
+        intervals={**found.intervals, **dict.fromkeys(apart, unknown)},
+        status=decide(told),
+        findings=told,
+        complete=False,
+    )
 
 
 def fit_stated(

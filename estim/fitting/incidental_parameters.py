@@ -45,16 +45,12 @@ def measure_of(
     cov: FloatArray,
     *,
     jeffreys: JeffreysPrior | None = None,
-    incidental: frozenset[str] | None = None,
 ) -> Measure | None:
     """The measure about the fit `values` (n_par,) of covariance `cov`, together with `jeffreys`;
     None where there are neither incidental parameters nor that, or nothing is shared.
-
-    incidental : in place of those of the problem.
     """
     problem = posterior.problem
-    uses = uses_of(problem.runs)
-    incidental = problem.incidental if incidental is None else incidental
+    uses, incidental = uses_of(problem.runs), problem.incidental
     shared = np.array(
         [i for i, p in enumerate(problem.parameters) if uses[p.name] > 1 and not p.between],
         dtype=np.int64,
@@ -102,22 +98,35 @@ def measure_of(
 def moved_by_integration(
     posterior: Posterior, values: FloatArray, cov: FloatArray
 ) -> dict[str, float]:
-    """Spread -> by how many standard deviations it moves, to first order, where the effects of
-    single runs are integrated out instead of being fitted too.
+    """Spread -> by how many standard deviations it moves, to first order, where effects are
+    integrated out instead of being fitted too.
 
     A spread s is what only effects show: in c + s z_r nothing depends on it where all z_r are 0.
     The density of s and of all z_r is highest where s is far too large, whatever the number of
     runs: the larger s, the less the z_r cost.
     """
-    problem = posterior.problem
-    measure = measure_of(posterior, values, cov, incidental=problem.effects)
-    if measure is None:
+    problem, sds = posterior.problem, sds_of(cov)
+    effect = np.array([name in problem.effects for name in problem.names])
+    if not effect.any():
         return {}
-    at, is_effect = measure.columns, [name in problem.effects for name in problem.names]
-    without = np.where(is_effect, problem.start(), values)
-    silent = np.diag(sum(posterior.informations(without)))[at] == 0.0
-    moves = -(cov[np.ix_(at, at)] @ measure.slope) / sds_of(cov)[at]
-    return {problem.names[i]: float(moves[k]) for k, i in enumerate(at) if silent[k]}
+    shown = np.diag(sum(posterior.informations(np.where(effect, 0.0, values))))
+    low, high = problem.support()
+    moves: dict[str, float] = {}
+    for i in problem.of_curve:
+        if effect[i] or shown[i] != 0.0:
+            continue
+        step = sds[i] * (np.arange(values.size) == i)
+        ends = np.clip([values - step, values + step], low, high)
+        below, above = (
+            np.linalg.slogdet(
+                (sum(posterior.informations(end)) + problem.prior_information(end))[
+                    np.ix_(effect, effect)
+                ]
+            )[1]
+            for end in ends
+        )
+        moves[problem.names[i]] = float(-0.5 * (above - below) * sds[i] / (ends[1, i] - ends[0, i]))
+    return moves
 
 
 def _log_room(posterior: Posterior, values: FloatArray, incidental: frozenset[str]) -> float:

@@ -145,9 +145,9 @@ class Problem:
         return [i for i, name in enumerate(self.names) if name not in self.noise_names]
 
     @cached_property
-    def _stated_of_runs(self) -> tuple[Mapping[str, float], ...]:
-        """Name -> stated value of the parameters of the curves of single runs, a group for each
-        quantity.
+    def readings(self) -> frozenset[str]:
+        """Parameters of the curves of single runs whose stated values are readings: they differ
+        from run to run.
         """
         uses, centres = uses_of(self.runs), dict[str, dict[str, float]]()
         for parameter in self.parameters:
@@ -155,27 +155,17 @@ class Problem:
                 centres.setdefault(parameter.name.split("[")[0], {})[parameter.name] = (
                     parameter.prior.centre
                 )
-        return tuple(centres.values())
-
-    @cached_property
-    def readings(self) -> frozenset[str]:
-        """Parameters of the curves of single runs whose stated values are readings: they differ
-        from run to run.
-        """
-        groups = self._stated_of_runs
-        return frozenset(name for group in groups if len(set(group.values())) > 1 for name in group)
+        return frozenset(
+            name for group in centres.values() if len(set(group.values())) > 1 for name in group
+        )
 
     @cached_property
     def effects(self) -> frozenset[str]:
-        """Parameters of the curves of single runs whose stated values are one for all runs: how
-        their true values are distributed.
-        """
-        groups = self._stated_of_runs
+        """Parameters of the curves that are stated as 0 within an uncertainty."""
         return frozenset(
-            name
-            for group in groups
-            if len(group) > 1 and len(set(group.values())) == 1
-            for name in group
+            p.name
+            for p in self.parameters
+            if p.prior.measured and p.prior.centre == 0.0 and p.name not in self.noise_names
         )
 
     @cached_property

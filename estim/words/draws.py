@@ -91,7 +91,7 @@ WORDS: Table = {
         "biased by about {size:.2g} standard deviations"
     ),
     Kind.EFFECTS_FITTED: (
-        "the values of {names}, which have one prior for all data sets, are fitted here; "
+        "the values of {names}, which are stated as 0 within an uncertainty, are fitted here; "
         "integrated out, as in draws of the posterior, they leave another value of {name}"
     ),
     Kind.UNIFORM_PRIOR_MOVES: lambda f: said(
