@@ -28,6 +28,15 @@ def diagonal_scale(matrix: FloatArray) -> FloatArray:
     return np.sqrt(np.where(diagonal > 1e-200, diagonal, 1.0))
 
 
+def inverse_of(information: FloatArray, *, rcond: float = 1e-15) -> FloatArray:
+    """(n, n) inverse of an information matrix, of what it says something of, whatever the units of
+    its parameters.  rcond : relative to the largest, eigenvalues that count as zero.
+    """
+    unit = diagonal_scale(information)
+    units = np.outer(unit, unit)
+    return np.linalg.pinv(information / units, rcond=rcond, hermitian=True) / units
+
+
 def finite_or(values: ArrayLike, otherwise: ArrayLike) -> FloatArray:
     """`values`, with `otherwise` in place of those that are not finite; no copy where all are."""
     finite = np.isfinite(values)

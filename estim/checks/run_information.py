@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import block_diag
 
-from estim.arrays import FloatArray, IntArray, diagonal_scale
+from estim.arrays import FloatArray, IntArray, diagonal_scale, inverse_of
 from estim.common import later
 from estim.fitting import ALONE, Fit
 from estim.problem import Group, parameters_of
@@ -122,14 +122,11 @@ def fitted(information: FloatArray, score: FloatArray, kept: IntArray, free: Int
     """
     if not free.size:
         return information[np.ix_(kept, kept)], score[kept]
-    scale = diagonal_scale(information)[free]
-    inverse = np.linalg.pinv(
-        information[np.ix_(free, free)] / np.outer(scale, scale), rcond=ALONE, hermitian=True
-    )
-    across = information[np.ix_(kept, free)] / scale @ inverse
-    return information[np.ix_(kept, kept)] - across @ (
-        information[np.ix_(free, kept)] / scale[:, None]
-    ), score[kept] - across @ (score[free] / scale)
+    inverse = inverse_of(information[np.ix_(free, free)], rcond=ALONE)
+    across = information[np.ix_(kept, free)] @ inverse
+    return information[np.ix_(kept, kept)] - across @ information[np.ix_(free, kept)], score[
+        kept
+    ] - across @ score[free]
 
 
 def copies_of(fit: Fit, group: Group, shared: IntArray) -> tuple[Copies, ...]:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estim.arrays import FloatArray, diagonal_scale, positive_or, root_mean_square
+from estim.arrays import FloatArray, inverse_of, positive_or, root_mean_square, sds_of
 from estim.common import PROBABILITIES, later
 from estim.discrepancy.curve_covariances import (
     DEVIATION,
@@ -130,7 +130,8 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
     scales = _scales(lacks, root, residuals)
     shapes = _shapes(run, lacks, scales)
     deviation = diagonalise(root, shapes, relative_grid(stated=lacks.stated))
-    without = _sds(deviation.whiten(jacobian.T), precision)
+    slopes = deviation.whiten(jacobian.T)
+    without = sds_of(inverse_of(slopes @ slopes.T + precision))
     linear = linearise(
         deviation, residuals, jacobian, precision=precision, pull=pull, stated=lacks.stated
     )
@@ -224,18 +225,6 @@ def _measured(
         squares = float(np.sum(np.square(residuals) / root.variances))
         root = root.times(np.sqrt(squares / max(1, run.n_obs - len(run.curve_parameters))))
     return root, errors.shift, residuals, run.points.gradient(named, problem.names)
-
-
-def _sds(slopes: FloatArray, precision: FloatArray) -> FloatArray:
-    """(n_par,) standard deviations from whitened slopes (n_par, n_obs) and the precision of all
-    else.
-    """
-    information = slopes @ slopes.T + precision
-    scale = diagonal_scale(information)
-    return (
-        np.sqrt(np.diag(np.linalg.pinv(information / np.outer(scale, scale), hermitian=True)))
-        / scale
-    )
 
 
 def _typical(root: Root) -> float:

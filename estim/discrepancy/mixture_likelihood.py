@@ -95,18 +95,6 @@ class Mixture:
         """(n_obs, n_dir) the bases of all families side by side."""
         return np.hstack([family.basis for family in self.deviation.families])
 
-    def _precisions(self, residuals: FloatArray) -> Iterator[tuple[float, FloatArray, FloatArray]]:
-        """white, D (n_obs, n), M (n, n) of each family: of whitened observations, its precision
-        white + D M D^T weighed by the shares of its components at residuals (n_obs,).
-        """
-        shares = self.deviation.each(self.shares(residuals))
-        for (family, share), terms in zip(shares, self.terms, strict=True):
-            *gain, white, _ = -2.0 * share @ terms.gain
-            weighed = share[:, None, None] * terms.cross
-            middle = -np.tensordot(weighed, terms.cross, axes=((0, 1), (0, 1)))
-            middle[np.diag_indices(len(gain))] += gain
-            yield float(white), np.hstack([family.basis, self.columns]), middle
-
     def pulls(self, rows: FloatArray, residuals: FloatArray) -> FloatArray:
         """Rows (n, n_obs) of whitened observations times Q with d log L/dr = -Q r at residuals
         (n_obs,).
@@ -114,9 +102,16 @@ class Mixture:
         Least squares weighted by Q, taken anew at its own result until nothing moves, ends at a
         maximum of the likelihood.
         """
-        pulls = np.zeros_like(rows)
-        for white, directions, middle in self._precisions(residuals):
-            pulls += white * rows + rows @ directions @ middle @ directions.T
+        pulls, shares = np.zeros_like(rows), self.deviation.each(self.shares(residuals))
+        for (family, share), terms in zip(shares, self.terms, strict=True):
+            # of whitened observations: white + directions middle directions^T, by the shares
+            *gain, white, _ = -2.0 * share @ terms.gain
+            middle = -np.tensordot(
+                share[:, None, None] * terms.cross, terms.cross, axes=((0, 1), (0, 1))
+            )
+            middle[np.diag_indices(len(gain))] += gain
+            directions = np.hstack([family.basis, self.columns])
+            pulls += float(white) * rows + rows @ directions @ middle @ directions.T
         return pulls
 
     def pull(self, residuals: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray, diagonal_scale, sds_of
+from estim.arrays import FloatArray, inverse_of, sds_of
 from estim.discrepancy.bad_frame_search import BadFrames
 from estim.discrepancy.force_bands import Completed
 from estim.discrepancy.inferred_force import Force, OwnForce
@@ -122,11 +122,7 @@ def as_prior(known: Sequence[TrialInformation]) -> TrialInformation:
     information and score.
     """
     precision, score = summed(known)
-    scale = diagonal_scale(precision)
-    pull = (
-        np.linalg.lstsq(precision / np.outer(scale, scale), score / scale, rcond=1e-12)[0] / scale
-    )
-    return precision, pull
+    return precision, inverse_of(precision, rcond=1e-12) @ score
 
 
 def growth_over(problem: Problem, linear: Linearised, without: FloatArray) -> dict[str, float]:

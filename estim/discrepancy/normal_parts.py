@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, inverse_of
 from estim.discrepancy.linearised import Linearised
 from estim.discrepancy.noise_with_force import TrialInformation, likelihood_of_normal
 
@@ -53,7 +53,7 @@ def normal_parts(
         ]
         combined = sorted(combined, key=lambda part: -part[0])[:_MOST]
     weights = np.array([weight for weight, _, _ in combined])
-    covs = np.array([_inverse(information) for _, information, _ in combined])
+    covs = np.array([inverse_of(information) for _, information, _ in combined])
     steps = np.array([cov @ score for cov, (_, _, score) in zip(covs, combined, strict=True)])
     return NormalParts(weights / weights.sum(), values + steps, covs)
 
@@ -70,8 +70,3 @@ def _parts(linear: Linearised, n_par: int) -> list[tuple[float, FloatArray, Floa
     wide = np.split(there, np.searchsorted(below, below[-1] * np.arange(1, _WIDE) / _WIDE))
     groups = (order[absent], *wide)
     return [own.moments(group) for group in groups if own.weights[group].sum() > 0.0]
-
-
-def _inverse(information: FloatArray) -> FloatArray:
-    scale = np.sqrt(np.diag(information))
-    return np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale)

@@ -17,6 +17,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.discrepancy.likelihood import MixtureErrors
+from estim.discrepancy.mixture_likelihood import inverse_times
 from estim.problem import Named
 
 
@@ -29,8 +30,6 @@ def replicas(errors: MixtureErrors, named: Named, *, rng: np.random.Generator) -
         causes = mixture.causes(family, k)
         latent = rng.standard_normal((rows.size, causes.shape[1]))
         off = z[rows] - latent @ causes.T - scale * rng.standard_normal((rows.size, z.shape[1]))
-        latent += np.linalg.solve(
-            causes.T @ causes + scale**2 * np.eye(causes.shape[1]), (off @ causes).T
-        ).T
+        latent += inverse_times(off, causes, scale**2) @ causes
         again[rows] = latent @ causes.T + scale * rng.standard_normal((rows.size, z.shape[1]))
     return errors.formed.readings(errors.points, named, mixture.deviation.root.coloured(again))

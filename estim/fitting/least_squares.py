@@ -21,6 +21,7 @@ from estim.arrays import (
     all_finite,
     diagonal_scale,
     finite_or,
+    inverse_of,
     max_abs,
     positive_or,
     sds_of,
@@ -339,15 +340,6 @@ def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
     return [end for end in ends if not math.isnan(end[2])]
 
 
-def _inverse(matrix: FloatArray) -> FloatArray:
-    """(n_par, n_par) inverse of an information matrix, of what it says something of, whatever the
-    units of its parameters.
-    """
-    unit = diagonal_scale(matrix)
-    units = np.outer(unit, unit)
-    return np.linalg.pinv(matrix / units, hermitian=True) / units
-
-
 def _best(
     posterior: Posterior, values: FloatArray, *, hasty: bool = True, tolerance: float = _EXACT
 ) -> FloatArray:
@@ -364,7 +356,7 @@ def _curved(posterior: Posterior, values: FloatArray) -> FloatArray | None:
     matrix = information(posterior, values)
     if not all_finite(matrix):
         return None
-    return positive_or(sds_of(_inverse(matrix)), np.inf)
+    return positive_or(sds_of(inverse_of(matrix)), np.inf)
 
 
 def _settle(
@@ -535,7 +527,7 @@ def _describe(
         raise _no_curvature(values, posterior)
     units = diagonal_scale(matrix)
     singular = bool(np.linalg.cond(matrix / np.outer(units, units)) > _ILL)
-    cov = _inverse(matrix)
+    cov = inverse_of(matrix)
     curvature = sds_of(cov)
     sds = np.full(problem.n_par, np.nan) if singular else curvature.copy()
     sds[problem.room(values) < curvature] = np.nan
