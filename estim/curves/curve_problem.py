@@ -24,7 +24,7 @@ from estim.curves.count_data import (
     points_of_noise,
     refuse_common_errors,
 )
-from estim.curves.data_set import DataSet, stated_errors
+from estim.curves.data_set import DataSet, stated_errors, what_is_given
 from estim.curves.derived import SoughtQuantity, seek_of_fit
 from estim.curves.discrepancy import discrepancy_of
 from estim.curves.formula import Formula, read_formula
@@ -192,7 +192,10 @@ def pose_curve(
     counting, axes = points.noise, points.axes or AxisNames()
     tied, units = settings.tied, settings.units
     _check_words(units, errors, axes)
-    asked = points.states() | {"deviation": deviation != 0.0, "correlated": correlated is not False}
+    asked = what_is_given(points) | {
+        "deviation": deviation != 0.0,
+        "correlated": correlated is not False,
+    }
     places = curve.columns if isinstance(curve, OfPoints) else None
     if places is not None:
         along_x = {

@@ -65,11 +65,6 @@ class DataSet:
     cov_x: ArrayLike | None = None
     r_xy: ArrayLike | None = None
 
-    def states(self) -> dict[str, bool]:
-        """What of the errors -> whether anything was given for it."""
-        given = {name: getattr(self, name) is not None for name in _ERRORS}
-        return given | {"jitter": self.jitter is not None and self.jitter is not False}
-
 
 @dataclass(frozen=True, eq=False)
 class PointErrors:
@@ -112,6 +107,12 @@ class PointErrors:
             what=what,
             stated_as=self.words,
         )
+
+
+def what_is_given(points: DataSet) -> dict[str, bool]:
+    """Argument that states an error -> whether it was given."""
+    given = {name: getattr(points, name) is not None for name in _ERRORS}
+    return given | {"jitter": points.jitter is not None and points.jitter is not False}
 
 
 def stated_errors(
