@@ -19,7 +19,6 @@ from estim.fitting import least_squares
 from estim.fitting.gauss_newton import step_between
 from estim.fitting.least_squares import fit_least_squares
 from estim.fitting.profile_search import search_of
-from estim.fitting.separable import SeparableSearch
 from estim.pipeline import analyse
 from estim.problem import Posterior
 from estim.problem.priors import Normal
@@ -335,13 +334,13 @@ def test_the_steps_that_finish_a_fit_end_where_they_are_rounding(
 ) -> None:
     """Shorter ones may lead to and fro between two neighbouring numbers for ever."""
     taken = [0]
-    scoring = SeparableSearch.scoring
+    scoring = Posterior.scoring
 
-    def counted(search: SeparableSearch, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def counted(posterior: Posterior, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         taken[0] += 1
-        return scoring(search, values)
+        return scoring(posterior, values)
 
-    monkeypatch.setattr(SeparableSearch, "scoring", counted)
+    monkeypatch.setattr(Posterior, "scoring", counted)
     x = np.linspace(0.5, 10.0, 30)
     for seed in (2, 12, 15):
         y = 2.0 * x**1.5 + 0.1 * np.random.default_rng(seed).standard_normal(x.size)

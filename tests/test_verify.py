@@ -267,7 +267,7 @@ def test_what_only_an_earlier_report_has_goes_with_it_unless_somebody_changed_it
     ]
     (model / "elsewhere.csv").write_text("old")
     made = (out / "origin.json").read_text()
-    for name in ("../elsewhere.csv", str(model / "elsewhere.csv"), "", "a\0b", "x" * 300):
+    for name in ("../elsewhere.csv", str(model / "elsewhere.csv"), "", "a\0b"):
         (out / "origin.json").write_text(
             json.dumps({**json.loads(made), "outputs": {name: hashlib.sha256(b"old").hexdigest()}})
         )

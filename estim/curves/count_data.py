@@ -123,16 +123,18 @@ class CountedPoints:
     """Points (n_obs,) in order of x whose y were counted.
 
     noise : `Events` where only their density counts; `OwnDensity` has no y.
+    times : (n_event,) of single events, in order.
     """
 
     x: FloatArray
     y: FloatArray
     noise: Counts | OwnDensity
+    times: FloatArray | None = None
 
     @property
     def single(self) -> bool:
         """Whether they are single events in cells."""
-        return isinstance(self.noise, Events)
+        return self.times is not None
 
     @property
     def bins(self) -> FloatArray | None:
@@ -159,9 +161,9 @@ class CountedPoints:
         if self.bins is None:
             return curve
         low, high = self.bins.T
-        if not isinstance(self.noise, Events):
+        if self.times is None:
             return BinnedCurve(curve, low, high)
-        return BinnedCurve(curve, low, high, float(self.noise.times.size), self.noise.times)
+        return BinnedCurve(curve, low, high, float(self.times.size), self.times)
 
 
 def points_of_noise(
@@ -334,7 +336,7 @@ def _events(
     counts = np.histogram(ordered, edges)[0].astype(float)
     bins = np.column_stack([edges[:-1], edges[1:]])
     noise = Events(POISSON, np.ones(n_cell), counts, what, bins, times=ordered, window=(low, high))
-    return CountedPoints(_bin_centres(bins), counts, noise)
+    return CountedPoints(_bin_centres(bins), counts, noise, ordered)
 
 
 def _require_counts(y: FloatArray, meaning: str) -> None:
