@@ -250,7 +250,9 @@ def analyse(
     _logged(progress)(0, phrase("fit"))
     with campaign.placing(problem):
         fit = fit_problem(problem, rng=stream(seed, Stream.FIT))
-    fit_store = None if store is None else store.given(campaign.digests(runs), noise, complete)
+    fit_store = (
+        None if store is None else store.with_inputs(campaign.digests(runs), noise, complete)
+    )
     analysis = analyse_fit(
         fit, seed=seed, target=target, progress=progress, store=fit_store, marginal=marginal
     )
@@ -307,7 +309,7 @@ def analyse_fit(
     drawn = (
         draw()
         if store is None
-        else store.given(fit.names, fit.values.tolist(), seed, target, marginal).piece(
+        else store.with_inputs(fit.names, fit.values.tolist(), seed, target, marginal).piece(
             "draws", Certified, draw
         )
     )

@@ -177,7 +177,7 @@ def run_trials(
     trial = (
         partial(run_trial, plan)
         if store is None
-        else partial(_kept_trial, plan, store.given(*plan.inputs))
+        else partial(_kept_trial, plan, store.with_inputs(*plan.inputs))
     )
     trials = run_parallel(trial, range(n_trial), jobs=jobs, progress=progress)
     return Calibration(

@@ -97,7 +97,7 @@ def _body(r: Reanalysis, body: BodyAnalysis) -> Json:
         "band_published": {
             name: value for b in body.propagated for name, value in b.published.items()
         },
-        "band_held": list(dict.fromkeys(name for b in body.propagated for name in b.held)),
+        "band_held": list(dict.fromkeys(name for b in body.propagated for name in b.fitted)),
         # posterior band against the propagated band of the stated inputs
         "bands": {
             b.run: {
