@@ -103,7 +103,7 @@ def measurement_result(propagation: Propagation, *, seed: int) -> Json:
                 "k_ellipse_drawn": region.k_drawn,
                 "k_rectangle": region.k_rectangle,
                 "k_rectangle_drawn": region.k_rectangle_drawn,
-                "gum_ellipse_holds": region.held,  # share of the draws in it
+                "gum_ellipse_holds": region.coverage,  # share of the draws in it
             }
             for region in propagation.regions
         ],
