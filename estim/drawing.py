@@ -2,7 +2,7 @@
 one set of colours.
 
 White background and dark ink: legible on a light and on a dark page.  Colours are those of Okabe
-and Ito, which readers with any colour vision can tell apart.
+and Ito, which readers with any colour vision can distinguish.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ def _notebook_figure() -> type[Figure]:
 
 
 def logarithmic(ax: Axes, x: bool, y: FloatArray, sd: FloatArray) -> None:
-    """Logarithmic axes: of `x` where it is asked for, of y (n_obs,) where all readings are positive
+    """Logarithmic axes: of `x` where it is requested, of y (n_obs,) where all readings are positive
     by more than two standard deviations sd (n_obs,) and cover three decades or more.
     """
     if x:
@@ -174,14 +174,15 @@ def whole_ticks(axis: Axis) -> None:
 
 
 def tick_texts(ticks: FloatArray) -> list[str]:
-    """Numbers (n_tick,) with as many digits as tell them apart, all alike."""
+    """Numbers (n_tick,), all with as many digits as distinguish them."""
     largest = float(np.max(np.abs(ticks), initial=0.0))
-    apart = float(np.min(np.diff(ticks))) if ticks.size > 1 else largest
+    spacing = float(np.min(np.diff(ticks))) if ticks.size > 1 else largest
     notation = "f" if 1e-4 <= largest < 1e6 or largest == 0.0 else "e"
     for digits in range(17):
         texts = [f"{tick + 0.0:.{digits}{notation}}" for tick in ticks]
         if all(
-            abs(float(text) - tick) <= 1e-3 * apart for text, tick in zip(texts, ticks, strict=True)
+            abs(float(text) - tick) <= 1e-3 * spacing
+            for text, tick in zip(texts, ticks, strict=True)
         ):
             break
     return [signed(text) for text in texts]
@@ -225,13 +226,13 @@ def draw_bands(
     colour: str = BLUE,
     *,
     median: str = "",
-    said: str | None = "",
+    label: str | None = "",
     zorder: float = 1.0,
 ) -> None:
     """The median, under the name `median`, with its 68 and 95 % bands.
 
     quantiles : (5, n_x) at `QUANTILES`, nan where nothing is known.
-    said : what the bands are, with {p}; "": their per cent alone; None: no legend names them.
+    label : what the bands are, with {p}; "": their per cent alone; None: no legend names them.
     """
     for low, high, p, alpha in ((0, 4, 95, 0.18), (1, 3, 68, 0.36)):
         fill(
@@ -241,7 +242,7 @@ def draw_bands(
             quantiles[high],
             colour,
             alpha,
-            label=None if said is None else phrase(said, p=p) if said else f"{p} %",
+            label=None if label is None else phrase(label, p=p) if label else f"{p} %",
             zorder=zorder,
         )
     ax.plot(x, quantiles[2], color=colour, lw=1.5, label=median or None, zorder=zorder + 0.5)

@@ -89,8 +89,8 @@ from estim.sampling import (
 from estim.words import advice_for
 
 _LOG = logging.getLogger("estim")
-_BENT = 0.15  # of the logarithm of Jeffreys' prior, over a standard deviation of a parameter
-_ELSEWHERE = 0.03  # of the draws of a chain that did not converge, where those of another are not
+_NONLINEAR = 0.15  # of the logarithm of Jeffreys' prior, over a standard deviation of a parameter
+_MAX_OUTSIDE = 0.03  # share of the draws of a chain that did not converge, outside another chain
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,13 +103,14 @@ class Analysis:
     goodness : of each run, tests of its residuals.
     identifiability : how well the data determine each parameter.
     modes : other optima that were found.  outliers : of each run, points that are far off.
-    consistency : whether several runs agree about what they share; None where that cannot be asked.
-    conflict : whether the data agree with what was stated of the parameters.
-    influences : what errors that no residual can show would do.
+    consistency : whether several runs agree about what they share; None where there is nothing to
+        compare.
+    conflict : whether the data agree with the stated values of the parameters.
+    influences : how far errors that no residual can show would shift the parameters.
     rolling : whether bodies rolled without slipping; none for a curve that is no body's.
-    explanation : candidates for what the curve lacks, where that was asked.
+    explanation : candidates for what the curve lacks, where they were looked for.
     diagnosis : all findings and the status.  seed : of every random number.
-    title, kind : of the campaign, "" where there is none.
+    title, kind : of the campaign, "" without one.
 
     >>> from estim import Target, fit_curve, sample_curve
     >>> fit = fit_curve("a*x + b", [0, 1, 2, 3, 4], [1.0, 3.1, 4.9, 7.2, 9.0], u_y=0.1)
@@ -147,7 +148,7 @@ class Analysis:
 
     @cached_property
     def ends(self) -> Mapping[str, FloatArray]:
-        """Run -> where its motion ends (n_draw,), as its band says; of those that are motions."""
+        """Run -> where its motion ends (n_draw,), by its band; only of runs that are motions."""
         return {
             band.run: band.end
             for band, run in zip(self.bands, self.problem.runs, strict=True)
@@ -181,7 +182,7 @@ class Analysis:
         return p_sentence(self.fit.p_value, self.conflict.p_value if self.conflict.dof else None)
 
     def __str__(self) -> str:
-        """What `print` shows: the values that the data give, beside what had been stated, or why
+        """What `print` shows: the values that the data give, beside the stated values, or why
         there are none.
         """
         return print_lines(
@@ -222,15 +223,16 @@ def analyse(
     InputError.
 
     runs : names of runs of the campaign, fit together.
-    target : when the sampling stops (`estim.Target`).  progress : is told how far it has got.
+    target : when the sampling stops (`estim.Target`).
+    progress : called with the per cent done and a message.
     noise : in place of the noise tables of the campaign.
-    store : keeps the draws and the second opinion when both are done, and has them where they were
-        kept for the same data, settings and fit.
+    store : stores the draws and the second opinion when both are done, and returns them where it
+        has them for the same data, settings and fit.
     marginal : whether a joint posterior is sampled through the marginal over runs; None: where the
         chain has no proposal (more than 14 unknowns), or a quantity varies between runs; never
         where runs share a force, which ties them together.
-    complete : what takes the curves as complete, without a force that nobody asked for ("estim
-        energy"); "" for nothing.
+    complete : the reason to take the curves as complete, without a default unmodelled force ("estim
+        energy"); "" for none.
 
     >>> from estim import Target, analyse, load_campaign
     >>> campaign = load_campaign("data/gallery/hubble.toml", only="with-intercept")
@@ -248,22 +250,24 @@ def analyse(
     _logged(progress)(0, phrase("fit"))
     with campaign.placing(problem):
         fit = fit_problem(problem, rng=stream(seed, Stream.FIT))
-    kept = None if store is None else store.given(campaign.digests(runs), noise, complete)
+    fit_store = (
+        None if store is None else store.with_inputs(campaign.digests(runs), noise, complete)
+    )
     analysis = analyse_fit(
-        fit, seed=seed, target=target, progress=progress, store=kept, marginal=marginal
+        fit, seed=seed, target=target, progress=progress, store=fit_store, marginal=marginal
     )
     return replace(analysis, title=campaign.title, kind=campaign.kind)
 
 
 def _logged(progress: Progress | None) -> Progress:
-    """`progress`, with all that it is told said to the logger "estim" as well (level INFO)."""
+    """`progress`, with each of its messages sent to the logger "estim" as well (level INFO)."""
 
-    def told(percent: int, message: str) -> None:
+    def log_and_report(percent: int, message: str) -> None:
         _LOG.info("%d %%, %s", percent, message)
         if progress is not None:
             progress(percent, message)
 
-    return told
+    return log_and_report
 
 
 # a parameter that is known by its size may be so large that its square is infinite
@@ -281,31 +285,31 @@ def analyse_fit(
     """What follows a fit, however its problem was posed.  tested : whether there are residuals to
     test.
 
-    store : keeps the draws; its `inputs` are what decides the problem.
+    store : stores the draws; its `inputs` determine the problem.
     """
     target, problem, conflict = target or Target(), fit.problem, check_stated_values(fit)
     progress = _logged(progress)
     identifiability = identify(fit)
     unheld = unidentified(fit, identifiability)
     improper = any(finding.kind is Kind.OPEN_SIDE for finding in unheld)
-    most = target.max_step
+    max_step = target.max_step
     if unheld or conflict.flagrant:
-        # where draws would mean nothing, a few steps for figures alone; where a direction is flat,
+        # where the draws have no meaning, a few steps for figures alone; where a direction is flat,
         # enough for a chain that mixes, and no wait for one that does not
-        most = min(most, 60 if conflict.flagrant or improper else 1000)
+        max_step = min(max_step, 60 if conflict.flagrant or improper else 1000)
     draw = partial(
         _drawn,
         fit,
         conflict.flagrant or improper,
         seed=seed,
-        target=replace(target, max_step=most),
+        target=replace(target, max_step=max_step),
         progress=progress,
         marginal=marginal,
     )
     drawn = (
         draw()
         if store is None
-        else store.given(fit.names, fit.values.tolist(), seed, target, marginal).piece(
+        else store.with_inputs(fit.names, fit.values.tolist(), seed, target, marginal).piece(
             "draws", Certified, draw
         )
     )
@@ -360,10 +364,10 @@ def _drawn(
 ) -> Certified:
     """Draws of the posterior of a fit, and a second opinion where there can be one.
 
-    meaningless : whether there is no posterior worth one: the draws are for figures alone.
+    meaningless : whether no posterior deserves a second opinion: the draws are for figures alone.
     """
     problem, rng = fit.problem, stream(seed, Stream.CHAIN)
-    most = MAX_TIED if problem.shared else MAX_PARAMETERS
+    max_parameters = MAX_TIED if problem.shared else MAX_PARAMETERS
     if meaningless:
         chain = sample_posterior(
             fit.posterior, fit.values, fit.cov, target=target, rng=rng, progress=progress
@@ -381,23 +385,25 @@ def _drawn(
             rng = stream(seed, Stream.CHAIN)
     density = folded(fit.sampled, fit.symmetry, fit.values, fit.cov)
     start = _optima_of(fit)
-    if problem.n_par <= most:
+    if problem.n_par <= max_parameters:
         drawn = certified_chain(
             density,
             start,
             target=target,
             seed=seed,
-            most=most,
+            most=max_parameters,
             support=problem.support(),
             coordinates=fit.coordinates,
             progress=progress,
         )
     else:
         chain = proposed_chain(density, start, target=target, seed=seed, progress=progress)
-        drawn = Certified(chain, None, no_comparison(problem.n_par, too_many(problem.n_par, most)))
+        drawn = Certified(
+            chain, None, no_comparison(problem.n_par, too_many(problem.n_par, max_parameters))
+        )
     unmet = marginal is None and not hard and not drawn.chain.convergence.met
     if unmet and not start.modes and _integrable(fit):
-        # a spread between runs that a formula holds is as hard as one that a key asks for
+        # a spread between runs in a formula is as hard to sample as one that a key states
         with suppress(InputError, NumericalError):
             chain, comparison = marginal_chain(fit, target=target, rng=rng, progress=progress)
             if chain.convergence.met and _within(drawn.chain, chain):
@@ -406,39 +412,42 @@ def _drawn(
 
 
 def _within(chain: Chain, other: Chain) -> bool:
-    """Whether hardly any draw of a chain lies where none of another does."""
+    """Whether hardly any draw of a chain lies outside the range of the draws of another."""
     low, high = np.min(other.flat, axis=0), np.max(other.flat, axis=0)
     outside = np.any((chain.flat < low) | (chain.flat > high), axis=1)
-    return chain.stuck == 0 and float(np.mean(outside)) < _ELSEWHERE
+    return chain.stuck == 0 and float(np.mean(outside)) < _MAX_OUTSIDE
 
 
 def _optima_of(fit: Fit) -> Optima:
-    ends = optima(fit)
+    all_optima = optima(fit)
     # optima with so small a share have no ridges that are followed
-    modes = tuple(ends.values[1:][ends.shares[1:] > 1e-3])
-    starts = (*ends.values[1:], *(mean for found in fit.lacking for mean in found.means))
-    covs = (*ends.covs[1:], *(cov for found in fit.lacking for cov in found.covs))
+    modes = tuple(all_optima.values[1:][all_optima.shares[1:] > 1e-3])
+    starts = (
+        *all_optima.values[1:],
+        *(mean for discrepancy in fit.lacking for mean in discrepancy.means),
+    )
+    covs = (*all_optima.covs[1:], *(cov for discrepancy in fit.lacking for cov in discrepancy.covs))
     return Optima(fit.values, fit.cov, starts, covs, modes, fit.parts)
 
 
 def asks_for_a_cause(analysis: Analysis) -> bool:
-    """Whether something is missing, and a few seconds may say what: the curve does not explain the
+    """Whether something is missing, and a few seconds may show what: the curve does not explain the
     data, or surely lacks a force.
 
-    Not beside a deviation that is refused: it is what a refit would find, and another curve is
-    asked for.
+    Not beside a deviation that is refused: a refit would find the same deviation, and the advice is
+    to use another curve.
     """
     lacking = analysis.diagnosis.status is Status.POOR_FIT or _lacks_a_force(analysis.fit)
     refused = any(
-        one.kind in (Kind.DEVIATION_TOO_LARGE, Kind.DEVIATION_TOO_SLOW)
-        for one in analysis.diagnosis.findings
+        finding.kind in (Kind.DEVIATION_TOO_LARGE, Kind.DEVIATION_TOO_SLOW)
+        for finding in analysis.diagnosis.findings
     )
     return lacking and not refused and len(analysis.problem.runs) <= 4
 
 
 def _lacks_a_force(fit: Fit) -> bool:
-    """Whether its curve surely does."""
-    return any(found.force.probability > SURE for found in fit.forces)
+    """Whether its curve surely lacks a force."""
+    return any(force.force.probability > SURE for force in fit.forces)
 
 
 def explained(
@@ -447,8 +456,9 @@ def explained(
     """The analysis with candidates for what its curve lacks, each refit by least squares, and the
     first of them as the campaign would be with it.
 
-    progress : told how many of how many are done.  As it is where there are no candidates, or the
-        curve alone cannot be refit.
+    progress : called with the number of candidates that are done, and with their number.  The
+        analysis is returned as it is where there are no candidates, or the curve alone cannot be
+        refit.
     """
     suspects = campaign.suspects(analysis.problem.run_names)
     names = suspects.plain.names
@@ -456,41 +466,41 @@ def explained(
     values = np.array([known[name] for name in names]) if known.keys() >= set(names) else None
     rng = stream(analysis.seed, Stream.EXPLANATION)
     try:
-        found = explain(suspects, rng=rng, values=values, progress=progress)
+        explanation = explain(suspects, rng=rng, values=values, progress=progress)
     except NumericalError:
         return analysis
-    if not found.candidates:
+    if not explanation.candidates:
         return analysis
     return replace(
-        analysis, explanation=found.with_outcomes(partial(outcome_of, seed=analysis.seed))
+        analysis, explanation=explanation.with_outcomes(partial(outcome_of, seed=analysis.seed))
     )
 
 
 def outcome_of(candidate: Candidate, *, seed: int) -> Outcome:
-    """What the campaign gives with the lines of a candidate, as it would be fit with this seed."""
+    """The result of the campaign with the lines of a candidate, fit with this seed."""
     assert candidate.posed is not None, "asked of candidates that can be posed"
     try:
         fit = fit_problem(candidate.posed(), rng=stream(seed, Stream.FIT))
-        found = analyse_fit(fit, seed=seed)
+        analysis = analyse_fit(fit, seed=seed)
     except InputError:
         return Outcome(Status.NOT_IDENTIFIED, (), False)
     except NumericalError:
         return Outcome(Status.NOT_CONVERGED, (), False)
     numbers = []
-    for one in candidate.numbers if found.diagnosis.ok else ():
-        if one.name in fit.names and one.name not in fit.at_bound:
-            draws = found.chain.flat[:, fit.names.index(one.name)]
+    for parameter in candidate.numbers if analysis.diagnosis.ok else ():
+        if parameter.name in fit.names and parameter.name not in fit.at_bound:
+            draws = analysis.chain.flat[:, fit.names.index(parameter.name)]
             numbers.append(
-                replace(one, value=float(np.mean(draws)), sd=float(np.std(draws, ddof=1)))
+                replace(parameter, value=float(np.mean(draws)), sd=float(np.std(draws, ddof=1)))
             )
-    return Outcome(found.diagnosis.status, tuple(numbers), _lacks_a_force(fit))
+    return Outcome(analysis.diagnosis.status, tuple(numbers), _lacks_a_force(fit))
 
 
 def _integrable(fit: Fit) -> bool:
     """Whether there are several runs whose own parameters can be integrated out."""
     if len(fit.problem.runs) < 2 or any(run.normal is None for run in fit.posterior.likelihoods):
         return False
-    return fit.jeffreys is None or not _bends(fit, fit.jeffreys)
+    return fit.jeffreys is None or not _is_nonlinear(fit, fit.jeffreys)
 
 
 def _hard_for_a_chain(problem: Problem) -> bool:
@@ -500,17 +510,17 @@ def _hard_for_a_chain(problem: Problem) -> bool:
     return problem.n_par > MAX_PARAMETERS or any(p.between for p in problem.parameters)
 
 
-def _bends(fit: Fit, prior: JeffreysPrior) -> bool:
+def _is_nonlinear(fit: Fit, prior: JeffreysPrior) -> bool:
     """Whether the logarithm of a prior is far from a straight line within a standard deviation of
     some parameter, which is then no normal variable.
     """
     low, high = fit.problem.support()
     steps = fit.cov / fit.scale[:, None]
     up, down = (
-        prior.exact(fit.problem.named(np.clip(fit.values + way * steps, low, high)))
-        for way in (1.0, -1.0)
+        prior.exact(fit.problem.named(np.clip(fit.values + sign * steps, low, high)))
+        for sign in (1.0, -1.0)
     )
-    return not np.all(np.abs(up + down) < 2.0 * _BENT)
+    return not np.all(np.abs(up + down) < 2.0 * _NONLINEAR)
 
 
 def sample_curve(
@@ -523,7 +533,7 @@ def sample_curve(
     interval.
 
     seed : of every random number.  target : when to stop (`estim.Target`).
-    progress : is told how far it has got.
+    progress : called with the per cent done and a message.
 
     Raises InputError where the fit leaves nothing to sample: parameters that the data do not
     determine, or no residuals.

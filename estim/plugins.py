@@ -48,19 +48,19 @@ class Plugin:
         Raises InputError in one line, whatever goes wrong in the package.
         """
         try:
-            made = step(self.point.load())
-            if not isinstance(made, kind):
-                raise TypeError(f"this is {type(made).__name__} and not {kind.__name__}")
+            result = step(self.point.load())
+            if not isinstance(result, kind):
+                raise TypeError(f"this is {type(result).__name__} and not {kind.__name__}")
         except (Exception, SystemExit) as error:  # other people's code
             raise self.error("does not work", f"{type(error).__name__}: {error}") from None
         USED.set(USED.get({}) | {self.package: self.version})
-        return made
+        return result
 
     def error(self, rule: str, why: str = "") -> InputError:
         """An InputError that names the package and the entry point."""
         point = f"{self.point.group}: {self.name} = {self.point.value}"
-        whole = f"of the package {self.owner} (entry point {point}) {rule}"
-        return InputError(whole, field=self.name, quoted=why)
+        message = f"of the package {self.owner} (entry point {point}) {rule}"
+        return InputError(message, field=self.name, quoted=why)
 
 
 @cache
@@ -70,43 +70,43 @@ def plugins(group: str) -> tuple[Plugin, ...]:
     """
     from importlib import metadata
 
-    here = os.path.realpath(working_folder())
-    path = [place for place in sys.path if os.path.realpath(place or here) != here]
-    found: dict[tuple[str, str], Plugin] = {}
+    working = os.path.realpath(working_folder())
+    path = [place for place in sys.path if os.path.realpath(place or working) != working]
+    by_name: dict[tuple[str, str], Plugin] = {}
     for package in metadata.distributions(path=path):
         for point in package.entry_points.select(group=group):
             plugin = Plugin(point, package.name, package.version)
-            found.setdefault((point.name, package.name), plugin)  # the first on the path
-    return tuple(found[key] for key in sorted(found))
+            by_name.setdefault((point.name, package.name), plugin)  # the first on the path
+    return tuple(by_name[key] for key in sorted(by_name))
 
 
 def plugin_called(group: str, name: str) -> Plugin | None:
     """The one that has this name.  Raises InputError where several packages offer it."""
-    found = [plugin for plugin in plugins(group) if plugin.name == name]
-    if len(found) > 1:
+    matching = [plugin for plugin in plugins(group) if plugin.name == name]
+    if len(matching) > 1:
         raise InputError(
             "is offered by several installed packages: uninstall all but one",
             field=name,
-            quoted=listed([plugin.owner for plugin in found]),
+            quoted=listed([plugin.owner for plugin in matching]),
         )
-    return found[0] if found else None
+    return matching[0] if matching else None
 
 
 def plugin_asked(group: str, name: str, *, field: str) -> Plugin:
     """The same, where nothing else has the name.  Raises InputError where there is none."""
     plugin = plugin_called(group, name)
     if plugin is None:
-        there = listed([plugin.name for plugin in plugins(group)]) or "there is none"
+        offered = listed([plugin.name for plugin in plugins(group)]) or "there is none"
         rule = f"must name a {field} of an installed package"
-        raise InputError(rule, field=field, value=name, quoted=there)
+        raise InputError(rule, field=field, value=name, quoted=offered)
     return plugin
 
 
-def told(group: str, say: Callable[[Plugin], str]) -> Iterator[str | InputError]:
-    """What there is to say of each that a group has, or why it cannot be used."""
+def told(group: str, describe: Callable[[Plugin], str]) -> Iterator[str | InputError]:
+    """A description of each plugin of a group, or why it cannot be used."""
     for plugin in plugins(group):
         try:
             plugin_called(group, plugin.name)
-            yield f"{say(plugin)}  ({plugin.owner})"
+            yield f"{describe(plugin)}  ({plugin.owner})"
         except InputError as error:
             yield error

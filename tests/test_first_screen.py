@@ -122,7 +122,7 @@ def test_what_to_mind_is_what_limits_most_and_a_force_that_is_sure() -> None:
         return "; ".join(
             first_screen(
                 altered(result, budget={"kappa[heavy]": limited}, deviation={"heavy-04": sure})
-            ).minds
+            ).cautions
         )
 
     assert symbol in minds(0.51, 0.9)
@@ -171,12 +171,12 @@ def test_what_lies_on_an_edge_has_a_value_at_every_draw() -> None:
     limited = msgspec.structs.replace(
         p, mean=None, sd=None, limit=edge, measured=False, upper_95=None
     )
-    minds = first_screen(altered(result, parameters={**result.parameters, name: limited})).minds
+    minds = first_screen(altered(result, parameters={**result.parameters, name: limited})).cautions
     assert not [words for words in minds if "no value at some of the draws" in words]
     nothing = msgspec.structs.replace(
         limited, limit=None, median=None, q025=None, q16=None, q84=None, q975=None
     )
-    minds = first_screen(altered(result, parameters={**result.parameters, name: nothing})).minds
+    minds = first_screen(altered(result, parameters={**result.parameters, name: nothing})).cautions
     assert minds[0].endswith(f": {result.labels.symbol(name)}")
 
 

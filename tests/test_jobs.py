@@ -144,7 +144,11 @@ def test_an_impatient_caller_that_is_interrupted_waits_for_no_call(tmp_path: Pat
 
     with pytest.raises(KeyboardInterrupt):
         run_parallel(
-            partial(finish_late, tmp_path), range(3), jobs=2, tell=interrupted, wait_on_error=False
+            partial(finish_late, tmp_path),
+            range(3),
+            jobs=2,
+            on_done=interrupted,
+            wait_on_error=False,
         )
     assert not (tmp_path / "finished").exists()
 

@@ -315,7 +315,7 @@ def test_modulus_and_phase_of_gum_s2_93(name, gum, modulus, phase):
     for i, (mean, u) in enumerate((modulus, phase)):
         assert printed(mean, 0.001, drawn.mean[i], drawn.mean_error[i])
         assert printed(u, 0.001, drawn.u[i], drawn.u_error[i])
-    assert found.regions[0].held < 0.97
+    assert found.regions[0].coverage < 0.97
     assert not found.gum_holds.any()
 
 
@@ -380,7 +380,7 @@ def test_regions_of_a_normal_pair_are_those_of_the_bivariate_normal(tmp_path):
     assert region.correlation == pytest.approx((0.5, 0.5), abs=0.006)
     assert region.k_ellipse == pytest.approx(math.sqrt(-2.0 * math.log(0.05)))
     assert region.k_drawn == pytest.approx(region.k_ellipse, abs=0.02)
-    assert region.held == pytest.approx(0.95, abs=4.0 * math.sqrt(0.95 * 0.05 / 4e5))
+    assert region.coverage == pytest.approx(0.95, abs=4.0 * math.sqrt(0.95 * 0.05 / 4e5))
 
     def held(k):  # P(|p| < k, |q| < k) at r = 1/2, by an integral over p
         def inner(x):

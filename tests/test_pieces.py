@@ -87,11 +87,11 @@ def test_a_piece_comes_back_as_it_was(tmp_path: Path) -> None:
 def test_whatever_decides_a_piece_decides_whether_it_is_found(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    store = PieceStore(tmp_path, (1, "seed")).given(QUICK)
+    store = PieceStore(tmp_path, (1, "seed")).with_inputs(QUICK)
     store.piece("a", Record, record)
-    assert kept(PieceStore(tmp_path).given(1, "seed", Target(ess=300.0))) is not None
+    assert kept(PieceStore(tmp_path).with_inputs(1, "seed", Target(ess=300.0))) is not None
     for inputs in ((2, "seed", QUICK), (1, "seed", replace(QUICK, max_step=1)), (1, "seed"), ()):
-        assert kept(PieceStore(tmp_path).given(*inputs)) is None
+        assert kept(PieceStore(tmp_path).with_inputs(*inputs)) is None
     monkeypatch.setattr("estim.versions.version", lambda package: f"next {package}")
     assert kept(store) is None
 

@@ -201,7 +201,7 @@ def test_propagated_band_is_that_of_brute_force(
     assert dict(band.published) == (
         {"kappa[heavy]": 0.45, "rolling_resistance": 0.0} if of_paper else {}
     )
-    assert set(band.held) == (set() if of_paper else set(fitted))
+    assert set(band.fitted) == (set() if of_paper else set(fitted))
     assert np.nanmedian(band.ratio) < 0.3
     known = np.isfinite(band.ratio)
     assert np.all(band.mc_low[known] > 0.0)  # a band that v = 0 cuts off has no width to compare

@@ -1,4 +1,4 @@
-"""How the values of one quantity spread over a batch, and which stand apart."""
+"""How the values of one quantity spread over a batch, and which are outliers."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ def spreads(rows: Sequence[Row]) -> list[Spread]:
 
     A name that stands for different units in different campaigns is as many quantities.
     """
-    found: dict[tuple[str, str], list[int]] = {}
+    by_quantity: dict[tuple[str, str], list[int]] = {}
     for i, row in enumerate(rows):
         for name, value in row.values.items():
-            found.setdefault((name, value.unit), []).append(i)
-    made = [_spread(name, unit, rows, chosen) for (name, unit), chosen in found.items()]
-    return sorted(made, key=lambda one: -one.informed * len(one.rows))
+            by_quantity.setdefault((name, value.unit), []).append(i)
+    results = [_spread(name, unit, rows, chosen) for (name, unit), chosen in by_quantity.items()]
+    return sorted(results, key=lambda spread: -spread.informed * len(spread.rows))
 
 
 def odd_runs(rows: Sequence[Row]) -> list[tuple[Row, str]]:
@@ -63,12 +63,12 @@ def odd_runs(rows: Sequence[Row]) -> list[tuple[Row, str]]:
     for i, row in enumerate(rows):
         if row.interval is not None:
             of_campaign.setdefault(row.campaign, {})[i] = row.interval
-    said = {
+    sentences = {
         int(i): words
-        for found in of_campaign.values()
-        for i, words in odd_intervals({str(i): dt for i, dt in found.items()}).items()
+        for intervals in of_campaign.values()
+        for i, words in odd_intervals({str(i): dt for i, dt in intervals.items()}).items()
     }
-    return [(rows[i], said[i]) for i in sorted(said)]
+    return [(rows[i], sentences[i]) for i in sorted(sentences)]
 
 
 def _spread(name: str, unit: str, rows: Sequence[Row], chosen: Sequence[int]) -> Spread:
@@ -85,7 +85,7 @@ def _spread(name: str, unit: str, rows: Sequence[Row], chosen: Sequence[int]) ->
     informed = np.array([v.informed for v in values])
     # of the spread and the own uncertainty together
     far = informed & (np.abs(mean - median) > 5.0 * np.hypot(scatter, sd))
-    apart = tuple(i for i, beyond in zip(chosen, far.tolist(), strict=True) if beyond)
+    apart = tuple(i for i, outlying in zip(chosen, far.tolist(), strict=True) if outlying)
     return Spread(
         name,
         unit,

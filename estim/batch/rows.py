@@ -1,4 +1,4 @@
-"""What is kept of a run in a batch: a line of the table, and the file that says from what its
+"""What is kept of a run in a batch: a line of the table, and the file that records from what its
 result was made.
 """
 
@@ -105,12 +105,12 @@ def row_of(
 
 def _values(record: Json, labels: Mapping[str, Label]) -> dict[str, Value]:
     bases = {split_level(name)[0]: p for name, p in record["parameters"].items()}
-    told = [(name, p, p["measured"], labels.get(name)) for name, p in bases.items()]
+    entries = [(name, p, p["measured"], labels.get(name)) for name, p in bases.items()]
     for run in record["runs"].values():
-        told += [(name, run["derived"][name], True, None) for name in run["sought"]]
+        entries += [(name, run["derived"][name], True, None) for name in run["sought"]]
     return {
         name: Value(p["mean"], p["sd"], p["q025"], p["q975"], p["unit"], informed, label)
-        for name, p, informed, label in told
+        for name, p, informed, label in entries
         if p["mean"] is not None and p["sd"] is not None
     }
 
@@ -161,8 +161,8 @@ def kept(folder: Path, unit: Unit, key: str, interval: float | None) -> Row | No
             return None
         if name == RESULT:
             labels = {name: value.label for name, value in row.values.items() if value.label}
-            made = row_of(unit, data, labels, key=key, seconds=row.seconds, interval=interval)
-    return made
+            current = row_of(unit, data, labels, key=key, seconds=row.seconds, interval=interval)
+    return current
 
 
 def _written(folder: Path, place: str) -> dict[str, str]:

@@ -41,8 +41,8 @@ be pickled.
 
 @dataclass(frozen=True)
 class Settings:
-    """seed : of every run, as of `estim fit`.  max_step : of the sampler.  ess : effective draws
-    wanted.  kind : a name for what is written.
+    """seed : of every run, as of `estim fit`.  max_step : of the sampler.  ess : required number of
+    effective draws.  kind : a name for what is written.
 
     language : of the words in it; `spoken` chooses it.
     """
@@ -62,7 +62,7 @@ class _TaskRunner:
     resume: bool
 
     def __call__(self, unit: Unit) -> Row:
-        """The row of one run.  Whatever goes wrong with it is told in its row, and stops no
+        """The row of one run.  Whatever goes wrong with it is reported in its row, and stops no
         other.
         """
         with inputs_read() as inputs:
@@ -76,14 +76,14 @@ class _TaskRunner:
         try:
             return self._done(unit, began)
         except EstimError as error:
-            said = str(error)
+            reason = str(error)
         except Exception as error:  # a fault of estim's own: the night's work goes on
-            said = phrase(
+            reason = phrase(
                 "this is a bug in the program, please report it: {error}",
                 error=f"{type(error).__name__}: {error}",
             )
         forget(self.folder, unit.place)
-        return failed(unit, said, time.process_time() - began)
+        return failed(unit, reason, time.process_time() - began)
 
     def _done(self, unit: Unit, began: float) -> Row:
         campaign = load_campaign(unit.campaign, only=unit.run or None)

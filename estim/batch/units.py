@@ -37,7 +37,7 @@ def campaigns_in(paths: Iterable[Path]) -> list[Path]:
     """The campaign files meant by `paths`: files as they are, and every `campaign.toml` in a folder
     and below.  Raises InputError.
     """
-    found: dict[Path, None] = {}
+    campaigns: dict[Path, None] = {}
     for path in paths:
         if path.is_dir():
             inside = _campaigns_below(path)
@@ -47,29 +47,29 @@ def campaigns_in(paths: Iterable[Path]) -> list[Path]:
                     field="folder",
                     value=str(path),
                 )
-            found |= dict.fromkeys(inside)
+            campaigns |= dict.fromkeys(inside)
         elif path.exists():
-            found[path] = None
+            campaigns[path] = None
         else:
             raise InputError(
                 "cannot be found (no such file or folder)", field="campaign", value=str(path)
             )
-    return list(found)
+    return list(campaigns)
 
 
 def _campaigns_below(root: Path) -> list[Path]:
     """Every `campaign.toml`, of whatever kind it is, and what it would be in a folder that cannot
-    be read: whoever reads it says what is wrong.
+    be read: its reader reports what is wrong.
     """
     unreadable: list[Path] = []
-    walk = os.walk(root, onerror=lambda error: unreadable.append(Path(error.filename)))
-    found = [Path(place) / _CAMPAIGN for place, _, files in walk if _CAMPAIGN in files]
-    return sorted([*found, *(place / _CAMPAIGN for place in unreadable)])
+    folders = os.walk(root, onerror=lambda error: unreadable.append(Path(error.filename)))
+    campaigns = [Path(place) / _CAMPAIGN for place, _, files in folders if _CAMPAIGN in files]
+    return sorted([*campaigns, *(place / _CAMPAIGN for place in unreadable)])
 
 
 def units_of(paths: Iterable[Path]) -> tuple[Unit, ...]:
     """The runs of all campaigns meant by `paths`, in their order.  A campaign that cannot be read
-    or has no runs is one unit, which will say so.
+    or has no runs is one unit, which will report that.
 
     Raises InputError where a path is no file or folder.
     """
@@ -101,10 +101,10 @@ def _names(campaigns: Sequence[Path]) -> dict[Path, str]:
         )
         if resolved.name == _CAMPAIGN:
             parts = parts[:-1] or [root.name]
-        name = wanted = "/".join(_UNSAFE.sub("-", part) or "-" for part in parts)
+        name = base = "/".join(_UNSAFE.sub("-", part) or "-" for part in parts)
         number = 2
         while name.casefold() in {other.casefold() for other in names.values()}:
-            name, number = f"{wanted}-{number}", number + 1
+            name, number = f"{base}-{number}", number + 1
         names[path] = name
     return names
 

@@ -86,7 +86,7 @@ class Calibration:
     how : engine -> trials.
     n_short : trials whose engine did not meet its target (they count as they are).
     failures : sentence -> trials that gave no posterior.
-    leaning : parameters of which a prior that is no measurement says much of what is known.
+    leaning : parameters that depend strongly on a prior which is no measurement.
     """
 
     what: What
@@ -127,7 +127,7 @@ class Calibration:
         return uniformity_p_value(ranks) if ranks.size else float("nan")
 
     def share(self, name: str) -> FloatArray:
-        """(2,) share of the trials whose interval held the truth."""
+        """(2,) share of the trials whose interval contains the truth."""
         return self.covered[:, list(self.reported).index(name)].mean(axis=0)
 
     def share_sd(self) -> FloatArray:
@@ -162,7 +162,7 @@ def run_trials(
     There the truth is the posterior mode; a parameter whose mode lies at a bound of its prior has
     its posterior median instead, since no interval between quantiles can hold a bound.
 
-    fit : of the real data; it tells which numbers of the report vary at all.
+    fit : of the real data; it determines which numbers of the report vary at all.
     store : keeps each trial, its `inputs` what decides the design.  The same seed gives the same
         numbers for any `jobs`.
 
@@ -177,7 +177,7 @@ def run_trials(
     trial = (
         partial(run_trial, plan)
         if store is None
-        else partial(_kept_trial, plan, store.given(*plan.inputs))
+        else partial(_kept_trial, plan, store.with_inputs(*plan.inputs))
     )
     trials = run_parallel(trial, range(n_trial), jobs=jobs, progress=progress)
     return Calibration(
@@ -213,11 +213,11 @@ def _kept_trial(plan: TrialPlan, store: PieceStore, index: int) -> Trial:
 
 
 def _leaning(fit: Fit) -> tuple[str, ...]:
-    held, sds = stated_only(fit.problem), fit.scale
+    unmeasured, sds = stated_only(fit.problem), fit.scale
     return tuple(
         p.name
         for p, sd in zip(fit.problem.parameters, sds, strict=True)
-        if p.name in held and sd > 0.3 * p.prior.sd
+        if p.name in unmeasured and sd > 0.3 * p.prior.sd
     )
 
 
@@ -243,18 +243,18 @@ def findings(calibration: Calibration) -> tuple[Finding, ...]:
                     parameters=(Amount(name),),
                 )
             )
-        for p, held, u in zip(
+        for p, share, u in zip(
             PROBABILITIES, calibration.share(name), calibration.share_sd(), strict=True
         ):
-            off = calibration.off_sds * u
-            if p - held > off or (held - p > off and not excused):
-                how = direction(calibration, name) or ("narrow" if held < p else "wide")
-                numbers = {"probability": p, "errors": float(abs(held - p) / u)}
+            limit = calibration.off_sds * u
+            if p - share > limit or (share - p > limit and not excused):
+                how = direction(calibration, name) or ("narrow" if share < p else "wide")
+                numbers = {"probability": p, "errors": float(abs(share - p) / u)}
                 faults.append(
                     Finding(
                         Kind.COVERAGE_OFF,
                         test=how,
-                        size=float(held),
+                        size=float(share),
                         numbers=numbers,
                         parameters=(Amount(name),),
                     )
@@ -273,9 +273,8 @@ def findings(calibration: Calibration) -> tuple[Finding, ...]:
 
 
 def direction(calibration: Calibration, name: str) -> str:
-    """How a quantity is off, where the mean or the spread of its ranks tells: estimates "low" or
-    "high", intervals "narrow" or "wide"; "none" where there is no posterior, "" where neither
-    tells.
+    """How a quantity is wrong, by the mean or the spread of its ranks: estimates "low" or "high",
+    intervals "narrow" or "wide"; "none" where there is no posterior, "" where neither shows it.
     """
     place = calibration.places_of(name)
     if place.size == 0:
@@ -292,15 +291,15 @@ def direction(calibration: Calibration, name: str) -> str:
 
 def coverage_sentence(calibration: Calibration, name: str) -> str:
     """'the 68 % interval of gamma[heavy] covered 66 ± 2 % of 500 simulated truths'."""
-    p, held = PROBABILITIES[0], float(calibration.share(name)[0])
+    p, share = PROBABILITIES[0], float(calibration.share(name)[0])
     n = calibration.n_trial
-    sd = np.sqrt(max(held * (1.0 - held), 0.25 / n) / n)
+    sd = np.sqrt(max(share * (1.0 - share), 0.25 / n) / n)
     return phrase(
         "the {p:.0f} % interval of {name} covered {held:.0f} ± {sd:.2g} % of {n} simulated "
         "true values",
         p=p * 100,
         name=name,
-        held=100 * held,
+        held=100 * share,
         sd=max(100 * sd, 0.1),
         n=n,
     )

@@ -129,8 +129,8 @@ def stated_only(problem: Problem) -> frozenset[str]:
     outliers.
     """
     outliers = {name for run in problem.runs for name in run.noise.outlier_parameters}
-    held = {p.name for p in problem.parameters if not p.prior.measured}
-    return frozenset(outliers | held)
+    unmeasured = {p.name for p in problem.parameters if not p.prior.measured}
+    return frozenset(outliers | unmeasured)
 
 
 def measured_anew(
@@ -142,9 +142,9 @@ def measured_anew(
     """The parameters with the centres of priors that stand for measurements drawn around `truth`
     (n_par,): of `names`, None for all of them.
     """
-    held = stated_only(problem) if names is None else set(problem.names).difference(names)
+    fixed = stated_only(problem) if names is None else set(problem.names).difference(names)
     return tuple(
-        p if p.name in held else replace(p, prior=_around(p.prior, float(value), rng))
+        p if p.name in fixed else replace(p, prior=_around(p.prior, float(value), rng))
         for p, value in zip(problem.parameters, truth, strict=True)
     )
 
@@ -264,10 +264,10 @@ def _covered(truth: FloatArray, draws: FloatArray) -> BoolArray:
     """(n, 2) whether truth (n,) lies between the quantiles of draws (n_draw, n) that a report
     quotes.
     """
-    held = []
+    covered = []
     for p in PROBABILITIES:
         ends = np.sort(draws, axis=0)[
             np.rint(np.array([0.5 - 0.5 * p, 0.5 + 0.5 * p]) * (draws.shape[0] - 1)).astype(int)
         ]
-        held.append((ends[0] <= truth) & (truth <= ends[1]))
-    return np.transpose(held)
+        covered.append((ends[0] <= truth) & (truth <= ends[1]))
+    return np.transpose(covered)

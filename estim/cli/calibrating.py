@@ -102,7 +102,7 @@ def calibrate(
                             seed=seed,
                             jobs=jobs,
                             progress=lambda done: progress(done, simulations),
-                            store=store.given(loaded.digests(group)),
+                            store=store.with_inputs(loaded.digests(group)),
                         )
                     )
             place = folder if len(groups) == 1 else folder / group[0]

@@ -47,7 +47,7 @@ def plan_next(
     folder = out or out_folder(campaign, "plan")
     reserve_output(folder, "plan.json")
     with pieces(phrase("plan"), phrase("option")) as progress:
-        result = plan(loaded, names, wanted=wanted, seed=seed, progress=progress)
+        result = plan(loaded, names, target_names=wanted, seed=seed, progress=progress)
     write_report(folder, plan_report(result, figures=figures))
     status, reasons = plan_status(result)
     conclude(phrase("plan"), status, [*plan_answers(result), *reasons])

@@ -1,11 +1,11 @@
-"""Finished pieces of a long computation on disk: a run's draws, a simulated campaign.  What was
-killed goes on with the pieces that it had.
+"""Finished pieces of a long computation on disk: a run's draws, a simulated campaign.  A
+computation that was killed resumes with the pieces that it had.
 
 A piece is a record (a dataclass of numbers, words, arrays and further records) in a file of its
-own.  The file's name is the digest of everything that decides the piece, so that a piece made from
-anything else is never found; the file begins with a digest of what follows, so that one that was
-torn or changed is no piece.  A piece that is not found is computed again.  Nothing in a file is
-run: it is read as the record that is asked for.
+own.  The file's name is the digest of everything that determines the piece, so that a piece made
+from anything else is never found; the file begins with a digest of what follows, so that one that
+was torn or changed is no piece.  A piece that is not found is computed again.  Nothing in a file is
+run: it is read as the record that is expected.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ _N_DIGEST = 32  # bytes
 
 
 def key_of(*inputs: object) -> str:
-    """The digest of what decides a result: `inputs`, numbers and words or records of such, whose
-    `repr` tells them whole, and versions.
+    """The digest of what determines a result: `inputs`, numbers and words or records of such, whose
+    `repr` is complete, and versions.
     """
     return sha256(repr((engine_versions(), inputs)).encode()).hexdigest()
 
@@ -47,7 +47,7 @@ class PieceStore:
     folder: Path
     inputs: tuple[object, ...] = ()
 
-    def given(self, *inputs: object) -> PieceStore:
+    def with_inputs(self, *inputs: object) -> PieceStore:
         """The same place for pieces that depend on `inputs`, too."""
         return replace(self, inputs=(*self.inputs, *inputs))
 
@@ -59,10 +59,10 @@ class PieceStore:
         path = self.folder / f"{key}.piece"
         result = _decoded(read_file(path, at_most=_LARGEST, within=self.folder.parent), key, kind)
         if result is None:
-            import msgspec  # late, as the command line needs none to say what its options are
+            import msgspec  # late, as the command line needs none to list its options
 
             result = compute()
-            content = msgspec.msgpack.encode(result, enc_hook=_plain)
+            content = msgspec.msgpack.encode(result, enc_hook=_encodable)
             write_whole(path, _digest(key, content) + content, within=self.folder.parent)
         return result
 
@@ -97,9 +97,9 @@ def _decoded(data: bytes | None, key: str, kind: type[T]) -> T | None:
         return None
 
 
-def _plain(thing: Any) -> object:
-    """What msgspec does not know as what it does: an array as type, shape and bytes, a number of
-    NumPy's as Python's, a mapping as a dict.
+def _encodable(thing: Any) -> object:
+    """A type that msgspec cannot encode as one that it can: an array as type, shape and bytes, a
+    number of NumPy's as Python's, a mapping as a dict.
     """
     import numpy as np
 

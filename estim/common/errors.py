@@ -91,7 +91,7 @@ class InputError(EstimError, ValueError):
         )
 
     def without_quotes(self, fields: Collection[str]) -> InputError:
-        """The same mistake with nothing that the file says: no value, and the field only if it is
+        """The same mistake without the contents of the file: no value, and the field only if it is
         one of `fields`.
         """
         rule = f"{self.rule} (a file outside the campaign's folder is not quoted)"
@@ -109,7 +109,7 @@ def require_one_of(value: object, choices: Iterable[object], *, field: str) -> N
 
 @contextmanager
 def in_file(file: str | Path) -> Iterator[None]:
-    """While a file is read: a mistake that does not say where it is, is in `file`."""
+    """While a file is read: a mistake without a place is in `file`."""
     try:
         yield
     except InputError as error:
@@ -117,9 +117,7 @@ def in_file(file: str | Path) -> Iterator[None]:
 
 
 def in_its_file(reader: Callable[Concatenate[Path, P], T]) -> Callable[Concatenate[Path, P], T]:
-    """A reader of the file that is its first argument, which need not say in which file a mistake
-    is.
-    """
+    """A reader of the file that is its first argument, which need not name it in its errors."""
 
     @wraps(reader)
     def read(path: Path, /, *args: P.args, **kwargs: P.kwargs) -> T:
@@ -130,10 +128,10 @@ def in_its_file(reader: Callable[Concatenate[Path, P], T]) -> Callable[Concatena
 
 
 class NumericalError(EstimError):
-    """A computation cannot go on at all, though the input breaks no rule; what can go on says so in
-    its record instead.
+    """A computation cannot go on at all, though the input breaks no rule; a computation that can go
+    on states the problem in its record instead.
 
-    rule : what stops it; at : where, "" where that says nothing.
+    rule : what stops it; at : where, "" where the place does not matter.
     """
 
     def __init__(self, rule: str, *, at: str = "") -> None:

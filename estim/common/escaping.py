@@ -1,5 +1,5 @@
-"""Text that others wrote, on its way to a reader: it is shown as what it is, and can say nothing to
-a renderer or a terminal.
+"""Text that others wrote, on its way to a reader: it is shown literally, and a renderer or a
+terminal takes no part of it for a command.
 
 Which to use: `one_line` for a terminal and for messages; `markdown` for a report, whatever stands
 around the text (prose, a heading, a cell of a table, the text of a link); `code` where it should
@@ -33,7 +33,7 @@ _SPECIAL = re.compile(
     """,
     re.VERBOSE,
 )
-# up to where a backslash is wanted: at the beginning of a block, or the end of a heading
+# up to where a backslash is needed: at the beginning of a block, or the end of a heading
 _BLOCK = re.compile(
     r"^(?:\d{1,9}(?=[.)](?: |$))|(?=\#{1,6}(?: |$)|[>=]|[-+](?:[- ]|$)))|(?:(?<= )|^)(?=\#+$)"
 )
@@ -63,7 +63,7 @@ def one_line(text: str) -> str:
     return (
         text
         if text.isprintable()
-        else "".join(mark if mark.isprintable() else _visible(mark) for mark in text)
+        else "".join(mark if mark.isprintable() else _printable(mark) for mark in text)
     )
 
 
@@ -74,7 +74,7 @@ def plain(text: str) -> str:
     return text.encode("utf-8", "backslashreplace").decode()
 
 
-def _visible(mark: str) -> str:
+def _printable(mark: str) -> str:
     if mark.isspace():
         return " "
     if "\udc80" <= mark <= "\udcff":  # how Python holds such a byte (PEP 383)
@@ -118,7 +118,7 @@ def destination(path: object) -> Markdown:
 
 
 def number(value: float) -> float | None:
-    """`value`, or None where JSON has no word for it."""
+    """`value`, or None where JSON cannot express it."""
     return float(value) if math.isfinite(value) else None
 
 

@@ -53,16 +53,16 @@ def run_parallel(
     jobs: int,
     executor: Executor | None = None,
     progress: Callable[[int], None] | None = None,
-    tell: Callable[[K], None] | None = None,
+    on_done: Callable[[K], None] | None = None,
     wait_on_error: bool = True,
 ) -> list[T]:
     """`task(n)` for each of `numbers`, in their order, by `jobs` processes (1: this one), or by
     `executor`, which takes care of its own workers.
 
     progress : called with how many are done.
-    tell : called with each that is done.  `task` must be picklable, read-only mappings included; so
-        must what it returns.  wait_on_error : whether an error or an interrupt waits for the calls
-        that are under way, which may keep what they find; else they are given up.
+    on_done : called with each that is done.  `task` must be picklable, read-only mappings included;
+        so must what it returns.  wait_on_error : whether an error or an interrupt waits for the
+        calls that are under way, which may keep what they find; else they are given up.
 
     Raises NumericalError where a worker is killed, and another after the work was taken up again.
     """
@@ -78,15 +78,15 @@ def run_parallel(
     with closing(results):  # an error here ends the workers before it goes on
         for n, result in results:
             done[n] = result
-            if tell is not None:
-                tell(n)
+            if on_done is not None:
+                on_done(n)
             if progress is not None:
                 progress(len(done))
     return [done[n] for n in numbers]
 
 
 def _speaking(task: Callable[[K], T], language: str, commands: bool, n: K) -> T:
-    """`task(n)` in a process that may speak another language, and to somebody else."""
+    """`task(n)` in a process whose language and reader may be others."""
     with spoken(language, commands=commands):
         return task(n)
 
@@ -214,7 +214,7 @@ def _read_only(mapping: dict[Any, Any]) -> MappingProxyType[Any, Any]:
     return MappingProxyType(mapping)
 
 
-# results hold read-only mappings, which neither pickle nor copy knows
+# results hold read-only mappings, which neither pickle nor copy supports
 copyreg.pickle(MappingProxyType, lambda mapping: (_read_only, (dict(mapping),)))
 
 
@@ -224,17 +224,17 @@ def _start(task: bytes) -> None:
     gc.set_threshold(500_000)  # as in the command line, before the task loads its modules
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if sys.platform != "win32":
-        # held when this process was started; its parent ends it so
+        # blocked when this process was started; its parent ends it by this signal
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if not sys.warnoptions:
-        # as in the command line: a result that is no number is told as such
+        # as in the command line: a result that is no number is reported as such
         warnings.simplefilter("ignore")
     _task = pickle.loads(task)
 
 
 def _end_with_parent() -> None:
-    """Ends this process as soon as its parent has ended: a parent that is killed can tell
+    """Ends this process as soon as its parent has ended: a parent that is killed can notify
     nobody.
     """
     from multiprocessing import parent_process

@@ -1,8 +1,7 @@
 """How things are shown to a reader: symbol and unit of a quantity, the kind of data, a Markdown
 table.
 
-Which symbol a quantity has, whoever makes the quantity says (`Notation`); nothing here knows a
-name.
+Whoever makes a quantity states its symbol (`Notation`); no name is listed here.
 """
 
 from __future__ import annotations
@@ -52,7 +51,7 @@ class Label:
 
 @dataclass(frozen=True)
 class Notation:
-    """How a quantity is written, as whoever makes it says: a symbol and, where it is not shown in
+    """How a quantity is written, stated where it is made: a symbol and, where it is not shown in
     its own unit, another one.
 
     unit : shown in place of the quantity's own, None for that.  factor : shown units per own unit.
@@ -92,7 +91,7 @@ def subscripted(symbol: str) -> str:
 
 
 def kind_words(kind: str) -> Markdown:
-    """What a report says of the kind of its data, one of `KINDS`."""
+    """What a report states of the kind of its data, one of `KINDS`."""
     return Markdown(KINDS[kind])
 
 

@@ -1,11 +1,11 @@
-"""The language of what is written for a reader: English, unless `spoken` says otherwise.
+"""The language of what is written for a reader: English, unless `spoken` sets another.
 
 A sentence is written where it is used, in English, as `phrase("{n} of {total} starts ended
 elsewhere", n=3, total=8)`; what it is in another language stands in `catalogue/LANGUAGE/*.toml`,
-under the English sentence.  `later` marks a sentence that is kept and said where it is used; those
-of a `PhraseTable`, and of the tables and of `said` in `estim.words`, need no mark.  A sentence that
-a catalogue lacks is said in English.  Not translated: errors, names of parameters, keys and
-statuses.
+under the English sentence.  `later` marks a sentence that is stored, and translated where it is
+used; those of a `PhraseTable`, and of the tables and of `said` in `estim.words`, need no mark.  A
+sentence that a catalogue lacks stays in English.  Not translated: errors, names of parameters, keys
+and statuses.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ _SPACES = re.compile(r"\s+")
 
 @contextmanager
 def spoken(language: str, *, commands: bool | None = None) -> Iterator[None]:
-    """While it lasts, `phrase` speaks `language`, one of `LANGUAGES`, in this thread of work and in
-    the processes that `run_parallel` starts.
+    """While it lasts, `phrase` translates into `language`, one of `LANGUAGES`, in this thread of
+    work and in the processes that `run_parallel` starts.
 
-    commands : to a person at the command line, who has options, or to one who calls functions;
-        None: to whom it spoke before.
+    commands : whether the reader is a person at the command line, who has options, or one who calls
+        functions; None: as before.
 
     Raises InputError for any other.
     """
@@ -54,7 +54,7 @@ def spoken(language: str, *, commands: bool | None = None) -> Iterator[None]:
 
 
 def language() -> str:
-    """The language that is spoken."""
+    """The current language."""
     return _LANGUAGE.get()
 
 
@@ -64,8 +64,8 @@ def at_commands() -> bool:
 
 
 def phrase(english: str, /, **values: object) -> str:
-    """A sentence in the language that is spoken, `values` put in as `str.format` does.  Where there
-    are none, braces are what they are.
+    """A sentence in the current language, `values` put in as `str.format` does.  Without values,
+    braces stay as they are.
     """
     words = english if language() == _ENGLISH else catalogue(language()).get(english, english)
     return words.format(**values) if values else words
@@ -77,8 +77,8 @@ def later(english: str) -> str:
 
 
 class PhraseTable(UserDict[K, str]):
-    """A table of English sentences, each said in the language that is spoken where it is
-    looked up.
+    """A table of English sentences, each translated into the current language where it is looked
+    up.
     """
 
     def __getitem__(self, key: K) -> str:

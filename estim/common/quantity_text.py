@@ -68,21 +68,21 @@ class Quantity:
 
 
 def read_number(text: str) -> float:
-    """The number that `text` says, with the digits 0 to 9, a decimal point and either minus, - or
+    """The number in `text`, with the digits 0 to 9, a decimal point and either minus, - or
     −; `nan` and `inf` as words, for their reader to refuse.
 
     Raises ValueError for everything else, also where Python reads a number: "1_000" is a slip, not
     1000.
     """
-    plain = text.replace("−", "-")
-    if not _NUMBER.fullmatch(plain):
+    normalised = text.replace("−", "-")
+    if not _NUMBER.fullmatch(normalised):
         raise ValueError(text)
-    return float(plain)
+    return float(normalised)
 
 
 def extreme(value: float) -> bool:
     """Whether the square of a number, or the product of a few, may be no number at all, which no
-    measurement asks for.
+    measurement needs.
     """
     return math.isfinite(value) and value != 0.0 and not 1e-100 <= abs(value) <= 1e100
 
@@ -136,8 +136,10 @@ def require_clear_share(text: str, *, field: str, line: int | None = None) -> No
         return
     value, u = (part.replace(",", ".") for part in match.groups()[:2])
     size = abs(float(value) * float(u)) * _SHARES[match[3]]
-    meant = f'"({value} ± {u}) {match[3]}" or "{value} ± {size:.2g}"'
-    raise InputError(f"must be {meant}, whichever is meant", field=field, value=text, line=line)
+    alternatives = f'"({value} ± {u}) {match[3]}" or "{value} ± {size:.2g}"'
+    raise InputError(
+        f"must be {alternatives}, whichever is meant", field=field, value=text, line=line
+    )
 
 
 def _number_words(text: str) -> str:
@@ -245,7 +247,7 @@ def format_p(p: float, least: float = 0.0) -> str:
     """'p = 0.030', or 'p < 1e-6': smaller probabilities have no meaning for errors that are only
     nearly normal.
 
-    least : the smallest that is told, for instance because simulation can tell no less.
+    least : the smallest that is shown, for instance because simulation cannot resolve less.
     """
     least = max(least, 1e-6)
     return f"p = {p_digits(p)}" if p > least else f"p < {p_digits(least, 1)}"
@@ -316,5 +318,5 @@ def e_n(a: Quantity, b: Quantity) -> float:
     """E_n = (a - b)/U with the expanded uncertainty U = 2 u(a - b) (ISO 13528); |E_n| <= 1 means
     agreement.
     """
-    apart = difference(a, b)
-    return apart.value / (2.0 * apart.u) if apart.u > 0.0 else math.nan
+    delta = difference(a, b)
+    return delta.value / (2.0 * delta.u) if delta.u > 0.0 else math.nan

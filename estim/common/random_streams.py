@@ -42,7 +42,7 @@ class Stream(IntEnum):
     WIDTHS = 20  # of priors, in a comparison of models
     MEASUREMENT = 30  # models: propagated distributions
     PLAN_FIT = 31
-    PLAN_DRAWS = 32  # against which linear theory is held
+    PLAN_DRAWS = 32  # with which linear theory is compared
     REGIMES = 33  # what is known of bodies that are mapped
     RELEASE_DRAWS = 35  # and their importance sampling
     PLAN_TESTS = 36  # null distributions of the tests of what is planned from

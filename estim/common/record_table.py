@@ -24,7 +24,7 @@ class Shown:
 
 
 class Tabled(ABC):
-    """A record that says in `shown` what a person sees of it."""
+    """A record with a method `shown`, which returns what a person sees of it."""
 
     @abstractmethod
     def shown(self) -> Shown:

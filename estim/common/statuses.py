@@ -37,13 +37,13 @@ class Amount:
 class Finding:
     """Something wrong, worth knowing, or a reason for either, as facts.
 
-    kind : what; it says the status that follows, and what to do.
-    run : the run it speaks of, "" for all.
-    test : name of the test or quantity that tells, "" where the kind says it.
+    kind : what; it determines the status that follows, and what to do.
+    run : the run that it is about, "" for all.
+    test : name of the test or quantity that shows it, "" where the kind implies it.
     p : its probability, nan where there is none.
     size : how large or how many.
-    numbers : name -> further number.  parameters : those it speaks of, with what it gives of them.
-    names : of runs, arguments or sources that it speaks of.
+    numbers : name -> further number.  parameters : those it is about, with what it gives of them.
+    names : of runs, arguments or sources that it is about.
     parts : findings that it is made of.
     """
 

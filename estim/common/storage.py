@@ -1,5 +1,5 @@
-"""Files that appear whole or not at all.  The only file that writes; what is written, and when, is
-said elsewhere.
+"""Files that appear whole or not at all.  The only module that writes files; what is written, and
+when, is decided elsewhere.
 
 A file is written under a temporary name beside its place, forced to the disk and renamed: whoever
 reads the place, also after a crash or a loss of power, finds the old bytes or the new ones, never a
@@ -41,8 +41,8 @@ _NOTED: ContextVar[dict[str, str] | None] = ContextVar("_NOTED", default=None)
 
 @contextlib.contextmanager
 def inputs_read() -> Iterator[dict[str, str]]:
-    """Every input file that is read within the block: its path as it was asked for -> SHA-256 of
-    its bytes.  Packages that are used within it count in it alone.
+    """Every input file that is read within the block: its path as it was given -> SHA-256 of its
+    bytes.  Packages that are used within it count in it alone.
     """
     noted: dict[str, str] = {}
     token, packages = _NOTED.set(noted), USED.set({})
@@ -54,7 +54,7 @@ def inputs_read() -> Iterator[dict[str, str]]:
 
 
 def note_input(path: Path, data: bytes) -> None:
-    """Tells the blocks of `inputs_read` under way that an input file was read."""
+    """Records in the blocks of `inputs_read` under way that an input file was read."""
     noted = _NOTED.get()
     if noted is not None:
         noted[str(path)] = hashlib.sha256(data).hexdigest()
@@ -67,7 +67,7 @@ def write_whole(path: Path, data: bytes, *, within: Path | None = None) -> None:
     within : the folder that a person named, from which on no link is followed (None: the one of the
         file).  A link at `path` itself is replaced.
     """
-    with _said(path, "cannot be written"):
+    with _as_one_line(path, "cannot be written"):
         _reach(path.parent, within, make=True)
         temporary = path.with_name(f".{path.name}.{os.urandom(4).hex()}")
         stream = open(temporary, "xb")  # noqa: SIM115
@@ -93,7 +93,7 @@ def read_file(path: Path, *, at_most: int, within: Path | None = None) -> bytes 
     Raises EstimError for a link, a pipe, a device or a folder, for more than `at_most` bytes, and
     where it cannot be read.
     """
-    with _said(path, "cannot be read"):
+    with _as_one_line(path, "cannot be read"):
         _reach(path.parent, within)
         if _plain_size(path) is None:
             return None
@@ -103,8 +103,8 @@ def read_file(path: Path, *, at_most: int, within: Path | None = None) -> bytes 
                 raise EstimError(
                     f"{path}: is larger than anything that estim writes there ({at_most} bytes)"
                 )
-            # memory is taken for as many bytes as are asked for, and at_most may be more than there
-            # is
+            # memory is allocated for as many bytes as are requested, and at_most may be more than
+            # there is
             return stream.read(size)
 
 
@@ -112,7 +112,7 @@ def names_in(folder: Path, *, within: Path | None = None) -> list[str]:
     """Names of all that stands in `folder`, in order; none where there is no such folder.  Raises
     EstimError where it is none or a link.
     """
-    with _said(folder, "cannot be read"):
+    with _as_one_line(folder, "cannot be read"):
         _reach(folder, within)
         try:
             return sorted(os.listdir(folder))
@@ -124,7 +124,7 @@ def remove_files(folder: Path, names: Iterable[str], *, within: Path | None = No
     """Remove the plain files `names` of `folder`; what is not there needs no removing.  Raises
     EstimError where that cannot be done.
     """
-    with _said(folder, "cannot be emptied"):
+    with _as_one_line(folder, "cannot be emptied"):
         _reach(folder, within)
         for path in (folder / name for name in names):
             if _plain_size(path) is not None:
@@ -152,8 +152,8 @@ def held(path: Path, *, within: Path | None = None) -> Iterator[None]:
     if sys.platform == "win32":
         yield
     else:
-        made = [folder for folder in path.parents[1:] if not os.path.lexists(folder)]
-        with _said(path, "cannot be written"):
+        made_folders = [folder for folder in path.parents[1:] if not os.path.lexists(folder)]
+        with _as_one_line(path, "cannot be written"):
             _reach(path.parent, within, make=True)
             handle = _lock(path)
         try:
@@ -163,7 +163,7 @@ def held(path: Path, *, within: Path | None = None) -> Iterator[None]:
                 os.unlink(path)
             os.close(handle)
             remove_empty(path.parent, within=within)
-            for folder in made:
+            for folder in made_folders:
                 remove_empty(folder)
 
 
@@ -242,7 +242,7 @@ def _reach(folder: Path, within: Path | None, *, make: bool = False) -> None:
 
 
 @contextlib.contextmanager
-def _said(path: Path, what: str) -> Iterator[None]:
+def _as_one_line(path: Path, what: str) -> Iterator[None]:
     """Turns an OSError into one line: the path, what cannot be done with it, and why."""
     try:
         yield

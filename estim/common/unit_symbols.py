@@ -1,8 +1,8 @@
-"""What a unit means: its size and its powers of the SI's base units, so far as a text says them
+"""What a unit means: its size and its powers of the SI's base units, so far as a text states them
 beyond doubt.
 
 Units are words of their users: shown as they were written, never converted.  What is read here only
-tells whether two of them differ.  A text that people write for two units (ms⁻¹: 1/ms, or m/s as
+decides whether two of them differ.  A text that people write for two units (ms⁻¹: 1/ms, or m/s as
 British books print it) has both meanings, and differs from neither.
 """
 
@@ -203,7 +203,7 @@ def same_unit(unit: str, other: str) -> bool | None:
     """Whether two units mean the same, or may; None where one of them is not known.  Zeros are not
     compared: °C is K.
     """
-    if _plain(unit) == _plain(other):
+    if _normalised(unit) == _normalised(other):
         return True
     pairs = [(a, b) for a in _meanings(unit) for b in _meanings(other)]
     return any(_same(a, b) for a, b in pairs) if pairs else None
@@ -220,7 +220,7 @@ def same_numbers(unit: str, other: str, *, differences: bool = False) -> bool | 
 
 
 def _has_own_zero(unit: str) -> bool:
-    return _OF_TEMPERATURE.search(_plain(unit)) is not None
+    return _OF_TEMPERATURE.search(_normalised(unit)) is not None
 
 
 def _turns(unit: str, other: str) -> bool:
@@ -234,20 +234,20 @@ def _turns(unit: str, other: str) -> bool:
     )
 
 
-def in_unit(value: float, unit: str, wanted: str) -> float | None:
+def in_unit(value: float, unit: str, target: str) -> float | None:
     """A value in another unit; None where the two are not known to be of one dimension, may mean
     several, have zeros of their own, or are cycles and angles.
     """
-    pairs = [(a, b) for a in _meanings(unit) for b in _meanings(wanted) if a[1:] == b[1:]]
+    pairs = [(a, b) for a in _meanings(unit) for b in _meanings(target) if a[1:] == b[1:]]
     sizes = [a[0] - b[0] for a, b in pairs]
     temperatures = any(a[1:] == _KELVIN for a, _ in pairs) and any(
-        map(_has_own_zero, (unit, wanted))
+        map(_has_own_zero, (unit, target))
     )
     if (
         not pairs
         or max(sizes) - min(sizes) > 1e-9
         or temperatures
-        or _turns(unit, wanted)
+        or _turns(unit, target)
         or abs(sizes[0]) > math.log(1e300)
     ):
         return None
@@ -303,13 +303,13 @@ def _factors_of(text: str) -> tuple[Factor, ...] | None:
     return None if tokens else tuple(factors)
 
 
-def _plain(text: str) -> str:
+def _normalised(text: str) -> str:
     """A unit in one spelling, with one letter for what looks the same."""
     return _spelled(text).translate(_LETTERS)
 
 
 def _spelled(text: str) -> str:
-    """A unit with blanks, powers, products and degrees written alike."""
+    """A unit with one spelling of blanks, powers, products and degrees."""
     text = (
         re.sub("[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+", lambda match: f"^{match[0]}", text.strip().rstrip("."))
         .translate(_LOWERED)
@@ -364,8 +364,8 @@ def _meanings(text: str) -> tuple[Unit, ...]:
         return ()
     units: list[Unit] = []
     for chosen in product(*readings):
-        whole = _product(*chosen)
-        units += [] if any(_same(whole, other) for other in units) else [whole]
+        combined = _product(*chosen)
+        units += [] if any(_same(combined, other) for other in units) else [combined]
     return tuple(units)
 
 
@@ -418,9 +418,10 @@ def _all_symbols() -> Iterator[tuple[str, tuple[float, str]]]:
 
 
 def _all_meanings() -> dict[str, tuple[Unit, ...]]:
-    strict = {symbol: (_unit(*meant),) for symbol, meant in _all_symbols()}
+    strict = {symbol: (_unit(*definition),) for symbol, definition in _all_symbols()}
     return strict | {
-        symbol: (*strict.get(symbol, ()), _unit(*meant)) for symbol, meant in _OFTEN_MEANT.items()
+        symbol: (*strict.get(symbol, ()), _unit(*definition))
+        for symbol, definition in _OFTEN_MEANT.items()
     }
 
 

@@ -3,7 +3,7 @@
 What to use when:
 
 - values with standard uncertainties, `mean(values, u)`: where they are consistent (chi^2), the
-  weighted mean.  Where they scatter more than their uncertainties say, the hierarchical mean: it
+  weighted mean.  Where they scatter more than these explain, the hierarchical mean: it
   has a dark uncertainty tau, which is inferred with the mean.  "Birge" (the scale factor of the
   Particle Data Group), "DerSimonian-Laird" and "Mandel-Paule" stand beside them.
 - readings without uncertainties, `mean(values)`: s/sqrt(n), Student's t (GUM 4.2); `poor-fit` where
@@ -273,7 +273,7 @@ def _of_values(x: FloatArray, u: FloatArray, probability: float) -> Mean:
 def _of_readings(x: FloatArray, probability: float) -> Mean:
     readings = _as_readings(x, probability)
     reason = phrase("the scatter of the readings alone tells the uncertainty (GUM 4.2)")
-    found = Mean(x, None, {"readings": readings}, "readings", reason, probability)
+    result = Mean(x, None, {"readings": readings}, "readings", reason, probability)
     s, middle = float(x.std(ddof=1)), readings.value
     z, places = (x - middle) / s, np.arange(x.size, dtype=float)
     goodness = check_linear(
@@ -287,7 +287,7 @@ def _of_readings(x: FloatArray, probability: float) -> Mean:
         rng=stream(0, Stream.GOODNESS),
     )
     if "largest" not in goodness.failed:
-        return found
+        return result
     i = int(np.argmax(np.abs(z)))
     reason = phrase(
         "value number {n}, {value}, lies much farther from the mean than the others ({p}): "
@@ -296,7 +296,7 @@ def _of_readings(x: FloatArray, probability: float) -> Mean:
         value=f"{x[i]:.6g}",
         p=format_p(goodness.checks["largest"].p_value, P_FLOOR),
     )
-    return replace(found, reason=reason, status=Status.POOR_FIT)
+    return replace(result, reason=reason, status=Status.POOR_FIT)
 
 
 def _as_readings(x: FloatArray, probability: float) -> Average:
@@ -341,7 +341,7 @@ def _of_groups(x: FloatArray, groups: Sequence[object], probability: float) -> M
         raise InputError(rule, field="groups", value=names[0])
     ratio = square_between / square_within
     n0 = (x.size - float(sizes @ sizes) / x.size) / between
-    found = Groups(
+    analysis_of_variance = Groups(
         names,
         means,
         sizes,
@@ -363,7 +363,7 @@ def _of_groups(x: FloatArray, groups: Sequence[object], probability: float) -> M
         ratio=ratio,
         between=between,
         within=within,
-        p=format_p(found.p_value),
+        p=format_p(analysis_of_variance.p_value),
         n=len(names),
     )
-    return Mean(x, None, averages, "groups", reason, probability, groups=found)
+    return Mean(x, None, averages, "groups", reason, probability, groups=analysis_of_variance)

@@ -1,4 +1,4 @@
-"""The dark uncertainty tau: the standard deviation of errors that no stated uncertainty knows of.
+"""The dark uncertainty tau: the standard deviation of errors that no stated uncertainty includes.
 
 x_i ~ N(mu, u_i^2 + tau^2), independent.  Three estimates of it; w_i = 1/(u_i^2 + tau^2).
 """
@@ -58,11 +58,11 @@ class Hierarchical:
     def quantile(self, probability: float) -> float:
         """Of mu."""
 
-        def off(mu: float) -> float:
+        def excess(mu: float) -> float:
             return float(self.p @ normal_below((mu - self.mean) / self.sd)) - probability
 
         far = float(np.abs(self.mean).max() + 10.0 * self.sd.max())
-        return float(optimize.brentq(off, -far, far, xtol=1e-10 * float(self.sd.min())))
+        return float(optimize.brentq(excess, -far, far, xtol=1e-10 * float(self.sd.min())))
 
     def tau_quantile(self, probability: float) -> float:
         below = np.cumsum(self.p) - 0.5 * self.p  # half of a step's share lies below its middle

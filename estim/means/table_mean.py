@@ -49,15 +49,17 @@ def mean_of_table(
     """The mean of the values in column `y` of the table at `path`.
 
     y : None for the only column of values.  u_y : column or number; None for "u_NAME" if there, not
-        beside groups.  group : column that tells the group of a reading, in any words.
+        beside groups.  group : column that names the group of a reading, in any words.
     Raises InputError with file, line, column, rule and value.
     """
     layout = read_layout(path, dialect, needed=[name for name in (y, u_y, group) if name])
-    bare = [bare_name(name) for name in value_columns(layout, (u_y, group))]
-    if y is None and len(bare) != 1:
+    names = [bare_name(name) for name in value_columns(layout, (u_y, group))]
+    if y is None and len(names) != 1:
         rule = "must be named by --y"
-        raise InputError(rule, field="column", quoted=f"there are {listed(bare)}", file=layout.file)
-    name = y or bare[0]
+        raise InputError(
+            rule, field="column", quoted=f"there are {listed(names)}", file=layout.file
+        )
+    name = y or names[0]
     u = u_y or (None if group else uncertainty_of(name, layout.names))
     errors: FloatArray | float | None = None
     column = ""
@@ -88,7 +90,7 @@ def mean_of_table(
             line = int(table.lines[blank])
             raise InputError(rule, field=group, value=groups[blank], file=layout.file, line=line)
     with in_file(path):
-        found = mean(table.columns[name], errors, groups=groups)
+        result = mean(table.columns[name], errors, groups=groups)
     used = [(k, n, table.units[n]) for k, n in (("y", name), ("u_y", column)) if n in table.columns]
     labels = groups or [str(line) for line in table.lines]
     return TableMean(
@@ -96,7 +98,7 @@ def mean_of_table(
         table.sha256,
         bare_name(name),
         table.units[name] or "1",
-        found,
+        result,
         tuple(labels),
         columns_sentence(
             [*used, *([("group", group, "")] if group else [])],

@@ -38,17 +38,17 @@ class TwoValues:
         return abs(self.e_n) <= 1.0 + 1e-9
 
     def __str__(self) -> str:
-        apart = self.difference
+        delta = self.difference
         u, expanded = (
-            format_rounded(size, apart.u, beside=apart.value) + behind(self.unit)
-            for size in (apart.u, self.k * apart.u)
+            format_rounded(size, delta.u, beside=delta.value) + behind(self.unit)
+            for size in (delta.u, self.k * delta.u)
         )
-        shown = format_rounded(apart.value, apart.u) + behind(self.unit)
+        shown = format_rounded(delta.value, delta.u) + behind(self.unit)
         k = "2" if self.k == 2.0 else f"{self.k:.2f} for {self.dof:.3g} degrees of freedom"
-        told = "agree (|E_n| <= 1)" if self.agree else "do not agree (|E_n| > 1)"
+        verdict = "agree (|E_n| <= 1)" if self.agree else "do not agree (|E_n| > 1)"
         return (
             f"difference: {shown}, u = {u}, U = k u = {expanded} with k = {k}\n"
-            f"E_n = {self.e_n:.2f}: the two values {told}"
+            f"E_n = {self.e_n:.2f}: the two values {verdict}"
         )
 
 
@@ -61,7 +61,7 @@ def compare_values(
     """The difference of two values in text, "9.81(2) m/s²", or as quantities with their units and,
     where they are few, the degrees of freedom of their uncertainties.
 
-    first, second : the two, of independent errors unless `r` says otherwise.
+    first, second : the two, of independent errors unless `r` is given.
     r : correlation of their errors.  Raises InputError where the units differ, and where nothing is
     uncertain.
 
@@ -71,10 +71,10 @@ def compare_values(
     E_n = 1.34: the two values do not agree (|E_n| > 1)
     """
     (a, unit, dof), (b, other, dof_b) = (
-        (*given, math.inf)[:3]
-        if isinstance(given, tuple) and isinstance(given[0], Quantity)
-        else (*read_with_unit(given, field=field), math.inf)
-        for field, given in (("first", first), ("second", second))
+        (*value, math.inf)[:3]
+        if isinstance(value, tuple) and isinstance(value[0], Quantity)
+        else (*read_with_unit(value, field=field), math.inf)
+        for field, value in (("first", first), ("second", second))
     )
     if unit != other and not same_numbers(unit, other):
         wanted = "have no unit" if unit == "1" else f"be in {unit}"
@@ -82,21 +82,21 @@ def compare_values(
         raise InputError(f"must {wanted}, as the first", field="second", value=value)
     if not abs(r) <= 1.0:
         raise InputError("must be between -1 and 1", field="r", value=r)
-    apart = difference(a, b, correlation=r)
+    delta = difference(a, b, correlation=r)
     dof = min(dof, dof_b) if r else _effective_dof(a.u, dof, b.u, dof_b)
     # 95 %, as in other results; 2 is as large as for 60 degrees of freedom
     k = max(2.0, float(student_quantile(0.975, dof)))
-    if not apart.u > 0.0:
+    if not delta.u > 0.0:
         raise InputError(
             "has no uncertainty, so that nothing tells whether the values agree",
             field="difference",
-            value=apart.value,
+            value=delta.value,
         )
-    return TwoValues(apart, unit, apart.value / (k * apart.u), dof, k)
+    return TwoValues(delta, unit, delta.value / (k * delta.u), dof, k)
 
 
 def _effective_dof(u: float, dof: float, u_b: float, dof_b: float) -> float:
     """Those of a difference (Welch-Satterthwaite, GUM eq. G.2b)."""
-    whole = math.hypot(u, u_b)
-    inverse = (u / whole) ** 4 / dof + (u_b / whole) ** 4 / dof_b if whole > 0.0 else 0.0
+    combined = math.hypot(u, u_b)
+    inverse = (u / combined) ** 4 / dof + (u_b / combined) ** 4 / dof_b if combined > 0.0 else 0.0
     return 1.0 / inverse if inverse > 0.0 else math.inf

@@ -25,7 +25,7 @@ class Region:
         by Monte Carlo.
     k_rectangle : rectangles are centre -/+ k u, by the GUM (Bonferroni: holds whatever the
         correlation); k_rectangle_drawn : by Monte Carlo.
-    held : share of the draws in the ellipse of the GUM.
+    coverage : share of the draws in the ellipse of the GUM.
     """
 
     pair: tuple[int, int]
@@ -38,7 +38,7 @@ class Region:
     k_drawn: float
     k_rectangle: float
     k_rectangle_drawn: float
-    held: float
+    coverage: float
 
     @property
     def correlation(self) -> tuple[float, float]:
@@ -88,8 +88,8 @@ def regions(linear: LinearResult, sampled: MonteCarloResult) -> tuple[Region, ..
 
 
 def _squares(draws: FloatArray, centre: FloatArray, covariance: FloatArray) -> FloatArray:
-    away = draws - centre
-    return np.sum(away @ np.linalg.inv(covariance) * away, axis=1)
+    offset = draws - centre
+    return np.sum(offset @ np.linalg.inv(covariance) * offset, axis=1)
 
 
 def ellipse(centre: FloatArray, covariance: FloatArray, k: float) -> FloatArray:

@@ -27,7 +27,7 @@ _OTHER_NAMES = {
 
 
 class ComponentTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """What may be said of one component of an uncertainty."""
+    """The keys of one component of an uncertainty."""
 
     meaning: str = ""
     u: float | None = None
@@ -43,7 +43,7 @@ class ComponentTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw
 
 
 class InputTable(ComponentTable, frozen=True, kw_only=True):
-    """What may be said of an input."""
+    """The keys of an input."""
 
     value: str | float | None = None
     unit: str = "1"
@@ -133,11 +133,11 @@ def _stated(
 ) -> Input:
     """scale : the value of the input that a component belongs to, for `u_percent`."""
     keys = ("u", "u_percent", "U", "half_width")
-    given = {key: size for key in keys if (size := getattr(table, key)) is not None}
-    if len(given) > 1:
-        first, second, *_ = given
+    sizes = {key: size for key in keys if (size := getattr(table, key)) is not None}
+    if len(sizes) > 1:
+        first, second, *_ = sizes
         raise InputError(f"does not go with '{first}': state the uncertainty once", field=second)
-    for key, size in given.items():
+    for key, size in sizes.items():
         if not (math.isfinite(size) and size > 0.0):
             raise InputError("must be > 0 (leave it out for an exact value)", field=key, value=size)
     if (table.U is None) != (table.k is None) or not (table.k or 1.0) > 0.0:

@@ -245,11 +245,11 @@ def _check_name(name: str, path: KeyPath, places: Places) -> None:
 def _check_names(outputs: Sequence[Output], quantities: Sequence[Quantity], places: Places) -> None:
     """Each formula names inputs and outputs above it, and every input is used."""
     known = [quantity.name for quantity in quantities]
-    if alike := same_looks((*known, *(output.name for output in outputs))):
+    if lookalikes := same_looks((*known, *(output.name for output in outputs))):
         raise places.error(
             "has two names that look alike: write both in the letters of one alphabet",
             ("inputs",),
-            value=alike,
+            value=lookalikes,
         )
     used: set[str] = set()
     for output in outputs:

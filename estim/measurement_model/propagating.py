@@ -70,7 +70,7 @@ class Propagation:
     @property
     def statuses(self) -> tuple[Status, ...]:
         """Of each output: not identified where draws have no value, not converged where the ends of
-        the interval have not settled.
+        the interval have not stabilised.
         """
         undefined = self.sampled.undefined > 0.0
         return tuple(
@@ -88,9 +88,10 @@ def propagate(
 ) -> Propagation:
     """GUM and Monte Carlo side by side (JCGM 100; JCGM 101, 7.9 and 8; JCGM 102).
 
-    Without a number of draws in the model there are as many as mean, u and interval need to settle
-    to its digits of u; and where the comparison is then still open, four times as many and so on,
-    up to 4 10^6.  Raises InputError where the formulas and the inputs do not go together.
+    Without a number of draws in the model there are as many as mean, u and interval need to
+    stabilise to its digits of u; and where the comparison is then still open, four times as many
+    and so on, up to 4 10^6.  Raises InputError where the formulas and the inputs do not go
+    together.
     """
     with in_file(model.path):
         linear = propagate_linear(
@@ -109,14 +110,14 @@ def _sampled(
     rng: np.random.Generator,
     progress: BatchProgress | None,
 ) -> tuple[MonteCarloResult, Validation]:
-    # beyond those that the Monte Carlo takes to settle
-    most, wanted = min(4_000_000, MOST_VALUES // len(model.outputs)), model.draws
+    # beyond those that the Monte Carlo needs to stabilise
+    most, n_draw = min(4_000_000, MOST_VALUES // len(model.outputs)), model.draws
     while True:
         sampled = propagate_monte_carlo(
             model.values,
             model.inputs,
             rng=rng,
-            n_draw=wanted,
+            n_draw=n_draw,
             correlation=model.correlation,
             probability=model.probability,
             n_digits=model.digits,
@@ -127,4 +128,4 @@ def _sampled(
         undecided = validation.status == "undecided" and sampled.stabilised
         if model.draws is not None or not undecided or sampled.n_draw >= most:
             return sampled, validation
-        wanted = min(4 * sampled.n_draw, most)
+        n_draw = min(4 * sampled.n_draw, most)

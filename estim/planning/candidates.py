@@ -30,10 +30,10 @@ class Readings:
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """Something that might be measured; all of it together where several things are said.
+    """Something that might be measured; all of it together where several changes are stated.
 
     words : what it is, for a reader.
-    own : whether the campaign's [plan] asks for it.
+    own : whether the campaign's [plan] requests it.
     u : parameter -> standard uncertainty with which it would be stated, own unit.
     frames : times as many frames (readings of one's own curve).
     error : times as large an error of a reading.  reach : times as far.
@@ -56,10 +56,10 @@ class Change:
 
 def by_quantity(parameters: Iterable[Parameter]) -> dict[str, tuple[Parameter, ...]]:
     """Quantity -> its parameters at all levels."""
-    found: dict[str, list[Parameter]] = {}
+    groups: dict[str, list[Parameter]] = {}
     for parameter in parameters:
-        found.setdefault(split_level(parameter.name)[0], []).append(parameter)
-    return {name: tuple(every) for name, every in found.items()}
+        groups.setdefault(split_level(parameter.name)[0], []).append(parameter)
+    return {name: tuple(every) for name, every in groups.items()}
 
 
 def measured_better(problem: Problem, *, factor: float = 0.5) -> tuple[Change, ...]:

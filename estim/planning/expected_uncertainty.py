@@ -17,12 +17,12 @@ from estim.problem import Parameter
 
 @dataclass(frozen=True, eq=False)
 class Option:
-    """A change and what comes of it.
+    """A change and its expected effect.
 
-    u : (n_target,) expected standard deviations; empty where it cannot be measured, and `reason`
-        says why.
-    ratio : (n_target,) of these to those as things are.
-    remarks : what is worth saying of it.
+    u : (n_target,) expected standard deviations; empty where it cannot be measured, for the
+        `reason`.
+    ratio : (n_target,) of these to the present ones.
+    remarks : notes for a reader.
     """
 
     change: Change
@@ -40,8 +40,8 @@ class Option:
 def weigh(basis: Basis, change: Change, targets: Sequence[Parameter], now: FloatArray) -> Option:
     """What the change would do to standard deviations that are `now` (n_target,)."""
     try:
-        there = basis.outlook(change)
-        u = sds_with(there, change.u, targets)
+        outlook = basis.outlook(change)
+        u = sds_with(outlook, change.u, targets)
     except InputError as error:
         return Option(
             change,
@@ -49,22 +49,22 @@ def weigh(basis: Basis, change: Change, targets: Sequence[Parameter], now: Float
             np.array([]),
             phrase(error.rule) if not error.value else f"{error.field}: {phrase(error.rule)}",
         )
-    return Option(change, u, u / now, remarks=there.remarks)
+    return Option(change, u, u / now, remarks=outlook.remarks)
 
 
-def sds_with(there: Outlook, u: Mapping[str, float], targets: Sequence[Parameter]) -> FloatArray:
+def sds_with(outlook: Outlook, u: Mapping[str, float], targets: Sequence[Parameter]) -> FloatArray:
     """(n_target,) standard deviations where quantities are stated with the uncertainties `u` in
     place of their own.
 
     Raises InputError where the targets are not determined.
     """
-    information = there.information.copy()
+    information = outlook.information.copy()
     for name, sd in u.items():
-        i = there.problem.names.index(name)
-        prior = there.problem.parameters[i].prior
-        stated = prior.residual_slope(float(there.values[i])) if prior.measured else 0.0
+        i = outlook.problem.names.index(name)
+        prior = outlook.problem.parameters[i].prior
+        stated = prior.residual_slope(float(outlook.values[i])) if prior.measured else 0.0
         information[i, i] += 1.0 / sd**2 - stated**2
-    return sds_by(information, [there.problem.names.index(p.name) for p in targets])
+    return sds_by(information, [outlook.problem.names.index(p.name) for p in targets])
 
 
 def sds_by(information: FloatArray, columns: Sequence[int]) -> FloatArray:

@@ -24,8 +24,8 @@ class Along:
     """One further reading of a run at each of some places.
 
     x : (n,).
-    ratio : (n_target, n) of the standard deviations to those as things are.  inside : (2,) the
-        range of the readings at hand.
+    ratio : (n_target, n) of the standard deviations to the present ones.  inside : (2,) the range
+        of the readings at hand.
     """
 
     run: str
@@ -35,26 +35,26 @@ class Along:
 
 
 def weigh_places(
-    basis: CurveBasis, here: Outlook, targets: Sequence[Parameter]
+    basis: CurveBasis, present: Outlook, targets: Sequence[Parameter]
 ) -> tuple[Along, ...]:
     """For every run, one further reading at places over its range and beside it; those where none
     can be taken are left out.
     """
-    columns = [here.problem.names.index(p.name) for p in targets]
-    now, found = sds_by(here.information, columns), []
-    for run in here.problem.runs:
+    columns = [present.problem.names.index(p.name) for p in targets]
+    now, weighed = sds_by(present.information, columns), []
+    for run in present.problem.runs:
         x, ratios = [], []
         for place in _places(run.x):
             try:
-                there = basis.outlook(
+                changed = basis.outlook(
                     Change("", MORE, readings=(Readings(run.name, float(place), 1),))
                 )
             except InputError:
                 continue
             x.append(place)
-            ratios.append(sds_by(there.information, columns) / now)
+            ratios.append(sds_by(changed.information, columns) / now)
         if x:
-            found.append(
+            weighed.append(
                 Along(
                     run.name,
                     np.array(x),
@@ -62,7 +62,7 @@ def weigh_places(
                     (float(np.min(run.x)), float(np.max(run.x))),
                 )
             )
-    return tuple(found)
+    return tuple(weighed)
 
 
 def _places(x: FloatArray) -> FloatArray:
@@ -70,19 +70,19 @@ def _places(x: FloatArray) -> FloatArray:
     quarter of it on either side.
     """
     low, high = float(np.min(x)), float(np.max(x))
-    beyond = _BEYOND * (high - low)
-    start = max(low - beyond, 0.0) if low >= 0.0 else low - beyond
-    return np.linspace(start, high + beyond, _N_PLACE)
+    margin = _BEYOND * (high - low)
+    start = max(low - margin, 0.0) if low >= 0.0 else low - margin
+    return np.linspace(start, high + margin, _N_PLACE)
 
 
-def more_readings(here: Outlook, weighed: Sequence[Along]) -> tuple[Change, ...]:
+def more_readings(present: Outlook, weighed: Sequence[Along]) -> tuple[Change, ...]:
     """As many readings as a tenth of those at hand at the place that is best for each target,
     inside the range and beside it.
     """
     changes: dict[tuple[str, float], Change] = {}
     for along in weighed:
         n = max(
-            1, round(0.1 * next(run.n_obs for run in here.problem.runs if run.name == along.run))
+            1, round(0.1 * next(run.n_obs for run in present.problem.runs if run.name == along.run))
         )
         inside = (along.x >= along.inside[0]) & (along.x <= along.inside[1])
         for ratio in along.ratio:
@@ -93,7 +93,7 @@ def more_readings(here: Outlook, weighed: Sequence[Along]) -> tuple[Change, ...]
                     if along.inside[0] <= x <= along.inside[1]
                     else phrase(", outside the present range")
                 )
-                which = which_place(x, along.run if len(here.problem.runs) > 1 else "") + where
+                which = which_place(x, along.run if len(present.problem.runs) > 1 else "") + where
                 readings = (Readings(along.run, x, n),)
                 changes[along.run, x] = further(which, readings=readings)
     return tuple(changes.values())

@@ -21,7 +21,7 @@ from estim.planning.candidates import (
 from estim.planning.expected_uncertainty import Option, sds_with, weigh
 from estim.planning.planned_readings import Basis
 from estim.planning.rolling import Outlook
-from estim.planning.suggestions import again
+from estim.planning.suggestions import repeated
 from estim.problem import Parameter
 
 _HALF = 0.5
@@ -30,8 +30,8 @@ _EXACT = 1e-4  # of a stated uncertainty
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """One way: `words` says how much of it, `ratio` what is reached: at most a half where it is
-    enough.
+    """One way: how much of it in `words`, and the `ratio` that is reached: at most a half where it
+    is enough.
     """
 
     words: str
@@ -54,7 +54,7 @@ class Halving:
 
 def ways_to_halve(
     basis: Basis,
-    here: Outlook,
+    present: Outlook,
     targets: Sequence[Parameter],
     now: FloatArray,
     options: Sequence[Option],
@@ -68,14 +68,14 @@ def ways_to_halve(
         change = Change("", OTHERWISE, frames=frames, error=error)
         return weigh(basis, change, targets, now)
 
-    found = []
+    halvings = []
     for k, target in enumerate(targets):
         sd = float(now[k])
         ways = [
-            _better(here, change, target, sd)
-            for change in measured_better(here.problem, factor=1.0)
+            _better(present, change, target, sd)
+            for change in measured_better(present.problem, factor=1.0)
         ]
-        ways += _steps(of_readings, here, k)
+        ways += _steps(of_readings, present, k)
         more = [
             option
             for option in options
@@ -85,19 +85,21 @@ def ways_to_halve(
         more = [option for option in more if option.change.runs or not option.change.own] or more
         if more:
             ways.append(_many(basis, min(more, key=lambda option: option.ratio[k]), target, sd))
-        found.append(
+        halvings.append(
             Halving(target, tuple(sorted(ways, key=lambda way: 0.0 if way.enough else way.ratio)))
         )
-    return tuple(found)
+    return tuple(halvings)
 
 
-def _better(here: Outlook, change: Change, target: Parameter, now: float) -> Way:
+def _better(present: Outlook, change: Change, target: Parameter, now: float) -> Way:
     """A stated quantity as well known as it takes, or as it can be."""
-    parameters = [p for p in here.problem.parameters if p.name in change.u]
+    parameters = [p for p in present.problem.parameters if p.name in change.u]
 
     def ratio(factor: float) -> float:
         return (
-            float(sds_with(here, {name: factor * u for name, u in change.u.items()}, [target])[0])
+            float(
+                sds_with(present, {name: factor * u for name, u in change.u.items()}, [target])[0]
+            )
             / now
         )
 
@@ -114,7 +116,7 @@ def _better(here: Outlook, change: Change, target: Parameter, now: float) -> Way
     return Way(better_words(parameters, rounded), _HALF)
 
 
-def _steps(of_readings: Callable[[float, float], Option], here: Outlook, k: int) -> list[Way]:
+def _steps(of_readings: Callable[[float, float], Option], present: Outlook, k: int) -> list[Way]:
     """More frames and smaller errors, for the target at place k."""
 
     def of(frames: float = 1.0, error: float = 1.0) -> float:
@@ -123,7 +125,7 @@ def _steps(of_readings: Callable[[float, float], Option], here: Outlook, k: int)
 
     more = (
         phrase("{n} times as many readings")
-        if here.problem.runs[0].motion is None
+        if present.problem.runs[0].motion is None
         else phrase("{n} times as many frames")
     )
     return [
@@ -134,7 +136,7 @@ def _steps(of_readings: Callable[[float, float], Option], here: Outlook, k: int)
 
 def _many(basis: Basis, best: Option, target: Parameter, now: float) -> Way:
     def of(n: int) -> tuple[str, float]:
-        several = again(best.change, n)
+        several = repeated(best.change, n)
         option = weigh(basis, several, [target], np.array([now]))
         return several.words, float("inf") if option.reason else float(option.ratio[0])
 

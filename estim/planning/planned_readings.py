@@ -28,7 +28,7 @@ class CurveBasis:
     fit: Fit
 
     def outlook(self, change: Change) -> Outlook:
-        """What the readings would say with the change made, its `u` left aside.  Raises InputError
+        """The information of the readings with the change made, without its `u`.  Raises InputError
         where that cannot be measured.
         """
         x_column, y_column = axis_columns(self.campaign)
@@ -36,15 +36,20 @@ class CurveBasis:
         for run in self.fit.problem.runs:
             table = tables[run.name]
             at = table.columns[x_column]
-            new = [one.x for one in change.readings if one.run == run.name for _ in range(one.n)]
+            new = [
+                reading.x
+                for reading in change.readings
+                if reading.run == run.name
+                for _ in range(reading.n)
+            ]
             near = [int(np.argmin(np.abs(at - x))) for x in new]
             rows = np.append(_every_so_often(at, change.frames), near).astype(int)
             x = at[rows].copy()
             x[rows.size - len(new) :] = new
             columns = {name: column[rows].copy() for name, column in table.columns.items()}
             y, known = curve_at(run, x, named), rows.size - len(new)
-            for there in x[known:][~np.isfinite(y[known:])]:
-                raise InputError(later("the curve is not finite there"), field="x", value=there)
+            for place in x[known:][~np.isfinite(y[known:])]:
+                raise InputError(later("the curve is not finite there"), field="x", value=place)
             # a row outside the window may lie where the curve is not finite: it is not used
             columns |= {x_column: x, y_column: np.where(np.isfinite(y), y, columns[y_column])}
             for name in group_columns(self.campaign, run.name):  # another day, or instrument
@@ -63,13 +68,13 @@ class CurveBasis:
         return np.array([fitted[name] for name in problem.names])
 
     def _require_places(self, problem: Problem, change: Change) -> None:
-        for one in change.readings:
-            run = next(run for run in problem.runs if run.name == one.run)
-            if not np.any(run.x == one.x):
+        for reading in change.readings:
+            run = next(run for run in problem.runs if run.name == reading.run)
+            if not np.any(run.x == reading.x):
                 raise InputError(
                     later("lies outside the window, or between the selected points"),
                     field="x",
-                    value=one.x,
+                    value=reading.x,
                 )
 
 
@@ -78,7 +83,7 @@ Basis: TypeAlias = RollingBasis | CurveBasis
 
 
 def _every_so_often(x: FloatArray, times: float) -> FloatArray:
-    """Rows, each as often as the factor says, spread evenly where that is no whole number."""
+    """Rows, each repeated by the factor, spread evenly where that is no whole number."""
     return np.floor(np.arange(round(x.size * times)) / times).astype(int).clip(0, x.size - 1)
 
 

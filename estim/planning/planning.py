@@ -11,9 +11,9 @@ same campaign with each change made:
     P    what is stated
 
 Everything is taken at the fit, without the errors of the data at hand, so that all rows of the
-table are alike.  C has the free start and the unmodelled force of a default analysis
+table are the same.  C has the free start and the unmodelled force of a default analysis
 (`estim.discrepancy.unmeasured_runs`).  Linear theory knows no edges and no bends: the present
-posterior, drawn, says how far it is to be trusted.
+posterior, drawn, shows how far it is to be trusted.
 """
 
 from __future__ import annotations
@@ -56,12 +56,12 @@ Progress = Callable[[int, int], None]
 class Plan:
     """What further measurements would do.
 
-    targets : the quantities that are wanted.
+    targets : the quantities of interest.
     values : (n_target,) at the fit.
-    now : (n_target,) standard deviations as things are, by linear theory.
+    now : (n_target,) present standard deviations, by linear theory.
     drawn : (n_target,) those of the drawn posterior of the data at hand.
     how : what drew it.  shortfall : what the draws did not reach, "" for nothing.
-    options : everything that was weighed, the best first.  refused : what cannot be measured.
+    options : everything that was evaluated, the best first.  refused : what cannot be measured.
     halving : for each target what would halve its standard deviation.
     along : of a user's own curve, one further reading at each place.
     force : whether an unmodelled force is part of the errors.
@@ -88,22 +88,22 @@ class Plan:
     @property
     def far(self) -> tuple[Parameter, ...]:
         """Targets of which linear theory is not to be trusted."""
-        off = np.abs(self.now / self.drawn - 1.0) > FAR
-        return tuple(p for p, far in zip(self.targets, off, strict=True) if far)
+        deviates = np.abs(self.now / self.drawn - 1.0) > FAR
+        return tuple(p for p, far in zip(self.targets, deviates, strict=True) if far)
 
 
 def plan(
     campaign: Campaign,
     names: Sequence[str],
     *,
-    wanted: Sequence[str] = (),
+    target_names: Sequence[str] = (),
     seed: int,
     progress: Progress | None = None,
 ) -> Plan:
     """What to measure next of the runs `names` of a campaign, fit together; the same seed gives the
     same numbers.  Raises InputError.
 
-    wanted : names of parameters, at any level; none for those that [plan] names, or that the
+    target_names : names of parameters, at any level; none for those that [plan] names, or that the
         campaign leaves unknown.
     """
     problem = posed(campaign, names)
@@ -112,11 +112,11 @@ def plan(
     if problem.counted:
         rule = "is that of counts or of single events, for which estim plan makes no plans"
         raise campaign.source.error(rule, ("curve", "noise"))
-    targets = targets_of(campaign, problem, wanted)
-    asked = (
-        *_asked_changes(campaign, problem),
+    targets = targets_of(campaign, problem, target_names)
+    requested = (
+        *_requested_changes(campaign, problem),
         *planned_runs(campaign),
-        *_asked_readings(campaign, names),
+        *_requested_readings(campaign, names),
     )
     with campaign.placing(problem):
         fit = fit_problem(problem, rng=stream(seed, Stream.PLAN_FIT))
@@ -130,12 +130,12 @@ def plan(
     )
     basis = replace(basis, fit=_with_sizes_of(draws, fit))
     nothing = Change(phrase("present experiment"), OTHERWISE)
-    here = basis.outlook(nothing)
-    columns = [here.problem.names.index(p.name) for p in targets]
-    now = sds_with(here, {}, targets)
-    along = weigh_places(basis, here, targets) if isinstance(basis, CurveBasis) else ()
-    suggested = _suggested(campaign, fit, here, along) if campaign.source.plan.built_in else ()
-    changes, done = (*asked, *suggested), list[Option]()
+    present = basis.outlook(nothing)
+    columns = [present.problem.names.index(p.name) for p in targets]
+    now = sds_with(present, {}, targets)
+    along = weigh_places(basis, present, targets) if isinstance(basis, CurveBasis) else ()
+    suggested = _suggested(campaign, fit, present, along) if campaign.source.plan.built_in else ()
+    changes, done = (*requested, *suggested), list[Option]()
     for i, change in enumerate(changes):
         done.append(weigh(basis, change, targets, now))
         if progress is not None:
@@ -144,13 +144,13 @@ def plan(
         (option for option in done if not option.reason), key=lambda option: option.score
     )
     drawn = np.std(draws[:, [fit.names.index(p.name) for p in targets]], axis=0)
-    halving = ways_to_halve(basis, here, targets, now, possible)
+    halving = ways_to_halve(basis, present, targets, now, possible)
     return Plan(
         campaign,
         tuple(names),
         fit,
         targets,
-        here.values[columns],
+        present.values[columns],
         now,
         drawn,
         how,
@@ -178,17 +178,19 @@ def _with_sizes_of(draws: FloatArray, fit: Fit) -> Fit:
 
 
 def targets_of(
-    campaign: Campaign, problem: Problem, wanted: Sequence[str]
+    campaign: Campaign, problem: Problem, target_names: Sequence[str]
 ) -> tuple[Parameter, ...]:
-    """The quantities that are wanted: as named here or in [plan], else those that the campaign
-    leaves unknown.  Raises InputError.
+    """The quantities of interest: as named here or in [plan], else those that the campaign leaves
+    unknown.  Raises InputError.
     """
-    asked, place = (
-        (list(wanted), None) if wanted else (campaign.source.plan.wanted, ("plan", "for"))
+    requested, place = (
+        (list(target_names), None)
+        if target_names
+        else (campaign.source.plan.wanted, ("plan", "for"))
     )
     of_curve = [p for p in problem.parameters if uses_of(problem.runs)[p.name]]
-    found: list[Parameter] = []
-    for name in asked:
+    targets: list[Parameter] = []
+    for name in requested:
         named = [p for p in problem.parameters if name in (p.name, split_level(p.name)[0])]
         if not named:
             rule = (
@@ -198,9 +200,9 @@ def targets_of(
             if place is None:
                 raise InputError(rule, field="--for", value=name, file=campaign.source.path)
             raise campaign.source.error(rule, place, value=name)
-        found += [p for p in named if p not in found]
-    if found:
-        return tuple(found)
+        targets += [p for p in named if p not in targets]
+    if targets:
+        return tuple(targets)
     unknown = [p for p in of_curve if not p.prior.informative]
     return tuple(
         unknown or [p for p in of_curve if not p.prior.measured] or of_curve or problem.parameters
@@ -208,67 +210,67 @@ def targets_of(
 
 
 def _suggested(
-    campaign: Campaign, fit: Fit, here: Outlook, along: Sequence[Along]
+    campaign: Campaign, fit: Fit, present: Outlook, along: Sequence[Along]
 ) -> tuple[Change, ...]:
     moving = campaign.formula is None
-    more = more_runs(campaign, fit) if moving else more_readings(here, along)
-    return (*measured_better(here.problem), *measured_otherwise(moving=moving), *more)
+    more = more_runs(campaign, fit) if moving else more_readings(present, along)
+    return (*measured_better(present.problem), *measured_otherwise(moving=moving), *more)
 
 
-def _asked_readings(campaign: Campaign, names: Sequence[str]) -> list[Change]:
+def _requested_readings(campaign: Campaign, names: Sequence[str]) -> list[Change]:
     changes = []
-    for one in campaign.source.plan.readings:
-        run = one.run or names[0]
+    for reading in campaign.source.plan.readings:
+        run = reading.run or names[0]
         if run in names:
-            which = which_place(one.x, run if len(names) > 1 else "")
-            readings = (Readings(run, one.x, one.n),)
+            which = which_place(reading.x, run if len(names) > 1 else "")
+            readings = (Readings(run, reading.x, reading.n),)
             changes.append(further(which, own=True, readings=readings))
     return changes
 
 
-def _asked_changes(campaign: Campaign, problem: Problem) -> list[Change]:
-    """What [[plan.change]] asks for.  Raises InputError with its line."""
+def _requested_changes(campaign: Campaign, problem: Problem) -> list[Change]:
+    """The changes that [[plan.change]] requests.  Raises InputError with its line."""
     changes = []
     for i, table in enumerate(campaign.source.plan.change):
         u: dict[str, float] = {}
         words = []
         for key, size in table.u.items():
-            bare, level = split_level(key)
+            base, level = split_level(key)
             name, factor = (
-                (bare, 1.0)
+                (base, 1.0)
                 if campaign.formula is not None
-                else quantity_of_key(bare) or (bare, 1.0)
+                else quantity_of_key(base) or (base, 1.0)
             )
-            hit = [
+            matching = [
                 p
                 for p in problem.parameters
                 if split_level(p.name)[0] == name and (not level or split_level(p.name)[1] == level)
             ]
             path = ("plan", "change", i, "u", key)
-            if not hit:
+            if not matching:
                 raise campaign.source.error(
                     "is not an unknown of these runs: it is exact here, or its key does not exist",
                     path,
                 )
-            for p in hit:
+            for p in matching:
                 if p.prior.measured and size * factor >= p.prior.sd:
                     raise campaign.source.error(
                         f"is no better than what is stated of {p.name}", path, value=size
                     )
-            new = {p.name: size * factor for p in hit}
+            new = {p.name: size * factor for p in matching}
             u |= new
-            words.append(better_words(hit, new))
+            words.append(better_words(matching, new))
         for times, text in (
             (table.frames, later("{n:g} times as many frames")),
             (table.reading_error, later("{n:g} times the error of a reading")),
             (table.reach, later("{n:g} times the path length")),
         ):
             words += [phrase(text, n=times)] if times != 1.0 else []
-        said = f"{table.name} ({'; '.join(words)})" if table.name else "; ".join(words)
+        description = f"{table.name} ({'; '.join(words)})" if table.name else "; ".join(words)
         group = BETTER if len(words) == len(table.u) else OTHERWISE
         changes.append(
             Change(
-                said,
+                description,
                 group,
                 own=True,
                 u=u,

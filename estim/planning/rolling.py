@@ -64,7 +64,7 @@ class RollingBasis:
     ramp: Mapping[str, float]
 
     def outlook(self, change: Change) -> Outlook:
-        """What the runs would say with the change made, its `u` left aside.  Raises InputError
+        """The information of the runs with the change made, without its `u`.  Raises InputError
         where that cannot be measured.
         """
         changed = otherwise(self.campaign, reading_error=change.error, reach=change.reach)
@@ -83,38 +83,41 @@ class RollingBasis:
             first = replace(measured[new.like], run=run, table=tables[new.name])
             tables[new.name], remark = first.first(self.ramp)
             remarks += [remark] if remark else []
-        tables |= {name: run.again(change) for name, run in measured.items()}
+        tables |= {name: run.with_change(change) for name, run in measured.items()}
         campaign = with_tables(changed, tables)
         problem = with_own_gamma(posed(campaign, tuple(like)), change.runs)
         values = self._values(problem, change.runs)
         sizes = {name: self.sizes[old] for name, old in like.items() if old in self.sizes}
         information = expected_information(problem, values, sizes)
         release = {name: self.release[old] for name, old in like.items() if old in self.release}
-        told = tuple(dict.fromkeys(remarks))
-        return Outlook(problem, values, information, campaign, release, told)
+        distinct = tuple(dict.fromkeys(remarks))
+        return Outlook(problem, values, information, campaign, release, distinct)
 
     def _arguments(self, like: Observations, new: NewRun) -> dict[str, str | float]:
         return {**like.arguments, **{name: quantity.value for name, quantity in new.said.items()}}
 
     def _values(self, problem: Problem, runs: Sequence[NewRun]) -> FloatArray:
-        """(n_par,) the fitted values; of a new run what it says, else those of the run that it is
-        like.
+        """(n_par,) the fitted values; of a new run its stated ones, else those of the run that it
+        is like.
         """
-        fitted, found = dict(zip(self.fit.names, self.fit.values, strict=True)), {}
+        fitted, of_new_runs = dict(zip(self.fit.names, self.fit.values, strict=True)), {}
         for new in runs:
             like = next(run for run in self.fit.problem.runs if run.name == new.like)
             for p in problem.parameters:
                 base, level = split_level(p.name)
                 if level == f"[{new.name}]":
                     source = self._arguments(like, new).get(base, f"{base}[{new.like}]")
-                    found[p.name] = fitted[source] if isinstance(source, str) else source
+                    of_new_runs[p.name] = fitted[source] if isinstance(source, str) else source
         return np.array(
-            [fitted[p.name] if p.name in fitted else found[p.name] for p in problem.parameters]
+            [
+                fitted[p.name] if p.name in fitted else of_new_runs[p.name]
+                for p in problem.parameters
+            ]
         )
 
 
 def posed(campaign: Campaign, names: Sequence[str]) -> Problem:
-    """The problem of runs that a plan looks at; the curve of positions is taken as complete."""
+    """The problem of the runs of a plan; the curve of positions is taken as complete."""
     problem = campaign.problem(names)
     return (
         as_complete(problem, "estim plan")
@@ -168,7 +171,7 @@ class _Followed:
         end = float(np.squeeze(self.run.end(self.run.bind(self.named))))
         return np.where(places <= end, curve_at(self.run, places, self.named), np.nan)
 
-    def again(self, change: Change) -> Run:
+    def with_change(self, change: Change) -> Run:
         """Its table with other frames, or followed farther."""
         places = _denser(self.table.columns[self.where], change.frames)
         if change.reach > 1.0:
@@ -177,8 +180,8 @@ class _Followed:
         return self._measured(places, change.error)
 
     def first(self, ramp: Mapping[str, float]) -> tuple[Run, str]:
-        """The table of a new run, and what is worth saying of it.  Raises InputError where it
-        cannot be measured.
+        """The table of a new run, and a remark on it.  Raises InputError where it cannot be
+        measured.
         """
         end = ramp[self.table.coordinate]
         if self.where != "t_s":
@@ -194,8 +197,8 @@ class _Followed:
             if np.max(x) > end or np.argmax(x) < n - 1:
                 break
         # of the ramp: how far a body must have gone to show in which direction
-        begun = np.flatnonzero(np.abs(x) > 0.02 * end)
-        if not begun.size or x[begun[0]] < 0.0:
+        moving = np.flatnonzero(np.abs(x) > 0.02 * end)
+        if not moving.size or x[moving[0]] < 0.0:
             raise InputError(
                 later("does not start: the body rolls back, or stays where it is released"),
                 field="run",

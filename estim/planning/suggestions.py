@@ -1,4 +1,4 @@
-"""Further runs that a campaign suggests, and those that its [plan] asks for."""
+"""Further runs that a campaign suggests, and those that its [plan] requests."""
 
 from __future__ import annotations
 
@@ -32,28 +32,28 @@ def more_runs(campaign: Campaign, fit: Fit) -> tuple[Change, ...]:
 
 
 def planned_runs(campaign: Campaign) -> tuple[Change, ...]:
-    """The runs that the campaign's [plan] asks for.  Raises InputError with its line."""
+    """The runs that the campaign's [plan] requests.  Raises InputError with its line."""
     changes = []
     for i, table in enumerate(campaign.source.plan.runs):
-        said = planned_quantities(campaign.source, table, i)
+        stated = planned_quantities(campaign.source, table, i)
         new = tuple(
-            NewRun(_free_name(campaign, i, k), table.like, said) for k in range(table.repeats)
+            NewRun(_free_name(campaign, i, k), table.like, stated) for k in range(table.repeats)
         )
         which = (
-            _which(campaign.body_of(table.like) or "", said)
-            if said
+            _which(campaign.body_of(table.like) or "", stated)
+            if stated
             else phrase(" like {run}", run=table.like)
         )
         changes.append(further(which, own=True, runs=new))
     return tuple(changes)
 
 
-def again(change: Change, times: int) -> Change:
+def repeated(change: Change, times: int) -> Change:
     """The change with each of its runs and readings so many times."""
     runs = tuple(
         NewRun(f"{run.name}.{k}", run.like, run.said) for run in change.runs for k in range(times)
     )
-    readings = tuple(replace(one, n=one.n * times) for one in change.readings)
+    readings = tuple(replace(reading, n=reading.n * times) for reading in change.readings)
     if change.which:
         return further(change.which, own=change.own, runs=runs, readings=readings)
     words = phrase("{words}, {n} times", words=change.words, n=times)
@@ -97,40 +97,42 @@ def _other_runs(
             angle = degrees(release) + turn
             if tilt > 0.0 and not _RELEASES[0] <= angle <= _RELEASES[1]:
                 continue
-            said = {} if turn == 0.0 else {"theta0": Quantity(radians(round(angle)), u_release)}
-            if said := said | tilted(factor):
-                changes.append(_run(f"{len(changes)}", like, said, body, tilt, radians(angle)))
+            stated = {} if turn == 0.0 else {"theta0": Quantity(radians(round(angle)), u_release)}
+            if stated := stated | tilted(factor):
+                changes.append(_run(f"{len(changes)}", like, stated, body, tilt, radians(angle)))
     if gamma > 0.0:
         # times that of the body, and the tilt that goes with it
         for share, factor in ((0.5, 0.5), (1.5, 1.0), (1.5, 1.5)):
-            said = {"gamma": Quantity(_two_digits(gamma * share), u_gamma)} | tilted(factor)
-            changes.append(_run(f"{len(changes)}", like, said, body, tilt, release))
+            stated = {"gamma": Quantity(_two_digits(gamma * share), u_gamma)} | tilted(factor)
+            changes.append(_run(f"{len(changes)}", like, stated, body, tilt, release))
     return changes
 
 
 def _run(
     number: str,
     like: Observations,
-    said: Mapping[str, Quantity],
+    stated: Mapping[str, Quantity],
     body: str,
     tilt: float,
     release: float,
 ) -> Change:
-    shown = {"phi": Quantity(tilt), "theta0": Quantity(release)} | dict(said)
-    return further(_which(body, shown), runs=(NewRun(f"{like.name}+{number}", like.name, said),))
+    shown = {"phi": Quantity(tilt), "theta0": Quantity(release)} | dict(stated)
+    return further(_which(body, shown), runs=(NewRun(f"{like.name}+{number}", like.name, stated),))
 
 
-def _which(body: str, said: Mapping[str, Quantity]) -> str:
+def _which(body: str, stated: Mapping[str, Quantity]) -> str:
     places = []
-    if "phi" in said:
-        places.append(f"φ = {degrees(said['phi'].value):.2g}°")
-    if "theta0" in said:
-        places.append(f"θ₀ = {degrees(said['theta0'].value):.0f}°")
+    if "phi" in stated:
+        places.append(f"φ = {degrees(stated['phi'].value):.2g}°")
+    if "theta0" in stated:
+        places.append(f"θ₀ = {degrees(stated['theta0'].value):.0f}°")
     at = phrase(" at {places}", places=", ".join(places)) if places else ""
-    if "gamma" in said:
+    if "gamma" in stated:
         return (
             phrase(
-                " of the disk of {body} with γ = {gamma:.2g}", body=body, gamma=said["gamma"].value
+                " of the disk of {body} with γ = {gamma:.2g}",
+                body=body,
+                gamma=stated["gamma"].value,
             )
             + at
         )

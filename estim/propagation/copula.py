@@ -31,7 +31,7 @@ def copula_matrix(inputs: Sequence[Input], correlation: FloatArray) -> FloatArra
     polynomials) the correlation of two inputs is sum_k a_k b_k rho^k; it is solved for rho pair by
     pair.  Two normal quantities: rho = r; two rectangular ones: rho = 2 sin(pi r/6).
 
-    Raises InputError where the marginal distributions cannot have the correlation asked for, or not
+    Raises InputError where the marginal distributions cannot have the requested correlation, or not
     all of them together.
     """
     matrix = np.array(correlation)
@@ -104,13 +104,16 @@ def _copula_coefficient(first: Input, second: Input, target: float) -> float:
             rule = "cannot include a t distribution with dof <= 2 (it has no standard deviation)"
             raise InputError(rule, field="correlation", value=quantity.name)
         score = standard_score(quantity, z)
-        off = score - np.sum(weight * score)
-        scores.append(off / math.sqrt(np.sum(weight * off**2)))
+        centred = score - np.sum(weight * score)
+        scores.append(centred / math.sqrt(np.sum(weight * centred**2)))
     product = np.empty(_N_TERM)
-    below, here = np.zeros_like(z), np.ones_like(z)
+    previous, polynomial = np.zeros_like(z), np.ones_like(z)
     for degree in range(_N_TERM):
-        product[degree] = np.prod([np.sum(weight * score * here) for score in scores])
-        below, here = here, (z * here - math.sqrt(degree) * below) / math.sqrt(degree + 1)
+        product[degree] = np.prod([np.sum(weight * score * polynomial) for score in scores])
+        previous, polynomial = (
+            polynomial,
+            (z * polynomial - math.sqrt(degree) * previous) / math.sqrt(degree + 1),
+        )
     low = float(np.sum(weight * scores[0] * scores[1][::-1]))
     high = float(np.sum(weight * scores[0] * scores[1]))
     product[-1] += 0.5 * (high - low) - product[1::2].sum()

@@ -11,7 +11,7 @@ called with
 A tuple or list of outputs, ``lambda q: (q["V"]/q["I"], q["V"]*q["I"])``, is stacked here.
 Functions written with NumPy satisfy all this as they stand.  Where the function has no value it
 returns NaN (or an infinity); warnings of NumPy about that are silenced, because the callers count
-such values and say so.
+such values, with a note.
 """
 
 from __future__ import annotations
@@ -102,8 +102,8 @@ def evaluate_draws(
         output = np.ascontiguousarray(output[..., 0].T)
     expected = (n_draw,) if n_out is None else (n_draw, n_out)
     if output.shape != expected:
-        given = "(n_draw,)" if n_out is None else "(n_draw, 1)"
-        rule = f"must return {expected} for {n_draw} draws shaped {given}"
+        shape = "(n_draw,)" if n_out is None else "(n_draw, 1)"
+        rule = f"must return {expected} for {n_draw} draws shaped {shape}"
         raise InputError(rule, field="function", value=output.shape)
     alone = evaluate_point(function, {name: float(drawn[0]) for name, drawn in draws.items()})
     tolerance = 1e-6 * _largest(output)
@@ -138,13 +138,13 @@ def check_size(values: FloatArray, spreads: FloatArray) -> None:
 
 
 def check_draws(value: FloatArray, draws: FloatArray) -> None:
-    """`check_size` of the outputs at the estimates and the usual distance of draws from them,
+    """`check_size` of the outputs at the estimates and the median distance of draws from them,
     whatever their tails.
     """
     with np.errstate(all="ignore"):
-        away = np.abs(draws - value)
-    away = away[np.isfinite(away)]
-    check_size(value, np.atleast_1d(np.median(away)) if away.size else away)
+        distance = np.abs(draws - value)
+    distance = distance[np.isfinite(distance)]
+    check_size(value, np.atleast_1d(np.median(distance)) if distance.size else distance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,11 +189,11 @@ def gradient(function: MeasurementFunction, inputs: Sequence[Input]) -> Gradient
             np.array([evaluate_point(function, point | {quantity.name: float(x)}) for x in side])
             for side in (above, below)
         )
-        apart = (above - below).reshape(-1, *(1,) * value.ndim)
+        width = (above - below).reshape(-1, *(1,) * value.ndim)
         with np.errstate(all="ignore"):
             tables.append(
                 (
-                    *extrapolated(right, left, apart, settled=_SETTLED),
+                    *extrapolated(right, left, width, settled=_SETTLED),
                     _kink(value, right, left, steps),
                 )
             )
@@ -207,17 +207,17 @@ def _kink(value: FloatArray, right: FloatArray, left: FloatArray, steps: FloatAr
     """Slope to the right minus slope to the left, each to second order from two steps; 0 where it
     shrinks with the steps, as that of a smooth function, or is no more than rounding.
     """
-    apart = []
+    jumps = []
     for far in (_SETTLED, _SETTLED + 3):
         near = far + 1
         slope_right = (4.0 * right[near] - right[far] - 3.0 * value) / steps[far]
         slope_left = -(4.0 * left[near] - left[far] - 3.0 * value) / steps[far]
-        apart.append(slope_right - slope_left)
+        jumps.append(slope_right - slope_left)
     rounding = (
         100.0 * np.finfo(float).eps * np.maximum(np.abs(right), np.abs(left))[near] / steps[near]
     )
-    small = (np.abs(apart[1]) < 0.5 * np.abs(apart[0])) | (np.abs(apart[1]) < rounding)
-    return np.where(small, 0.0, apart[0])
+    small = (np.abs(jumps[1]) < 0.5 * np.abs(jumps[0])) | (np.abs(jumps[1]) < rounding)
+    return np.where(small, 0.0, jumps[0])
 
 
 def _as_floats(returned: Any) -> FloatArray:

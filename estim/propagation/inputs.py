@@ -69,7 +69,7 @@ class Input:
     dof : degrees of freedom of `u` (GUM G.3, G.4); used by the linear method, and by Monte Carlo
         for ``t`` only.
     unit : text, for tables.
-    group : inputs with one name here were read together: a multivariate t, for the scale of their
+    group : inputs with the same group were read together: a multivariate t, for the scale of their
         errors is one unknown; all of them ``t`` with the same dof.  "" for none.
     joint_dof : degrees of freedom of that multivariate t where they are not `dof`: n - N for n sets
         of N readings (JCGM 102, 5.3.2); its scale is then u sqrt(dof/joint_dof).  For Monte Carlo
@@ -308,8 +308,8 @@ def correlation_matrix(inputs: Sequence[Input], correlation: Correlation | None)
 
 def _matrix_from_pairs(names: list[str], pairs: Mapping[tuple[str, str], float]) -> FloatArray:
     matrix = np.eye(len(names))
-    seen: set[frozenset[str]] = set()
-    for pair, given in pairs.items():
+    known: set[frozenset[str]] = set()
+    for pair, stated in pairs.items():
         if not (isinstance(pair, tuple) and len(pair) == 2):
             raise InputError("must have pairs of names as keys", field="correlation", value=pair)
         for name in pair:
@@ -317,29 +317,29 @@ def _matrix_from_pairs(names: list[str], pairs: Mapping[tuple[str, str], float])
                 raise InputError("names no input", field="correlation", value=name)
         if pair[0] == pair[1]:
             raise InputError("must relate two different inputs", field="correlation", value=pair)
-        if frozenset(pair) in seen:
+        if frozenset(pair) in known:
             raise InputError("must give each pair once", field="correlation", value=pair)
-        seen.add(frozenset(pair))
-        coefficient = real_number(given, "correlation")
+        known.add(frozenset(pair))
+        coefficient = real_number(stated, "correlation")
         if not abs(coefficient) <= 1.0:
-            raise InputError("must lie within [-1, 1]", field="correlation", value=given)
+            raise InputError("must lie within [-1, 1]", field="correlation", value=stated)
         i, j = names.index(pair[0]), names.index(pair[1])
         matrix[i, j] = matrix[j, i] = coefficient
     return matrix
 
 
-def _checked_matrix(names: list[str], given: ArrayLike) -> FloatArray:
-    matrix = real_numbers(given, "correlation", "must be a matrix of numbers or pairs of names")
+def _checked_matrix(names: list[str], stated: ArrayLike) -> FloatArray:
+    matrix = real_numbers(stated, "correlation", "must be a matrix of numbers or pairs of names")
     if matrix.shape != (len(names), len(names)):
         raise InputError(
             f"must be shaped ({len(names)}, {len(names)})", field="correlation", value=matrix.shape
         )
     if not np.all(np.abs(matrix) <= 1.0):
-        raise InputError("must lie within [-1, 1]", field="correlation", value=given)
+        raise InputError("must lie within [-1, 1]", field="correlation", value=stated)
     if not np.array_equal(np.diag(matrix), np.ones(len(names))):
         raise InputError(
             "must have ones on the diagonal", field="correlation", value=np.diag(matrix).tolist()
         )
     if not np.allclose(matrix, matrix.T, rtol=0.0, atol=1e-12):
-        raise InputError("must be symmetric", field="correlation", value=given)
+        raise InputError("must be symmetric", field="correlation", value=stated)
     return 0.5 * (matrix + matrix.T)

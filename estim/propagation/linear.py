@@ -6,7 +6,7 @@ over the inputs' uncertainties.  Use `estim.propagation.monte_carlo.propagate_mo
 interval that is quoted: it holds for any function and any distribution.  If it is unknown which
 will do, take both and ask `estim.propagation.validation.compare` (JCGM 101, section 8).
 
-How a measurement function looks is said at the top of `estim/propagation/evaluation.py`; how to
+The form of a measurement function stands at the top of `estim/propagation/evaluation.py`; how to
 state an input, at the top of `estim/propagation/inputs.py`.
 
     inputs = [Input("V", 4.999, 0.0032, unit="V"), Input("I", 0.019661, 9.5e-6, unit="A")]
@@ -236,7 +236,7 @@ def how_many(affected: BoolArray, *, scalar: bool) -> str:
 def _effective_dof(
     inputs: Sequence[Input], matrix: FloatArray, components: FloatArray, u: FloatArray
 ) -> tuple[FloatArray, list[str]]:
-    """Effective degrees of freedom, (n_out,), and what is to be said about them."""
+    """Effective degrees of freedom, (n_out,), and notes about them."""
     reciprocal, notes = np.zeros_like(u), []
     for group in _correlated_groups(matrix):
         all_dof = {inputs[i].dof_of_u for i in group}

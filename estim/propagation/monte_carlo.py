@@ -121,7 +121,7 @@ class MonteCarloResult(Tabled):
     def shown(self) -> Shown:
         """Each output with its standard uncertainty and both its intervals."""
         ends = (self.symmetric, self.shortest)
-        columns = (self.mean, self.u, *(a for one in ends for a in (one.low, one.high)))
+        columns = (self.mean, self.u, *(a for end in ends for a in (end.low, end.high)))
         rows = []
         for name, mean, u, *bounds in zip(
             output_names(self.mean), *(column.reshape(-1) for column in columns), strict=True
@@ -276,9 +276,9 @@ def _block_sizes(n_draw: int | None, most: int, probability: float) -> list[int]
     many.
     """
     # JCGM 101, 7.9.4 b
-    usual = max(_draws_for(probability), 10_000)
+    standard = max(_draws_for(probability), 10_000)
     total = n_draw or most
-    n_block = max(total // usual, _LEAST_BLOCKS)
+    n_block = max(total // standard, _LEAST_BLOCKS)
     larger = total % n_block
     return [total // n_block + 1] * larger + [total // n_block] * (n_block - larger)
 

@@ -103,14 +103,14 @@ def _curvilinear(tail: FloatArray, d: float) -> FloatArray:
     """
     flat = math.inf if d == 1.0 else math.log1p(2.0 * d / (1.0 - d)) / (2.0 * d)
     inner = (1.0 - 2.0 * tail) / flat
-    wanted = np.minimum(4.0 * d / (1.0 + d) * tail, 1.0)
-    q = np.maximum(1.0 - np.sqrt(2.0 * wanted), 1e-12)
+    target = np.minimum(4.0 * d / (1.0 + d) * tail, 1.0)
+    q = np.maximum(1.0 - np.sqrt(2.0 * target), 1e-12)
     for _ in range(8):
         slope = np.log(q)
         q = np.minimum(
             q
             - np.where(
-                slope < 0.0, (1.0 - q + q * slope - wanted) / np.where(slope < 0.0, slope, 1.0), 0.0
+                slope < 0.0, (1.0 - q + q * slope - target) / np.where(slope < 0.0, slope, 1.0), 0.0
             ),
             1.0,
         )

@@ -27,8 +27,8 @@ class Validation:
     """Whether the linear interval agrees with the Monte-Carlo one.  "()" stands for () or (n_out,).
 
     status : ``valid`` (all outputs agree), ``invalid`` (at least one differs for certain),
-        ``undecided`` (the Monte-Carlo errors of the ends are too large to tell, the Monte Carlo has
-        not settled, or a result is unknown).
+        ``undecided`` (the Monte-Carlo errors of the ends are too large to decide, it has
+        not stabilised, or a result is unknown).
     passes : () d_low <= tolerance and d_high <= tolerance, the test of JCGM 101, 8.1 as it stands;
         False where a result is unknown.
     decided : () whether the answer survives twice the Monte-Carlo error of both ends, and, where
@@ -93,10 +93,10 @@ def compare(
     passes = np.all(difference <= tolerance, axis=0)
     fails_surely = np.any(difference - error > tolerance, axis=0)
     # NaN: u does not exist
-    settled = np.atleast_1d(
+    converged = np.atleast_1d(
         2.0 * np.maximum(monte_carlo.mean_error, monte_carlo.u_error) <= tolerance
     )
-    decided = fails_surely | (np.all(difference + error <= tolerance, axis=0) & settled)
+    decided = fails_surely | (np.all(difference + error <= tolerance, axis=0) & converged)
     status: Status = (
         "invalid" if fails_surely.any() else "valid" if (passes & decided).all() else "undecided"
     )
@@ -118,7 +118,7 @@ def compare(
             error,
             tolerance,
             n_digits,
-            settled,
+            converged,
             scalar=scalar,
         )
         + (
@@ -137,7 +137,7 @@ def _sentence(
     error: FloatArray,
     tolerance: FloatArray,
     n_digits: int,
-    settled: BoolArray,
+    converged: BoolArray,
     *,
     scalar: bool,
 ) -> str:
@@ -171,7 +171,7 @@ def _sentence(
             "the linear interval cannot be assessed: a result is unknown there (see the "
             "notes of both)"
         )
-    if not np.all(settled[affected]) and np.all(
+    if not np.all(converged[affected]) and np.all(
         difference[:, affected] + error[:, affected] <= tolerance[affected]
     ):
         unsettled = phrase(

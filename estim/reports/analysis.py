@@ -42,7 +42,7 @@ from estim.reports.explanation import explanation_text, runs_text, slip_words
 from estim.reports.identifiability import direction_figure, identify_section, profile_figure
 from estim.reports.model_discrepancy import discrepancy_figure, force_figure
 from estim.reports.pages import Drawers, finished, images, numbered, shortened
-from estim.reports.records import DRAWS, FELT
+from estim.reports.records import DRAWS, LEAST_SHIFT
 from estim.reports.rendering import render
 from estim.reports.result import (
     ParameterSummary,
@@ -119,7 +119,7 @@ def report_and_result(
         drawers["figures/counts.png"] = partial(counts_figure, analysis.fit, analysis.goodness)
     drawn = images(
         drawers,
-        wanted=figures,
+        figure_choice=figures,
         further=_further_drawers(analysis, determination.intervals, shares, campaign.truth),
         kind=campaign.kind,
     )
@@ -193,13 +193,13 @@ def _text(
 ) -> str:
     """The Markdown report of one analysis, with the figures at the paths `pictures`.
 
-    section : what it says about the data against the priors.
+    section : its part about the data against the priors.
     shares : of the sources of uncertainty, None where there is no uncertainty to explain.
     """
     agreement = analysis.consistency
     axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
     among = max(1.0, len(result.runs) / MANY_RUNS)
-    told_below = (
+    note_below = (
         P_TOLD / among if any("speed" in run.checks for run in result.runs.values()) else None
     )
     screen = first_screen(result)
@@ -220,17 +220,17 @@ def _text(
         ],
         derived=derived_rows(result.runs, result.labels),
         reject_below=P_POOR_FIT / among,
-        told_below=told_below,
+        note_below=note_below,
         conflict_below=P_CONFLICT,
         plain=Notation(""),
         identify=section,
         # the parameters that some error moves by more than rounding hides
-        moved=[
+        influenced=[
             name
             for name in result.parameters
-            if any(abs(effect.shifts.get(name, 0.0)) >= FELT for effect in result.what_if)
+            if any(abs(effect.shifts.get(name, 0.0)) >= LEAST_SHIFT for effect in result.what_if)
         ],
-        felt=FELT,
+        least_shift=LEAST_SHIFT,
         consistency=""
         if agreement is None
         else consistency_text(
@@ -253,7 +253,7 @@ def _text(
         name_of_test=name_of_test,
         first_step=slip_words(analysis.explanation) or first_step(analysis.diagnosis.findings),
         reasons=first_reasons(result.reasons),
-        said=[
+        shown_notes=[
             *complete_runs([result]),
             *(
                 words
@@ -283,7 +283,7 @@ def index_report(
 ) -> Files:
     """`report.md` that leads to the reports of runs fit one by one, each in a folder of its name.
 
-    explanations : of what may be missing, of those runs of which it was asked.
+    explanations : of what may be missing, for the runs for which candidates were tried.
     """
     parameters = {
         run: {result.labels.bare[name]: p for name, p in result.parameters.items()}
@@ -318,7 +318,7 @@ def index_report(
 
 
 def _index_cell(p: Summary, shown: Label) -> str:
-    """A value or a limit; "as stated" of a parameter of which the data say little more."""
+    """A value or a limit; "as stated" of a parameter that the data hardly constrain further."""
     if not isinstance(p, ParameterSummary) or p.measured or p.limit is not None:
         return value_cell(p, shown)
     if p.upper_95 is not None:

@@ -45,10 +45,10 @@ def batch_report(rows: Sequence[Row], *, figures: FigureChoice) -> Files:
     `figures/overview.png`.
     """
     quantities = spreads(rows)
-    # at most so many quantities, of which the data say something in at least half of the runs
+    # at most so many quantities, which the data constrain in at least half of the runs
     panels = [spread for spread in quantities if spread.informed >= 0.5][:4]
     bad = [row for row in rows if row.status != "ok"]
-    apart = [
+    outlying = [
         ", ".join(rows[i].name for i in spread.apart[:_NAMED])
         + (phrase(" and others") if len(spread.apart) > _NAMED else "")
         or phrase("none")
@@ -57,21 +57,21 @@ def batch_report(rows: Sequence[Row], *, figures: FigureChoice) -> Files:
     return page(
         {"figures/overview.png": lambda: overview_figure(rows, panels)} if panels else {},
         "batch.md.j2",
-        {"summary.json": [_told(row) for row in rows]},
-        wanted=figures,
+        {"summary.json": [_record(row) for row in rows]},
+        figure_choice=figures,
         n=len(rows),
         counts=_counts(rows),
         synthetic=synthetic_words(rows),
         odd=odd_runs(rows)[:_LISTED],
-        quantities=list(zip(quantities, apart, strict=True)),
+        quantities=list(zip(quantities, outlying, strict=True)),
         bad=bad[:_LISTED],
         left=max(len(bad) - _LISTED, 0),
     ) | {"summary.csv": _csv(rows, quantities)}
 
 
 def batch_times(rows: Sequence[Row]) -> Files:
-    """`times.csv`: seconds of one processor for each run.  It is no part of the report, which says
-    what follows from the inputs.
+    """`times.csv`: seconds of one processor for each run.  It is no part of the report, which
+    follows from the inputs alone.
     """
     lines = [(_cell(row.campaign), _cell(row.run), f"{row.seconds:.2f}") for row in rows]
     return {"times.csv": as_csv([("campaign", "run", "cpu_s"), *lines]).encode()}
@@ -91,11 +91,11 @@ def _counts(rows: Sequence[Row]) -> list[tuple[str, int]]:
     return sorted(counted.items(), key=lambda item: (item[0] != "ok", -item[1]))
 
 
-def _csv(rows: Sequence[Row], found: Sequence[Spread]) -> bytes:
+def _csv(rows: Sequence[Row], quantities: Sequence[Spread]) -> bytes:
     """A line for each run; of each quantity mean, sd and the ends of the 95 % interval in SI units,
     empty where there is none.
     """
-    names = sorted((spread.name, spread.unit) for spread in found)
+    names = sorted((spread.name, spread.unit) for spread in quantities)
     heads = [f"{name} [{unit}]" if unit != "1" else name for name, unit in names]
     columns = [f"{head}{end}" for head in heads for end in ("", " sd", " q025", " q975")]
     lines: list[list[object]] = [["campaign", "run", "status", "why", *columns]]
@@ -112,8 +112,8 @@ def _csv(rows: Sequence[Row], found: Sequence[Spread]) -> bytes:
     return as_csv(lines).encode()
 
 
-def _told(row: Row) -> dict[str, object]:
-    """What a row says of its run, without how and when it was made."""
+def _record(row: Row) -> dict[str, object]:
+    """The results in a row, without how and when it was made."""
     left_out = ("seconds", "key", "outputs")
     return {key: value for key, value in msgspec.to_builtins(row).items() if key not in left_out}
 
@@ -143,10 +143,10 @@ def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
     bad = np.array([i + 1 for i, row in enumerate(rows) if row.status != "ok"])
     for ax, spread in zip(axes, shown, strict=True):
         at = np.array(spread.rows) + 1
-        apart = np.isin(np.array(spread.rows), spread.apart)
+        outlying = np.isin(np.array(spread.rows), spread.apart)
         factor = spread.label.factor
         ax.axhline(spread.median * factor, color=GREY, linewidth=0.8)
-        for chosen, colour, mark in ((~apart, BLUE, "o"), (apart, ORANGE, "D")):
+        for chosen, colour, mark in ((~outlying, BLUE, "o"), (outlying, ORANGE, "D")):
             bars = len(rows) <= 200  # of more, error bars would be one black band
             ax.errorbar(
                 at[chosen],

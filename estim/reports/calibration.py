@@ -42,18 +42,18 @@ _ENGINES = PhraseTable({"importance sampling": "importance sampling", "chain": "
 
 
 def unlike_fit(problem: Problem, with_usual_errors: Problem) -> str:
-    """What `estim fit` has beside the curves of a problem and a calibration has not, in words; ""
+    """What `estim fit` adds to the curves of a problem and a calibration does not, in words; ""
     where it is the same analysis.
     """
-    usual = problem.names != with_usual_errors.names
-    beside = [phrase("an unmodelled force")] if any(run.force for run in problem.runs) else []
-    beside += [phrase("default errors of clock and scale")] if usual else []
-    if not beside:
+    has_default_errors = problem.names != with_usual_errors.names
+    additions = [phrase("an unmodelled force")] if any(run.force for run in problem.runs) else []
+    additions += [phrase("default errors of clock and scale")] if has_default_errors else []
+    if not additions:
         return ""
     return phrase(
         "the intervals checked are those of the curve alone; those of estim fit also allow "
         "for {beside}, and are not checked here",
-        beside=phrase(" and ").join(beside),
+        beside=phrase(" and ").join(additions),
     )
 
 
@@ -76,7 +76,7 @@ def calibration_report(
         drawers,
         "calibration.md.j2",
         {"calibration.json": records},
-        wanted=figures,
+        figure_choice=figures,
         kind=campaign.kind,
         title=campaign.title,
         runs=", ".join(calibrations[0].runs),
@@ -90,25 +90,25 @@ def calibration_report(
 
 def calibration_record(campaign: Campaign, c: Calibration) -> Json:
     """Every number of a calibration, as `calibration.json` has it."""
-    found = findings(c)
+    calibration_findings = findings(c)
     numbers = {}
     for name, unit in c.reported.items():
         places = c.places_of(name)
-        held = zip(PROBABILITIES, c.share(name), c.share_sd(), strict=True)
+        coverage = zip(PROBABILITIES, c.share(name), c.share_sd(), strict=True)
         numbers[name] = {
             "unit": unit,
             "p_value": number(c.p_value(name)),
             # as a share of all ranks; 0.5 where estimates are not biased
             "mean_rank": np.mean(places) if places.size else None,
-            # share of the trials whose interval held the truth; sd of that if intervals keep
-            # their word
-            "coverage": [{"probability": p, "share": share, "sd": sd} for p, share, sd in held],
+            # share of the trials whose interval contains the truth; its sd if the coverage is
+            # nominal
+            "coverage": [{"probability": p, "share": share, "sd": sd} for p, share, sd in coverage],
         }
     return {
         "schema": SCHEMA,
         "what": c.what,
-        "status": decide(found),
-        "findings": [tell(f) for f in found],
+        "status": decide(calibration_findings),
+        "findings": [tell(f) for f in calibration_findings],
         "runs": c.runs,
         "n_trial": c.n_trial,
         "n_rejected": c.n_rejected,
@@ -125,7 +125,7 @@ def calibration_record(campaign: Campaign, c: Calibration) -> Json:
 
 
 def _part(c: Calibration, record: Json) -> Mapping[str, object]:
-    """What the template says of one calibration."""
+    """What the template shows of one calibration."""
     engines = [
         phrase("{count} by {how}", count=count, how=_ENGINES[how])
         for how, count in sorted(c.how.items())
@@ -177,7 +177,7 @@ def rank_figure(calibration: Calibration) -> Figure:
 
 
 def coverage_figure(calibration: Calibration) -> Figure:
-    """Share of the trials whose interval held the truth, with one and `off_sds` Monte-Carlo
+    """Share of the trials whose interval contains the truth, with one and `off_sds` Monte-Carlo
     standard deviations about the stated probability.
     """
     names = list(calibration.reported)
@@ -195,9 +195,9 @@ def coverage_figure(calibration: Calibration) -> Figure:
             )
         ax.axvline(100 * p, color=INK, lw=0.8)
         shares = np.array([calibration.share(name)[i] for name in names])
-        off = np.abs(shares - p) > calibration.off_sds * sd
-        ax.plot(100 * shares[~off], rows[~off], "o", color=BLUE, ms=4)
-        ax.plot(100 * shares[off], rows[off], "D", color=ORANGE, ms=5)
+        outside = np.abs(shares - p) > calibration.off_sds * sd
+        ax.plot(100 * shares[~outside], rows[~outside], "o", color=BLUE, ms=4)
+        ax.plot(100 * shares[outside], rows[outside], "D", color=ORANGE, ms=5)
         ax.set_xlabel(phrase("covered by the {p} interval (%)", p=percentage(p)))
     name_ticks(axes[0].yaxis, rows, [calibration.labels[name].tex for name in names])
     return figure

@@ -39,7 +39,7 @@ def compare_report(
         {"figures/comparison.png": partial(values_figure, summaries, common)},
         "compare.md.j2",
         {"comparison.json": record},
-        wanted=figures,
+        figure_choice=figures,
         kind=campaign.kind,
         title=campaign.title,
         runs=runs,
@@ -64,15 +64,15 @@ def _verdict(rows: Sequence[Json], common: Sequence[Parameter]) -> str:
     values = np.array(
         [[(s.mean, s.sd) for s in (row["posterior"][p.name] for p in common)] for row in ok], float
     )
-    apart = np.ptp(values[..., 0], axis=0) / np.max(values[..., 1], axis=0)
-    most = int(np.argmax(apart))
+    differences = np.ptp(values[..., 0], axis=0) / np.max(values[..., 1], axis=0)
+    largest = int(np.argmax(differences))
     return phrase(
         "{ok} of {n} models have status ok, and their estimates differ by at most {apart} standard "
         "uncertainties ({symbol})",
         ok=len(ok),
         n=len(rows),
-        apart=significant(float(apart[most]), 2),
-        symbol=common[most].label.symbol,
+        apart=significant(float(differences[largest]), 2),
+        symbol=common[largest].label.symbol,
     )
 
 

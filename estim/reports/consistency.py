@@ -70,16 +70,21 @@ def forest_figure(
             ax.axvline(centre, color=GREY, lw=0.8)
         for place, run in enumerate(runs):
             colour = VERMILION if run in consistency.suspects else BLUE
-            without: dict[str, Any] = {"mfc": "white", "color": INK, "lw": 0.9}
-            beside: dict[str, Any] = {"color": colour, "lw": 1.4}
-            for said, up, style, words in (
-                (consistency.others[run], 0.17, without, phrase("all but this run")),
-                (consistency.alone[run], -0.17, beside, phrase("this run and the stated values")),
+            others_style: dict[str, Any] = {"mfc": "white", "color": INK, "lw": 0.9}
+            alone_style: dict[str, Any] = {"color": colour, "lw": 1.4}
+            for estimate, offset, style, words in (
+                (consistency.others[run], 0.17, others_style, phrase("all but this run")),
+                (
+                    consistency.alone[run],
+                    -0.17,
+                    alone_style,
+                    phrase("this run and the stated values"),
+                ),
             ):
                 value, bar = _within(
-                    said.mean[i] * label.factor, said.sd[i] * label.factor, low, high
+                    estimate.mean[i] * label.factor, estimate.sd[i] * label.factor, low, high
                 )
-                ax.errorbar(value, place + up, xerr=bar, fmt="o", ms=3.5, label=words, **style)
+                ax.errorbar(value, place + offset, xerr=bar, fmt="o", ms=3.5, label=words, **style)
         name_ticks(ax.yaxis, range(len(runs)), runs)
         for tick, run in zip(ax.get_yticklabels(), runs, strict=True):
             tick.set_fontweight("bold" if run in consistency.suspects else "normal")
@@ -98,7 +103,7 @@ def _drawn(consistency: Consistency, name: str) -> Sequence[str]:
         return runs
     i = consistency.shared.index(name)
 
-    def apart(run: str) -> float:
+    def distance(run: str) -> float:
         alone, others = consistency.alone[run], consistency.others[run]
         return (
             float(np.abs(alone.mean[i] - others.mean[i]) / max(alone.sd[i], 1e-300))
@@ -106,7 +111,7 @@ def _drawn(consistency: Consistency, name: str) -> Sequence[str]:
             else 0.0
         )
 
-    chosen = set(sorted(runs, key=apart, reverse=True)[:_FARTHEST])
+    chosen = set(sorted(runs, key=distance, reverse=True)[:_FARTHEST])
     return [run for run in runs if run in chosen]
 
 

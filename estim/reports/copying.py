@@ -1,7 +1,7 @@
 """Results to copy into a lab report: plain lines, LaTeX for the package siunitx in both of its
 notations, and CSV.
 
-siunitx reads "3.3(20)" and "3.3 +- 2.0" alike; which of them is printed is a matter of its options,
+siunitx reads "3.3(20)" and "3.3 +- 2.0" as the same; its options decide which of them is printed,
 so both are offered.  Limits and lopsided values have no notation that every version of it knows:
 they are written as mathematics.  The table has the value of the text: of a lopsided one the median
 without u, whose 68 % interval stands beside it.
@@ -104,21 +104,21 @@ class Copies:
 
 
 def copies_of(estimates: Sequence[Estimate], *, kind: str = "") -> Copies:
-    """Every estimate with a value or a limit, measured or not; the table says which.
+    """Every estimate with a value or a limit, measured or not; the table shows which.
 
-    kind : of the data; where they are "synthetic" each block says so.
+    kind : of the data; where they are "synthetic" each block states it.
     """
-    made = [phrase("SYNTHETIC data")] if kind == "synthetic" else []
-    remark = [f"% {words}" for words in made]
+    notices = [phrase("SYNTHETIC data")] if kind == "synthetic" else []
+    comments = [f"% {words}" for words in notices]
     available = [estimate for estimate in estimates if estimate.value != "n/a"]
     quoted = [estimate for estimate in available if estimate.told]
     brackets, plus_minus = (
-        _block([*remark, *(_noted(estimate, written) for estimate in quoted)], "latex")
+        _block([*comments, *(_noted(estimate, written) for estimate in quoted)], "latex")
         for written in (False, True)
     )
     return Copies(
         _block(
-            made
+            notices
             + [
                 estimate.relation
                 if estimate.measured
@@ -128,7 +128,7 @@ def copies_of(estimates: Sequence[Estimate], *, kind: str = "") -> Copies:
         ),
         brackets,
         plus_minus,
-        _block([*(f"# {words}" for words in made), *_rows(available)], "csv"),
+        _block([*(f"# {words}" for words in notices), *_rows(available)], "csv"),
     )
 
 
@@ -168,29 +168,31 @@ def _digits(value: float, sd: float | None = None) -> str:
     return f"{value:.{max(6, known + 2)}g}"
 
 
-def _noted(one: Estimate, plus_minus: bool) -> str:
-    return _tex(one, plus_minus) + ("" if one.measured else phrase("  % not measured here"))
+def _noted(estimate: Estimate, plus_minus: bool) -> str:
+    return _tex(estimate, plus_minus) + (
+        "" if estimate.measured else phrase("  % not measured here")
+    )
 
 
-def _tex(one: Estimate, plus_minus: bool) -> str:
-    label, p, text = one.label, one.summary, one.value
+def _tex(estimate: Estimate, plus_minus: bool) -> str:
+    label, p, text = estimate.label, estimate.summary, estimate.value
     symbol, unit = _symbol(label), _unit(label.unit)
     known = unit and not unit.startswith(r"\text")
-    behind = rf"\,\unit{{{unit}}}" if known else rf"\,{unit}" if unit else ""
+    unit_suffix = rf"\,\unit{{{unit}}}" if known else rf"\,{unit}" if unit else ""
     if "±" in text and p.mean is not None and p.sd is not None:
         number = _number(
             format_quantity(p.mean * label.factor, p.sd * label.factor, plus_minus=plus_minus)
         ).replace(" ± ", " +- ")
-        written = rf"\qty{{{number}}}{{{unit}}}" if known else rf"\num{{{number}}}{behind}"
+        written = rf"\qty{{{number}}}{{{unit}}}" if known else rf"\num{{{number}}}{unit_suffix}"
         return f"${symbol} = {written}$"
     if match := re.match(r"([<>]) (\S+?)[ °]", text):
-        return f"${symbol} {match[1]} {_number(match[2])}{behind}$ (95\\,\\%)"
+        return f"${symbol} {match[1]} {_number(match[2])}{unit_suffix}$ (95\\,\\%)"
     if match := re.match(r"\(?(\S+) \+(\S+) −([^\s)]+)", text):
         centre, up, down = (
-            rf"\num{{{_number(one)}}}" if "×" in one else _number(one) for one in match.groups()
+            rf"\num{{{_number(part)}}}" if "×" in part else _number(part) for part in match.groups()
         )
-        return f"${symbol} = {centre}^{{+{up}}}_{{-{down}}}{behind}$"
-    return f"${symbol} = {_number(text.partition(' ')[0])}{behind}$"
+        return f"${symbol} = {centre}^{{+{up}}}_{{-{down}}}{unit_suffix}$"
+    return f"${symbol} = {_number(text.partition(' ')[0])}{unit_suffix}$"
 
 
 def _number(text: str) -> str:

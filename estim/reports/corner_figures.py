@@ -166,8 +166,8 @@ def density_of(
     # not those that hold as many of the draws: across a narrow ridge the smoothed one is too wide,
     # so such a region would be too short along it
     ordered = np.sort(smoothed, axis=None)[::-1]
-    held = np.cumsum(ordered)
-    levels = ordered[np.searchsorted(held, np.array(probabilities) * held[-1])]
+    cumulative = np.cumsum(ordered)
+    levels = ordered[np.searchsorted(cumulative, np.array(probabilities) * cumulative[-1])]
     levels[:-1] = np.minimum(levels[:-1], levels[1:] * (1.0 - 1e-4))
     return Density(middles[0], middles[1], np.pad(smoothed, 1, mode="edge"), levels)
 

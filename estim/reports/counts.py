@@ -15,7 +15,7 @@ from estim.fitting import Fit
 from estim.problem import Counted, Law, Observations
 from estim.reports.rendering import render
 
-_FEW = 5.0  # expected events below which a bin says little by itself
+_FEW = 5.0  # expected events below which a bin alone constrains little
 
 
 def counts_text(fit: Fit, pictures: Collection[str]) -> str:

@@ -112,11 +112,15 @@ def abscissas_figure(analysis: Analysis) -> Figure:
     """Residuals (data minus curve) against each abscissa, of the runs whose curve has several."""
     every = residuals_of(analysis)
     drawn = [every[i] for i in drawn_runs(analysis.goodness)]
-    panels = [(one, *place) for one in drawn for place in (one.run.places or {}).items()]
+    panels = [
+        (residuals, *place) for residuals in drawn for place in (residuals.run.places or {}).items()
+    ]
     figure, axes = grid(len(panels), height=2.3, columns=2)
-    for ax, (one, name, x) in zip(axes, panels, strict=True):
-        draw_residuals(ax, replace(one, run=replace(one.run, x=x, x_name=name, x_unit="1")), None)
-        ax.set_title(one.run.name)
+    for ax, (residuals, name, x) in zip(axes, panels, strict=True):
+        draw_residuals(
+            ax, replace(residuals, run=replace(residuals.run, x=x, x_name=name, x_unit="1")), None
+        )
+        ax.set_title(residuals.run.name)
     return figure
 
 
@@ -134,7 +138,7 @@ def phase_plane_figure(
     figure, axes = grid(len(units), height=4.6)
     stated = {band.run: band for band in propagated}
     all_bands = {bands.run: bands for bands in analysis.bands}
-    residuals = {one.run.name: one for one in residuals_of(analysis)}
+    residuals = {entry.run.name: entry for entry in residuals_of(analysis)}
     for run, colour, mark in zip(runs, cycle(RUN_COLOURS), cycle(MARKS), strict=False):
         ax, bands = axes[units.index((run.x_label, run.y_label))], all_bands[run.name]
         if (band := stated.get(run.name)) is not None:
@@ -149,10 +153,10 @@ def phase_plane_figure(
         _draw_outliers(ax, run, analysis.outliers, rest.far)
         _draw_bad_frames(ax, run, analysis.fit.forces)
     for ax, (x_label, y_label) in zip(axes, units, strict=True):
-        there = [run for run in runs if run.x_label == x_label]
+        panel_runs = [run for run in runs if run.x_label == x_label]
         ax.set(xlabel=x_label, ylabel=y_label)
-        ax.set_xlim(left=min(_low_end(run.x) for run in there))
-        ax.set_ylim(bottom=min(_low_end(run.y) for run in there))
+        ax.set_xlim(left=min(_low_end(run.x) for run in panel_runs))
+        ax.set_ylim(bottom=min(_low_end(run.y) for run in panel_runs))
     legend_below(figure, ncols=2)
     return figure
 
@@ -176,9 +180,9 @@ def _curve(analysis: Analysis, run: Observations, bands: Bands, x: FloatArray) -
 def _new_reading(analysis: Analysis, run: Observations, bands: Bands) -> str:
     """What the outer band is of, which is without what the curve lacks unless it is `completed`."""
     new = phrase(run.words.new, y=run.y_name)
-    lacks = [deviation.run for deviation in analysis.fit.deviations]
-    lacks += [name for force in analysis.fit.forces for name in force.runs]
-    if bands.completed or run.name not in lacks:
+    incomplete = [deviation.run for deviation in analysis.fit.deviations]
+    incomplete += [name for force in analysis.fit.forces for name in force.runs]
+    if bands.completed or run.name not in incomplete:
         return new
     return phrase("{new} without the deviation", new=new)
 
@@ -330,12 +334,12 @@ def far_off(run: Observations, outliers: Sequence[Outliers]) -> BoolArray:
         if group.run == run.name and not run.words.from_release:
             named[group.frames] = True
     rest = run.y[~named]
-    away = (
+    distance = (
         np.maximum(rest.min() - run.y, run.y - rest.max()) if rest.size > 1 else np.zeros(run.n_obs)
     )
     # heights of all other points that an outlier is away from them, and is no longer drawn to
     # scale
-    return named & (away > 3.0 * np.ptp(rest))
+    return named & (distance > 3.0 * np.ptp(rest))
 
 
 def panel_pairs(n: int, *, height: float) -> tuple[Figure, list[tuple[Axes, Axes]]]:

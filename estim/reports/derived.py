@@ -1,4 +1,4 @@
-"""What the report of a run says beside its curve: what follows from its parameters, and where its
+"""What the report of a run shows beside its curve: what follows from its parameters, and where its
 numbers come from.
 """
 
@@ -67,7 +67,7 @@ def derived_columns(analysis: Analysis) -> dict[str, tuple[Derived, Label]]:
     """What a user wanted computed, as values at draws (n_draw, 1) with its label: "g" where it is
     the same for all runs, else "g[run]".
     """
-    found = (
+    entries = (
         (name, run.name, derived)
         for run in analysis.problem.runs
         if run.sought
@@ -76,7 +76,7 @@ def derived_columns(analysis: Analysis) -> dict[str, tuple[Derived, Label]]:
     )
     columns: dict[str, tuple[Derived, Label]] = {}
     for name, run, quantity in once(
-        found,
+        entries,
         len(analysis.problem.runs),
         lambda a, b: np.array_equal(a.values, b.values, equal_nan=True),
     ):
@@ -86,19 +86,19 @@ def derived_columns(analysis: Analysis) -> dict[str, tuple[Derived, Label]]:
 
 
 def once(
-    found: Iterable[tuple[str, str, T]], n_run: int, same: Callable[[T, T], bool] = operator.eq
+    entries: Iterable[tuple[str, str, T]], n_run: int, same: Callable[[T, T], bool] = operator.eq
 ) -> Iterator[tuple[str, str, T]]:
-    """What is known of a quantity by run (quantity, run, known): with "" as the run, once, where it
-    is the same for all runs, which are `n_run`.
+    """The values of quantities by run, `entries` of (quantity, run, value): with "" as the run,
+    once, where the value is the same for all `n_run` runs.
     """
     by_name: dict[str, dict[str, T]] = {}
-    for name, run, known in found:
-        by_name.setdefault(name, {})[run] = known
+    for name, run, value in entries:
+        by_name.setdefault(name, {})[run] = value
     for name, by_run in by_name.items():
         first, *others = by_run.values()
         shared = len(by_run) == n_run and all(same(first, other) for other in others)
-        for run, known in ({"": first} if shared else by_run).items():
-            yield name, run, known
+        for run, value in ({"": first} if shared else by_run).items():
+            yield name, run, value
 
 
 def derived_quantity_draws(analysis: Analysis) -> list[tuple[Label, FloatArray]]:
@@ -111,7 +111,7 @@ def derived_quantity_draws(analysis: Analysis) -> list[tuple[Label, FloatArray]]
 
 
 def derived_facts(analysis: Analysis, run: Observations) -> list[str]:
-    """Why a quantity that was asked for is not in the table."""
+    """Why a requested quantity is not in the table."""
     facts, draws = [], derived_draws(analysis, run)
     for quantity in run.sought:
         if quantity.lacking:
@@ -160,13 +160,13 @@ def derived_rows(runs: Mapping[str, RunSummary], labels: Labels) -> list[tuple[s
     """Symbol, meaning, value, interval and unit of every derived quantity: once where the cells are
     the same for every run, else run by run.
     """
-    found = (
+    entries = (
         (name, run, parameter_cells(d, labels.derived[run][name]))
         for run, summary in runs.items()
         for name, d in summary.derived.items()
     )
     return [
-        (symbol + (run and f"[{run}]"), *row) for _, run, (symbol, *row) in once(found, len(runs))
+        (symbol + (run and f"[{run}]"), *row) for _, run, (symbol, *row) in once(entries, len(runs))
     ]
 
 
@@ -201,8 +201,8 @@ def origin_warnings(table: Run, run: Observations, problem: Problem) -> tuple[st
     stated = stated_phi(run, problem)
     if table.tilt is None or stated is None:
         return table.warnings
-    apart, u = abs(table.tilt.value - stated.value), math.hypot(table.tilt.u, stated.u)
-    if apart <= 3.0 * u:  # combined standard uncertainties
+    difference, u = abs(table.tilt.value - stated.value), math.hypot(table.tilt.u, stated.u)
+    if difference <= 3.0 * u:  # combined standard uncertainties
         return table.warnings
     warning = phrase(
         "the tilt of the track, {track}, and the stated tilt, {stated}, differ by "
@@ -214,13 +214,13 @@ def origin_warnings(table: Run, run: Observations, problem: Problem) -> tuple[st
         "was the x axis level, and the camera square to the plane of motion?",
         track=_degrees(table.tilt),
         stated=_degrees(stated),
-        apart=apart / u if u > 0.0 else math.degrees(apart),
+        apart=difference / u if u > 0.0 else math.degrees(difference),
     )
     return (*table.warnings, warning)
 
 
 def speed_facts(run: Observations) -> tuple[str, ...]:
-    """What a fit of the speeds of a rolling body takes as exact unless told otherwise, and the
+    """What a fit of the speeds of a rolling body takes as exact by default, and the
     frames that only a fit of positions can use.
     """
     if run.motion is None or run.positions:
@@ -240,14 +240,14 @@ def speed_facts(run: Observations) -> tuple[str, ...]:
                 example=example,
             )
         )
-    back = way_back(run.excluded)
-    if back > 5:  # frames of the way back that are not worth a word
+    n_back = way_back(run.excluded)
+    if n_back > 5:  # frames of the way back that are not worth a word
         facts.append(
             phrase(
                 'noise with model = "positions" would also use the {back} frames of the '
                 "way back, and can reduce the "
                 "uncertainties considerably",
-                back=back,
+                back=n_back,
             )
         )
     return tuple(facts)

@@ -27,7 +27,7 @@ from estim.reports.rendering import shown
 from estim.reports.result import provenance
 from estim.studies.energy import Drift, EnergyRecord, energy_status
 
-_ANYTHING = 1.0  # standard uncertainty of a ratio that says nothing
+_ANYTHING = 1.0  # standard uncertainty of a ratio that is undetermined
 
 
 def summarise_energy(e: EnergyRecord) -> Json:
@@ -52,7 +52,7 @@ def summarise_drift(drift: Drift) -> Json:
 
 
 def drift_words(drift: Json) -> str:
-    """What the data say on a loss of energy, in words."""
+    """What the data show of a loss of energy, in words."""
     if not drift["free"]:
         return phrase(
             "This fit held the rolling resistance fixed, so the energies agree with it by "
@@ -96,7 +96,7 @@ def energy_words(drift: Json) -> str:
 
 
 def energy_lines(analysis: Analysis, drift: Drift) -> list[str]:
-    """What a terminal says of the energy: why there is no result, or what was found."""
+    """The lines of a terminal on the energy: why there is no result, or the result."""
     if not analysis.diagnosis.ok:
         return list(analysis.diagnosis.reasons)
     summary = summarise_drift(drift)
@@ -165,7 +165,7 @@ def energy_report(
         {"figures/energy.png": partial(energy_figure, records, title=campaign.title, bad=bad)},
         "energy.md.j2",
         {"result.json": result},
-        wanted=figures,
+        figure_choice=figures,
         kind=campaign.kind,
         result=result,
         energies=result["energies"],

@@ -58,7 +58,7 @@ class CandidateSummary(Record):
     p_size: float | None  # the same by chi-squared
     lines: list[str]  # of the campaign file, the first a table
     remark: str
-    outcome: OutcomeSummary | None  # of the first candidates that the campaign can say
+    outcome: OutcomeSummary | None  # of the first candidates that a campaign can state
 
 
 class ExplanationSummary(Record):
@@ -72,11 +72,11 @@ def explanation_summary(explanation: Explanation | None) -> ExplanationSummary |
     """The record of the candidates, None where none were refit."""
     if explanation is None:
         return None
-    plain = explanation.plain
+    baseline = explanation.plain
     return ExplanationSummary(
         tell(verdict(explanation)),
-        number(plain.p_order),
-        number(plain.p_size),
+        number(baseline.p_order),
+        number(baseline.p_size),
         msgspec.convert(explanation.candidates, list[CandidateSummary], from_attributes=True),
     )
 
@@ -89,7 +89,7 @@ def explanation_text(explanation: Explanation) -> Markdown:
         verdict=tell(verdict(explanation)),
         rows=candidates,
         value=_values,
-        remains=_left,
+        remains=_residual_words,
         added=_added,
         add=_add_cell,
         found=f"{FOUND:g}",
@@ -99,7 +99,7 @@ def explanation_text(explanation: Explanation) -> Markdown:
         in_campaign=any(row.outcome is not None or row.lines for row in candidates),
         offered=explanation.offered is not None,
         n_tried=len(explanation.candidates),
-        left=_left(explanation.plain),
+        left=_residual_words(explanation.plain),
     )
 
 
@@ -124,7 +124,7 @@ def explanation_lines(explanation: Explanation) -> list[str]:
             gain=signed(f"{candidate.gain:.0f}"),
             words=candidate.words,
             value=_values(candidate),
-            left=_left(candidate),
+            left=_residual_words(candidate),
         )
         lines.append(
             line
@@ -162,8 +162,8 @@ def runs_text(causes: Sequence[CauseOfRuns]) -> Markdown:
     return render("causes_of_runs.md.j2", rows=rows)
 
 
-def _values(one: Candidate) -> str:
-    return ", ".join(map(_value, one.numbers))
+def _values(candidate: Candidate) -> str:
+    return ", ".join(map(_value, candidate.numbers))
 
 
 def _value(n: Estimated) -> str:
@@ -181,34 +181,34 @@ def _shown(value: float, sd: float, label: Label) -> str:
     return with_unit(format_quantity(value * label.factor, sd * label.factor), label.unit)
 
 
-def _left(one: Candidate) -> str:
+def _residual_words(candidate: Candidate) -> str:
     """How the residuals are with a candidate."""
-    if math.isnan(one.p_order):
+    if math.isnan(candidate.p_order):
         return phrase("not tested")
-    if not one.random:
-        return phrase("not random ({p})", p=format_p(one.p_order, P_FLOOR))
-    return phrase("random" if one.as_large_as_stated else "random, but larger than stated")
+    if not candidate.random:
+        return phrase("not random ({p})", p=format_p(candidate.p_order, P_FLOOR))
+    return phrase("random" if candidate.as_large_as_stated else "random, but larger than stated")
 
 
-def _added(one: Candidate) -> str:
+def _added(candidate: Candidate) -> str:
     """What a fit of the campaign with a candidate gives."""
-    if one.outcome is None:
+    if candidate.outcome is None:
         return phrase("not tested in the campaign")
-    if not one.outcome.status.ok:
-        return str(one.outcome.status)
-    summary = ", ".join([str(one.outcome.status), *map(_value, one.outcome.numbers)])
+    if not candidate.outcome.status.ok:
+        return str(candidate.outcome.status)
+    summary = ", ".join([str(candidate.outcome.status), *map(_value, candidate.outcome.numbers)])
     return (
         phrase("{found}; an unmodelled force remains", found=summary)
-        if one.outcome.lacks_force
+        if candidate.outcome.lacks_force
         else summary
     )
 
 
-def _add_cell(one: Candidate) -> Markdown:
+def _add_cell(candidate: Candidate) -> Markdown:
     """Lines for a candidate that is an answer; those of one that is none would lead astray."""
-    if not one.lines:
-        return markdown(one.remark)
-    if not one.explains or one.outcome is None:
+    if not candidate.lines:
+        return markdown(candidate.remark)
+    if not candidate.explains or candidate.outcome is None:
         return markdown("")
-    where, *lines = one.lines
+    where, *lines = candidate.lines
     return Markdown(f"{code(where)}: {', '.join(map(code, lines))}")

@@ -13,7 +13,7 @@ def with_formats(files: Files, formats: Iterable[str]) -> Files:
     """
     outputs = dict(files)
     for name in formats if "report.md" in files else ():
-        # what makes one is loaded when it is asked for
+        # what makes one is loaded when it is requested
         from estim.reports.html_page import html_page, pdf_page
 
         outputs[f"report.{name}"] = {"html": html_page, "pdf": pdf_page}[name](files)

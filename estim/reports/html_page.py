@@ -2,7 +2,7 @@
 scroll, light or dark as the reader's system is.
 
 It is made of `report.md` and its figures alone, by markdown-it (CommonMark, with GitHub's tables),
-and says the same.  No script, no outside address: the page forbids itself both
+and has the same content.  No script, no outside address: the page forbids itself both
 (Content-Security-Policy).  Of HTML in the Markdown only what `rendering.folded` makes passes; all
 else is shown as text.
 """
@@ -69,7 +69,7 @@ _TABLE = re.compile(r"(?:<p><em>((?:(?!</?em>).)*)</em></p>\n)?<table>(.*?)</tab
 
 def html_page(files: Files, *, paper: bool = False) -> bytes:
     """`report.html` of the files of a report (path -> bytes; `report.md` and the figures that it
-    shows), in the language that is spoken.
+    shows), in the current language.
 
     paper : for a printer: nothing to open or to click, and what is folded stands open in an
         appendix that begins a page.

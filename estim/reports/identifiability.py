@@ -1,4 +1,4 @@
-"""What the data can tell, as a reader sees it: the rows of its table and its sentences
+"""What the data can determine, as a reader sees it: the rows of its table and its sentences
 (`templates/identifiability.md.j2`).
 """
 
@@ -44,7 +44,7 @@ _TOP_RISE = 5.0
 
 def identify_section(
     problem: Problem,
-    found: Identifiability,
+    identifiability: Identifiability,
     intervals: Sequence[ProfileInterval],
     sensitivity: Sequence[Sensitivity],
     draws: FloatArray,
@@ -88,7 +88,7 @@ def identify_section(
             )
         )
     return {
-        "sentences": [*found.sentences, *_hardly_better_known(problem, posterior_sds)],
+        "sentences": [*identifiability.sentences, *_hardly_better_known(problem, posterior_sds)],
         "rows": rows,
         "doubts": doubts,
         # the two limits that the words refer to
@@ -166,18 +166,20 @@ def _verdict(problem: Problem, leaning: Sensitivity, mean: float) -> str:
     return phrase("{words}; mainly that of {symbol}", words=words, symbol=strongest.label.symbol)
 
 
-def direction_figure(problem: Problem, found: Identifiability) -> Figure:
+def direction_figure(problem: Problem, identifiability: Identifiability) -> Figure:
     """Information of the data along each direction, in units of the prior's, and what each
     direction is made of.
     """
-    n = len(found.directions)
+    n = len(identifiability.directions)
     single = len(problem.runs) == 1
     labels = [p.bare_label if single else p.label for p in problem.parameters]
     figure = new_figure(1.5 + 0.30 * n + (0.0 if single else 0.6))
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.25 if n < 8 else 1.7))
-    information = np.array([d.information for d in found.directions])
+    information = np.array([d.information for d in identifiability.directions])
     places = np.arange(n)
-    colours = [{"data": BLUE, "prior": ORANGE}.get(d.held_by, INK) for d in found.directions]
+    colours = [
+        {"data": BLUE, "prior": ORANGE}.get(d.held_by, INK) for d in identifiability.directions
+    ]
     top = 10.0 * max(10.0, float(information.max()))
     left.barh(
         places,
@@ -219,7 +221,7 @@ def direction_figure(problem: Problem, found: Identifiability) -> Figure:
             )
     _components(
         right,
-        np.array([d.vector for d in found.directions]),
+        np.array([d.vector for d in identifiability.directions]),
         [label.tex for label in labels],
         upright=not single or max(len(label.symbol) for label in labels) > 8,
     )

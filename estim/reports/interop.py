@@ -17,7 +17,7 @@ which ArviZ splits a chain are the halves in time, and draws that follow each ot
 walker: for an even number of steps R-hat is exactly ours (for an odd number ours leaves out the
 first step), and effective sample sizes agree with ours to about ten per cent.  (Step by step, with
 neighbours from different walkers, ArviZ would find no autocorrelation and take every draw for an
-independent one.)  The coordinates `step` and `walker` tell where a draw comes from.
+independent one.)  The coordinates `step` and `walker` give the origin of a draw.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ def to_frame(analysis: Analysis) -> pd.DataFrame:
         columns=list(chain.names),
     )
     frame.attrs.update(
-        units={p.name: p.unit for p in analysis.problem.parameters}, **_said(analysis)
+        units={p.name: p.unit for p in analysis.problem.parameters}, **_title_and_status(analysis)
     )
     return frame
 
@@ -190,7 +190,7 @@ def _shown_kind(kind: str) -> str:
     return "SYNTHETIC" if kind == "synthetic" else kind or "not stated"
 
 
-def _said(analysis: Analysis) -> dict[str, Any]:
+def _title_and_status(analysis: Analysis) -> dict[str, Any]:
     return {
         "title": analysis.title,
         "kind": _shown_kind(analysis.kind),
@@ -246,7 +246,7 @@ def _groups(analysis: Analysis) -> dict[str, xarray.Dataset]:
 
 
 def _attributes(analysis: Analysis) -> dict[str, Any]:
-    attributes = _said(analysis) | {
+    attributes = _title_and_status(analysis) | {
         "title": one_line(analysis.title),
         "reasons": "\n".join(analysis.diagnosis.reasons),
         "seed": analysis.seed,

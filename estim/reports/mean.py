@@ -34,12 +34,19 @@ from estim.reports.pages import page
 from estim.reports.result import provenance_of
 
 
-def mean_statement(found: TableMean) -> str:
+def mean_statement(table_mean: TableMean) -> str:
     """The recommended mean as a sentence for a paper."""
-    best, unit, name = found.mean.best, behind(found.unit), found.name
+    best, unit, name = table_mean.mean.best, behind(table_mean.unit), table_mean.name
     if not math.isnan(best.k):
         return expanded_statement(
-            phrase("mean"), name, unit, best.value, best.u, best.k, best.dof, found.mean.probability
+            phrase("mean"),
+            name,
+            unit,
+            best.value,
+            best.u,
+            best.k,
+            best.dof,
+            table_mean.mean.probability,
         )
     size = best.u if math.isfinite(best.u) else 0.25 * (best.high - best.low)
     shown = format_rounded(best.value, size) + unit
@@ -53,27 +60,27 @@ def mean_statement(found: TableMean) -> str:
         "{name} = {value}, {percent} interval {ends}, with a dark uncertainty of {tau}.",
         name=name,
         value=shown,
-        percent=f"{100.0 * found.mean.probability:g} %",
+        percent=f"{100.0 * table_mean.mean.probability:g} %",
         ends=interval(best.low, best.high, size, 2) + unit,
         tau=significant(best.tau, 2) + unit,
     )
 
 
-def mean_report(found: TableMean, *, seed: int, figures: FigureChoice) -> Files:
+def mean_report(table_mean: TableMean, *, seed: int, figures: FigureChoice) -> Files:
     """`report.md`, `result.json` and `figures/mean.png`."""
-    mean, groups = found.mean, found.mean.groups
+    mean, groups = table_mean.mean, table_mean.mean.groups
     shown = mean.shown()
     result = {
         "schema": "estim-mean/1",
         "status": mean.status,
-        "column": found.name,
+        "column": table_mean.name,
         "n": mean.data.size,
         "recommended": mean.recommended,
         "reason": mean.reason,
-        "statement": mean_statement(found) if mean.status.ok else "",
+        "statement": mean_statement(table_mean) if mean.status.ok else "",
         # k and dof are null where the interval is one of quantiles
         "averages": {
-            name: {"value": a.value, "u": a.u, "unit": found.unit} | a._asdict()
+            name: {"value": a.value, "u": a.u, "unit": table_mean.unit} | a._asdict()
             for name, a in mean.averages.items()
         },
         # chi2, its probability and tau are null for readings
@@ -95,29 +102,29 @@ def mean_report(found: TableMean, *, seed: int, figures: FigureChoice) -> Files:
         },
         "probability": mean.probability,
         "provenance": provenance_of(
-            found.path, found.sha256, {str(found.path): found.sha256}, seed
+            table_mean.path, table_mean.sha256, {str(table_mean.path): table_mean.sha256}, seed
         ),
     }
     return page(
-        {"figures/mean.png": partial(mean_figure, found)},
+        {"figures/mean.png": partial(mean_figure, table_mean)},
         "mean.md.j2",
         {"result.json": result},
-        wanted=figures,
+        figure_choice=figures,
         result=result,
-        unit=found.unit,
+        unit=table_mean.unit,
         averages=table(shown.head, shown.rows),
-        facts=(found.told, *found.facts),
+        facts=(table_mean.told, *table_mean.facts),
     )
 
 
-def mean_figure(found: TableMean) -> Figure:
+def mean_figure(table_mean: TableMean) -> Figure:
     """The values with their standard uncertainties, and the interval of each mean that counts."""
-    mean = found.mean
+    mean = table_mean.mean
     figure = new_figure(3.8)
     ax = figure.subplots()
     places = np.arange(1.0, mean.data.size + 1.0)
     if mean.groups is not None:
-        places = 1.0 + np.array([mean.groups.names.index(label) for label in found.labels])
+        places = 1.0 + np.array([mean.groups.names.index(label) for label in table_mean.labels])
     others = "weighted" if mean.u_data is not None else "readings"
     with_tau = "hierarchical" if mean.u_data is not None else mean.recommended
     quoted = mean.recommended if mean.status.ok else ""
@@ -148,7 +155,7 @@ def mean_figure(found: TableMean) -> Figure:
     else:
         whole_ticks(ax.xaxis)
     ax.set(
-        ylabel=found.name + bracketed(found.unit),
+        ylabel=table_mean.name + bracketed(table_mean.unit),
         xlabel=phrase("number of the value" if mean.groups is None else "group"),
     )
     ax.ticklabel_format(axis="y", useOffset=False)

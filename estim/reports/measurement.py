@@ -103,7 +103,7 @@ def measurement_result(propagation: Propagation, *, seed: int) -> Json:
                 "k_ellipse_drawn": region.k_drawn,
                 "k_rectangle": region.k_rectangle,
                 "k_rectangle_drawn": region.k_rectangle_drawn,
-                "gum_ellipse_holds": region.held,  # share of the draws in it
+                "gum_ellipse_holds": region.coverage,  # share of the draws in it
             }
             for region in propagation.regions
         ],
@@ -224,7 +224,7 @@ def statement(propagation: Propagation, i: int) -> str:
                 name=output.name,
             )
         )
-        told = _BY_DRAWS[propagation.model.interval].format(
+        sentence = _BY_DRAWS[propagation.model.interval].format(
             what=what,
             best=best,
             percent=percent,
@@ -233,8 +233,8 @@ def statement(propagation: Propagation, i: int) -> str:
         )
         below, above = _gap(drawn.draws[:, i])
         if above - below < _EMPTY * (high - low):
-            return told
-        return told + phrase(
+            return sentence
+        return sentence + phrase(
             " These trials lie in two separate groups, up to {below} and from {above}, with none "
             "between them: mean and u describe neither.",
             below=format_rounded(below, 0.1 * scale) + unit,
@@ -262,7 +262,7 @@ def expanded_statement(
     dof: float,
     probability: float,
 ) -> str:
-    """A value with its expanded uncertainty, told as GUM 7.2.4 asks."""
+    """A value with its expanded uncertainty, stated as GUM 7.2.4 requires."""
     expanded = f"{format_rounded(value, k * u)} ± {format_rounded(k * u, k * u, beside=value)}"
     return phrase(
         "{what}: {name} = {value}, where the number after ± is the expanded "
@@ -295,7 +295,7 @@ def measurement_report(propagation: Propagation, *, seed: int, figures: FigureCh
         drawers,
         "measurement.md.j2",
         {"result.json": result},
-        wanted=figures,
+        figure_choice=figures,
         result=result,
         percent=f"{100.0 * result['probability']:g}",
         which_interval=_INTERVALS[result["interval"]],

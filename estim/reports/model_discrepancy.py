@@ -67,27 +67,27 @@ class ForceSummary(Band):
     noise_words: str | None  # where the readings scatter plainly otherwise than stated
 
 
-def force_summary(analysis: Analysis, found: FoundForce) -> ForceSummary:
+def force_summary(analysis: Analysis, found_force: FoundForce) -> ForceSummary:
     """The record of an unmodelled force."""
-    force, problem, noise = found.force, analysis.problem, noise_finding(found)
+    force, problem, noise = found_force.force, analysis.problem, noise_finding(found_force)
     sds = dict(zip(problem.names, np.std(analysis.chain.flat, axis=0).tolist(), strict=True))
     ok = analysis.diagnosis.ok
     return ForceSummary(
-        prior_scale=found.scale,
+        prior_scale=found_force.scale,
         probability=force.probability,
         amplitude=list(force.amplitude),
         length=list(map(number, force.length)),
-        unit=found.unit,
+        unit=found_force.unit,
         typical=force.typical,
         most=force.most,
-        noise=list(found.noise),
-        conservative=found.conservative,
-        runs=list(found.runs),
-        own={entry.run: root_mean_square(entry.mean) for entry in found.own},
-        growth=dict(found.growth) if ok else {},
-        average=_average(analysis, found, sds) if ok else None,
-        words=tell(force_finding(found)),
-        drawn=found.completed is not None,
+        noise=list(found_force.noise),
+        conservative=found_force.conservative,
+        runs=list(found_force.runs),
+        own={entry.run: root_mean_square(entry.mean) for entry in found_force.own},
+        growth=dict(found_force.growth) if ok else {},
+        average=_average(analysis, found_force, sds) if ok else None,
+        words=tell(force_finding(found_force)),
+        drawn=found_force.completed is not None,
         noise_words=None if noise is None else tell(noise),
         **_band(force.x, force.quantiles),
     )
@@ -100,14 +100,16 @@ def _band(x: FloatArray, quantiles: FloatArray) -> dict[str, list[float]]:
 
 
 def _average(
-    analysis: Analysis, found: FoundForce, sds: Mapping[str, float]
+    analysis: Analysis, found_force: FoundForce, sds: Mapping[str, float]
 ) -> AverageResistance | None:
-    run = next(run for run in analysis.problem.runs if run.name == found.runs[0])
+    run = next(run for run in analysis.problem.runs if run.name == found_force.runs[0])
     name = run.arguments.get(_AVERAGE)
     if not isinstance(name, str):
         return None
     return AverageResistance(
-        name, sds[name], float(np.hypot(sds[name], found.force.material_sd / found.upright))
+        name,
+        sds[name],
+        float(np.hypot(sds[name], found_force.force.material_sd / found_force.upright)),
     )
 
 
@@ -168,14 +170,14 @@ def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations]) -> 
     return figure
 
 
-def _title(found: FoundForce) -> str:
+def _title(found_force: FoundForce) -> str:
     return (
-        found.run
-        if len(found.runs) == 1
+        found_force.run
+        if len(found_force.runs) == 1
         else phrase(
             "body {body}, shared by {n} runs",
-            body=found.run.removeprefix(OF_BODY),
-            n=len(found.runs),
+            body=found_force.run.removeprefix(OF_BODY),
+            n=len(found_force.runs),
         )
     )
 
@@ -214,22 +216,22 @@ class DeviationSummary(Band):
     words: str
 
 
-def deviation_summary(analysis: Analysis, found: FoundDeviation) -> DeviationSummary:
+def deviation_summary(analysis: Analysis, deviation: FoundDeviation) -> DeviationSummary:
     """The record of what the curve of a run lacks."""
-    problem, visible = analysis.problem, found.visible
-    run = next(run for run in problem.runs if run.name == found.run)
+    problem, visible = analysis.problem, deviation.visible
+    run = next(run for run in problem.runs if run.name == deviation.run)
     return DeviationSummary(
         unit=run.y_unit,
-        probability=found.probability,
-        smooth=_size(found.smooth, run.x_unit),
-        correlated=_size(found.correlated, found.lacks.along_unit),
+        probability=deviation.probability,
+        smooth=_size(deviation.smooth, run.x_unit),
+        correlated=_size(deviation.correlated, deviation.lacks.along_unit),
         typical=visible.typical,
         most=visible.most,
-        noise=list(found.noise),
-        stated=found.lacks.stated,
-        conservative=found.conservative,
-        growth=dict(found.growth) if analysis.diagnosis.ok else {},
-        words=tell(deviation_finding(found, x_unit=run.x_unit, y_unit=run.y_unit)),
+        noise=list(deviation.noise),
+        stated=deviation.lacks.stated,
+        conservative=deviation.conservative,
+        growth=dict(deviation.growth) if analysis.diagnosis.ok else {},
+        words=tell(deviation_finding(deviation, x_unit=run.x_unit, y_unit=run.y_unit)),
         **_band(visible.x, visible.quantiles),
     )
 

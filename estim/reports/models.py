@@ -116,7 +116,7 @@ def models_report(
         drawers,
         "models.md.j2",
         {"models.json": record},
-        wanted=figures,
+        figure_choice=figures,
         kind=campaign.kind,
         title=campaign.title,
         runs=runs,
@@ -183,9 +183,9 @@ def price_words(comparison: ModelComparison) -> str:
     )
 
 
-def odds_words(behind: float) -> str:
+def odds_words(difference: float) -> str:
     """A difference of log evidence as odds, and in words."""
-    odds = math.exp(min(abs(behind), 700.0))
+    odds = math.exp(min(abs(difference), 700.0))
     ratio = (
         phrase("more than a million")
         if odds > 1e6  # odds that nobody needs more exactly
@@ -197,13 +197,15 @@ def odds_words(behind: float) -> str:
         "{odds} to 1 ({words})",
         odds=ratio,
         words=phrase(
-            next((words for limit, words in _WORTH if abs(behind) < limit), later("very strong"))
+            next(
+                (words for limit, words in _WORTH if abs(difference) < limit), later("very strong")
+            )
         ),
     )
 
 
 def _why_not(row: ComparedModel, chosen: ComparedModel | None) -> str:
-    apart = (
+    log_ratio = (
         None
         if chosen is None or chosen.lack is not None or row.lack is not None
         else log_odds(row, chosen)
@@ -211,22 +213,22 @@ def _why_not(row: ComparedModel, chosen: ComparedModel | None) -> str:
     against = later("the odds against it are {odds}")
     if not row.ok:
         reason = f"{row.analysis.diagnosis.status}: {row.analysis.diagnosis.reasons[0]}"
-        if apart is None or apart >= 0.0:
+        if log_ratio is None or log_ratio >= 0.0:
             return reason
-        return f"{reason}; {phrase(against, odds=odds_words(apart))}"
+        return f"{reason}; {phrase(against, odds=odds_words(log_ratio))}"
     if chosen is None:
         return phrase("no model is recommended")
-    if apart is None:
-        ahead = chosen.behind - row.behind
+    if log_ratio is None:
+        advantage = chosen.behind - row.behind
         words = phrase(
             "its predictions are better by {by:.1f} (elpd)"
-            if ahead > 0.0
+            if advantage > 0.0
             else "its predictions are worse by {by:.1f} (elpd)",
-            by=abs(ahead),
+            by=abs(advantage),
         )
     else:
-        odds = later("the odds for it are {odds}") if apart >= 0.0 else against
-        words = phrase(odds, odds=odds_words(apart))
+        odds = later("the odds for it are {odds}") if log_ratio >= 0.0 else against
+        words = phrase(odds, odds=odds_words(log_ratio))
     return (
         phrase("contained in the recommended model; {words}", words=words)
         if contains(chosen, row)
@@ -268,17 +270,17 @@ def _summary(row: ComparedModel) -> Json:
     }
 
 
-def _predicted(one: Predicted) -> Json:
-    low, middle, high = np.quantile(one.again, [0.025, 0.5, 0.975], method="nearest")
+def _predicted(statistic: Predicted) -> Json:
+    low, middle, high = np.quantile(statistic.again, [0.025, 0.5, 0.975], method="nearest")
     return {
-        "run": one.run,
-        "statistic": one.name,
-        "unit": one.label.unit if one.label.factor == 1.0 else "1",
-        "observed": np.median(one.observed),
+        "run": statistic.run,
+        "statistic": statistic.name,
+        "unit": statistic.label.unit if statistic.label.factor == 1.0 else "1",
+        "observed": np.median(statistic.observed),
         "q025": low,
         "median": middle,
         "q975": high,
-        "p": one.p,
+        "p": statistic.p,
     }
 
 
@@ -397,26 +399,31 @@ def predictive_figure(predicted: Sequence[Predicted], model: str) -> Figure:
     return figure
 
 
-def _histogram(ax: Axes, one: Predicted) -> None:
-    again, observed = one.again * one.label.factor, one.observed * one.label.factor
+def _histogram(ax: Axes, statistic: Predicted) -> None:
+    replicated, observed = (
+        statistic.again * statistic.label.factor,
+        statistic.observed * statistic.label.factor,
+    )
     ends = (
-        np.quantile(again[np.isfinite(again)], [_FAR / 2.0, 1.0 - _FAR / 2.0])
-        if np.any(np.isfinite(again))
+        np.quantile(replicated[np.isfinite(replicated)], [_FAR / 2.0, 1.0 - _FAR / 2.0])
+        if np.any(np.isfinite(replicated))
         else np.array([0.0, 1.0])
     )
     low = min(float(ends[0]), float(np.min(observed)))
     high = max(float(ends[1]), float(np.max(observed)))
     width = max(high - low, 1e-12)
     edges: list[float] = np.linspace(low - 0.03 * width, high + 0.03 * width, 31).tolist()
-    ax.hist(again, bins=edges, color=PALE, edgecolor=BLUE, linewidth=0.4)
+    ax.hist(replicated, bins=edges, color=PALE, edgecolor=BLUE, linewidth=0.4)
     if observed.size > 1:
         ax.hist(observed, bins=edges, histtype="step", color=ORANGE, linewidth=1.6)
     else:
         ax.axvline(float(observed[0]), color=ORANGE, lw=2.2)
     ax.set(yticks=[], xlim=(edges[0], edges[-1]))
     ax.locator_params(axis="x", nbins=3)
-    short = _SHORT.get(one.name, one.words)
-    ax.set_xlabel(short + bracketed(one.label.unit), fontsize=7.5)
+    short = _SHORT.get(statistic.name, statistic.words)
+    ax.set_xlabel(short + bracketed(statistic.label.unit), fontsize=7.5)
     ax.set_title(
-        f"p {one.p_words}" if "<" in one.p_words else f"p = {one.p_words}", fontsize=8, color=INK
+        f"p {statistic.p_words}" if "<" in statistic.p_words else f"p = {statistic.p_words}",
+        fontsize=8,
+        color=INK,
     )

@@ -54,7 +54,7 @@ _CODE_TABLE_OR_LIST = re.compile(
 
 def unbroken(text: str) -> str:
     """Markdown whose numbers keep their "±", "%" and units on one line; code stays as it is."""
-    return _CODE_OR_BREAK.sub(lambda found: found["code"] or "\u00a0", text)
+    return _CODE_OR_BREAK.sub(lambda match: match["code"] or "\u00a0", text)
 
 
 def numbered(text: str) -> str:
@@ -67,20 +67,20 @@ def numbered(text: str) -> str:
     places: dict[str, str] = {}
     n_figure = n_table = 0
 
-    def named(found: re.Match[str]) -> str:
+    def with_number(match: re.Match[str]) -> str:
         nonlocal n_figure, n_table
-        if found["path"] is not None:
+        if match["path"] is not None:
             n_figure += 1
-            name = places[unquote(found["path"])] = phrase("Figure {n}", n=n_figure)
-            words = found["below"] or f"{found['alt'].rstrip('.')}."
-            return f"![{found['alt']}]({found['path']})\n\n*{name}. {words}*"
-        if found["head"] is not None:
+            name = places[unquote(match["path"])] = phrase("Figure {n}", n=n_figure)
+            words = match["below"] or f"{match['alt'].rstrip('.')}."
+            return f"![{match['alt']}]({match['path']})\n\n*{name}. {words}*"
+        if match["head"] is not None:
             n_table += 1
-            name = places[found["cited"]] = phrase("Table {n}", n=n_table)
-            return f"*{name}. {found['above'] or ''}".rstrip() + f"*\n\n{found['head']}"
-        return found[0]
+            name = places[match["cited"]] = phrase("Table {n}", n=n_table)
+            return f"*{name}. {match['above'] or ''}".rstrip() + f"*\n\n{match['head']}"
+        return match[0]
 
-    return CITED.sub(lambda found: places[found["cited"]], _NUMBERED.sub(named, text))
+    return CITED.sub(lambda match: places[match["cited"]], _NUMBERED.sub(with_number, text))
 
 
 def marked(figure: Figure) -> Figure:
@@ -97,35 +97,39 @@ def page(
     template: str,
     records: Mapping[str, object] = MappingProxyType({}),
     *,
-    wanted: FigureChoice,
+    figure_choice: FigureChoice,
     further: Drawers | None = None,
     kind: str = "",
     opened: Collection[str] = (),
     **values: object,
 ) -> Files:
-    """The figures that are `wanted`, `report.md` of a template filled with `values`, and the JSON
+    """The figures of `figure_choice`, `report.md` of a template filled with `values`, and the JSON
     of `records`, path -> bytes.
 
-    drawers, further, kind : as `images` says.  opened : as `render` says.  Raises InputError.
+    drawers, further, kind : as in `images`.  opened : as in `render`.  Raises InputError.
     """
-    drawn = images(drawers, wanted=wanted, further=further, kind=kind)
+    drawn = images(drawers, figure_choice=figure_choice, further=further, kind=kind)
     text = finished(render(template, pictures=drawn, opened=opened, kind=kind, **values))
     files = {path: as_json(record) for path, record in records.items()}
     return drawn | {"report.md": text.encode()} | files
 
 
 def images(
-    drawers: Drawers, *, wanted: FigureChoice, further: Drawers | None = None, kind: str = ""
+    drawers: Drawers, *, figure_choice: FigureChoice, further: Drawers | None = None, kind: str = ""
 ) -> Files:
-    """The figures that are `wanted`, path -> PNG.
+    """The figures of `figure_choice`, path -> PNG.
 
-    drawers, further : of the main figures, and of those that are drawn where all are wanted.
-    kind : of the data; where they are "synthetic" every figure says so.
+    drawers, further : of the main figures, and of those that are drawn with the choice "all".
+    kind : of the data; where they are "synthetic" every figure states it.
 
     Raises InputError.
     """
-    require_one_of(wanted, FIGURE_CHOICES, field="figures")
-    drawn = {} if wanted == "none" else drawers | (further or {} if wanted == "all" else {})
+    require_one_of(figure_choice, FIGURE_CHOICES, field="figures")
+    drawn = (
+        {}
+        if figure_choice == "none"
+        else drawers | (further or {} if figure_choice == "all" else {})
+    )
     finish = marked if kind == "synthetic" else None
     return {path: png(draw, finish) for path, draw in drawn.items()}
 
@@ -153,17 +157,17 @@ def shortened(text: str) -> Files:
     """`report.md` of a report in Markdown, and the files with what was taken out of it."""
     files: Files = {}
 
-    def kept(found: re.Match[str]) -> str:
-        block = found[0]
+    def shorten(match: re.Match[str]) -> str:
+        block = match[0]
         if block.startswith("|"):
-            return _table(block, _name(files, text[: found.start()], "csv"), files)
+            return _table(block, _name(files, text[: match.start()], "csv"), files)
         return (
-            _list(block, _name(files, text[: found.start()], "md"), files)
+            _list(block, _name(files, text[: match.start()], "md"), files)
             if block.startswith("- ")
             else block
         )
 
-    return {"report.md": _CODE_TABLE_OR_LIST.sub(kept, text).encode(), **files}
+    return {"report.md": _CODE_TABLE_OR_LIST.sub(shorten, text).encode(), **files}
 
 
 def _name(files: Files, before: str, kind: str) -> str:
@@ -186,8 +190,8 @@ def _table(block: str, path: str, files: Files) -> str:
     n_row, n_column = len(cells) - 2, len(cells[0])
     if n_row <= MOST_ROWS and n_column <= MOST_COLUMNS:
         return block
-    whole = [[cell.strip().replace("\\|", "|") for cell in row] for row in (cells[0], *cells[2:])]
-    files[path] = as_csv(whole).encode()
+    full = [[cell.strip().replace("\\|", "|") for cell in row] for row in (cells[0], *cells[2:])]
+    files[path] = as_csv(full).encode()
     excerpt = cells[: 2 + 24] if n_row > MOST_ROWS else cells  # what is kept of a longer one
     rows = [f"|{'|'.join(row[:12] if n_column > MOST_COLUMNS else row)}|\n" for row in excerpt]
     return (

@@ -129,7 +129,7 @@ def plan_report(plan: Plan, *, figures: FigureChoice) -> Files:
         drawers,
         "plan.md.j2",
         {"plan.json": record},
-        wanted=figures,
+        figure_choice=figures,
         kind=plan.campaign.kind,
         record=record,
         plan=plan,
@@ -150,14 +150,14 @@ def plan_report(plan: Plan, *, figures: FigureChoice) -> Files:
 
 
 def shown_options(options: Sequence[Option]) -> tuple[Option, ...]:
-    """All that was asked for, and of the further runs that were tried the best, one of each
+    """All requested options, and of the further runs that were tried the best, one of each
     tilt.
     """
-    chosen, seen = [], set[object]()
+    chosen, keys = [], set[object]()
     for option in options:
         if option.change.group == MORE and not option.change.own:
             run = option.change.runs[0] if len(option.change.runs) == 1 else None
-            alike = (
+            key = (
                 option.change.words
                 if run is None
                 else (
@@ -166,9 +166,9 @@ def shown_options(options: Sequence[Option]) -> tuple[Option, ...]:
                     bool(run.said),
                 )
             )
-            if alike in seen or len(seen) == 8:  # suggested further runs that are shown
+            if key in keys or len(keys) == 8:  # suggested further runs that are shown
                 continue
-            seen.add(alike)
+            keys.add(key)
         chosen.append(option)
     return tuple(chosen)
 
@@ -239,12 +239,12 @@ def _refused(options: Sequence[Option]) -> list[tuple[str, list[str], int]]:
     for option in options:
         by_reason.setdefault(option.reason, []).append(option)
     rows = []
-    for reason, alike in by_reason.items():
+    for reason, refused in by_reason.items():
         words = [
             option.change.words
-            for option in sorted(alike, key=lambda option: not option.change.own)
+            for option in sorted(refused, key=lambda option: not option.change.own)
         ]
-        n = max(6, sum(option.change.own for option in alike))
+        n = max(6, sum(option.change.own for option in refused))
         rows.append((reason, words[:n], len(words[n:])))
     return rows
 

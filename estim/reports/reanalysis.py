@@ -44,7 +44,7 @@ from estim.reports.energy import (
 )
 from estim.reports.pages import Drawers, page
 from estim.reports.rendering import shown
-from estim.reports.result import MOST_MINDS, Screen, first_screen, provenance, result_of
+from estim.reports.result import MOST_CAUTIONS, Screen, first_screen, provenance, result_of
 from estim.reports.theta_min_line import (
     LINE_WORDS,
     line_estimate,
@@ -97,7 +97,7 @@ def _body(r: Reanalysis, body: BodyAnalysis) -> Json:
         "band_published": {
             name: value for b in body.propagated for name, value in b.published.items()
         },
-        "band_held": list(dict.fromkeys(name for b in body.propagated for name in b.held)),
+        "band_held": list(dict.fromkeys(name for b in body.propagated for name in b.fitted)),
         # posterior band against the propagated band of the stated inputs
         "bands": {
             b.run: {
@@ -169,12 +169,12 @@ def reanalysis_report(r: Reanalysis, *, figures: FigureChoice) -> Files:
     if result["line"] is not None and result["line"]["status"] == "ok":
         # its points are other data than the runs
         estimates.append(line_estimate(result["line"], r.campaign.truth))
-    found = result_table(estimates, found=phrase("runs + stated values"))
+    estimate_table = result_table(estimates, found=phrase("runs + stated values"))
     return page(
         drawn,
         "reanalysis.md.j2",
         {"result.json": result},
-        wanted=figures,
+        figure_choice=figures,
         further=further,
         kind=r.campaign.kind,
         opened={"methods"},
@@ -198,27 +198,27 @@ def reanalysis_report(r: Reanalysis, *, figures: FigureChoice) -> Files:
         ),
         troubles=_troubles(result),
         narrowing=_narrowing(result),
-        story=_story(result, good),
+        remarks=_remarks(result, good),
         screens=screens,
-        found=found,
+        estimate_table=estimate_table,
         copies=copies_of(
             [estimate for estimate in estimates if estimate.measured], kind=result["kind"]
         )
-        if found
+        if estimate_table
         else None,
-        minds=[
+        cautions=[
             (name, words)
-            for i in range(MOST_MINDS)
+            for i in range(MOST_CAUTIONS)
             for name, screen in screens.items()
-            for words in screen.minds[i : i + 1]
+            for words in screen.cautions[i : i + 1]
         ],
-        most_minds=MOST_MINDS,
+        most_cautions=MOST_CAUTIONS,
         band_words=partial(_band_words, result),
         energy_words=energy_words,
         called=called,
-        lefts=_lefts(screens),
-        made_ok=_all_ok(result),
-        told_truth=any(estimate.truth for estimate in estimates),
+        unmeasured=_unmeasured(screens),
+        all_ok=_all_ok(result),
+        true_values=any(estimate.truth for estimate in estimates),
         symbols_of=_symbols,
         correlated=_correlated,
         energies=_gathered((name, _energies(body)) for name, body in good.items()),
@@ -236,7 +236,7 @@ def _tilted(joint: Analysis) -> dict[str, str]:
 
 
 def reanalysis_lines(r: Reanalysis) -> dict[str, list[str]]:
-    """What was analysed -> what a terminal says of it, for results that are ok: what the runs of a
+    """What was analysed -> its lines for a terminal, for results that are ok: what the runs of a
     body share, and the line.
     """
     lines = {
@@ -264,19 +264,19 @@ def _band_words(result: Json, names: Collection[str]) -> str:
     that the campaign states.
     """
     bodies = [result["bodies"][name] for name in names]
-    published, held = [], []
+    published, fitted = [], []
     for body in bodies:
         labels = body["joint"].labels.bare
         published += [
             with_unit(f"{labels[n].symbol} = {value * labels[n].factor:g}", labels[n].unit)
             for n, value in body["band_published"].items()
         ]
-        held += [labels[name].symbol for name in body["band_held"]]
+        fitted += [labels[name].symbol for name in body["band_held"]]
     of_paper = phrase("{values} as published", values=listed(list(dict.fromkeys(published))))
-    of_fit = phrase("{symbols} as fitted", symbols=listed(list(dict.fromkeys(held))))
-    if published and not held:
+    of_fit = phrase("{symbols} as fitted", symbols=listed(list(dict.fromkeys(fitted))))
+    if published and not fitted:
         return phrase("the paper's band, 68 %: stated inputs, {others}", others=of_paper)
-    others = [words for words, items in ((of_paper, published), (of_fit, held)) if items]
+    others = [words for words, items in ((of_paper, published), (of_fit, fitted)) if items]
     return "; ".join([phrase("stated inputs, 68 %"), *others])
 
 
@@ -286,7 +286,7 @@ def _how_many(body: Json) -> str:
 
 
 def _energies(body: Json) -> str:
-    """What the runs of a body say of a loss of energy."""
+    """What the runs of a body show of a loss of energy."""
     averages = (
         f". {average_words(body['energies'])}".rstrip(".") if body["drift"]["determined"] else ""
     )
@@ -308,11 +308,11 @@ def _narrowing(result: Json) -> str:
     return phrase(", {shares} as wide", shares=f"{least}–{most}")
 
 
-def _story(result: Json, bodies: Mapping[str, Json]) -> list[str]:
+def _remarks(result: Json, bodies: Mapping[str, Json]) -> list[str]:
     """What to know about the comparison with the paper and with the truth.  bodies : those whose
     status is ok.
     """
-    told = []
+    sentences = []
     known = {n: v for body in bodies.values() for n, v in body["band_published"].items()}
     if computed := {v for n, v in known.items() if split_level(n)[0] == "kappa"}:
         true = {
@@ -321,7 +321,7 @@ def _story(result: Json, bodies: Mapping[str, Json]) -> list[str]:
             for n, p in body["joint"].parameters.items()
             if split_level(n)[0] == "kappa"
         }
-        told.append(
+        sentences.append(
             phrase(
                 "the inertia κ is inferred from the motion; the paper computes {values} from the "
                 "shape of the disk, without an uncertainty",
@@ -334,21 +334,24 @@ def _story(result: Json, bodies: Mapping[str, Json]) -> list[str]:
                 else ", and this is a test of that value"
             )
         )
-    beside = {"energy": _energy_beside(bodies.values()), "theta_min": _line_beside(result["line"])}
-    told += [
+    comparisons = {
+        "energy": _energy_beside(bodies.values()),
+        "theta_min": _line_beside(result["line"]),
+    }
+    sentences += [
         phrase(
             "the paper: “{words}” ({section}). Here {found}",
             words=claim.words,
             section=claim.section,
-            found=found,
+            found=comparison,
         )
         for claim in result["claims"]
-        if (found := beside[claim.about])
+        if (comparison := comparisons[claim.about])
     ]
     pulls = {name: pull for name, body in bodies.items() if (pull := _pull_of_gamma(name, body))}
     if pulls:
         each = [f"{pull} ({name})" for name, pull in pulls.items()]
-        told.append(
+        sentences.append(
             phrase(
                 "the true values are known here: γ and κ of a body are strongly correlated, so "
                 "that their differences from the truth are one deviation and not two; both follow "
@@ -356,7 +359,7 @@ def _story(result: Json, bodies: Mapping[str, Json]) -> list[str]:
                 pulls=listed(each),
             )
         )
-    return told
+    return sentences
 
 
 def _energy_beside(bodies: Collection[Json]) -> str:
@@ -390,7 +393,7 @@ def _energy_beside(bodies: Collection[Json]) -> str:
 
 
 def _line_beside(line: Json | None) -> str:
-    """How the measured theta_min lie to the theory; "" where nothing can be said."""
+    """How the measured theta_min lie to the theory; "" where there is no comparison."""
     if line is None or (above := line["above_theory"]) is None:
         return ""
     excess = above["excess"]
@@ -427,11 +430,11 @@ def _all_ok(result: Json) -> str:
         (len(result["runs"]), later("{n} run"), later("{n} runs")),
         (len(result["bodies"]), later("{n} joint fit"), later("{n} joint fits")),
     )
-    parts = [phrase(one if n == 1 else several, n=n) for n, one, several in counted]
+    parts = [phrase(singular if n == 1 else plural, n=n) for n, singular, plural in counted]
     return f"ok ({', '.join(parts + [phrase('line')] * (result['line'] is not None))})"
 
 
-def _lefts(screens: Mapping[str, Screen]) -> str:
+def _unmeasured(screens: Mapping[str, Screen]) -> str:
     """What the joint fits do not measure: first what is the same for all bodies, then what is left
     of each, after its name.
     """
@@ -467,7 +470,7 @@ def _correlated(name: str, body: Json) -> float | None:
 
 
 def _gathered(words: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
-    """What is said -> of which bodies."""
+    """Sentence -> the bodies that it is about."""
     names: dict[str, list[str]] = {}
     for name, sentence in words:
         names.setdefault(sentence, []).append(name)

@@ -22,7 +22,7 @@ from estim.sampling import Summary
 from estim.words import tell
 
 DRAWS = 20_000  # of which quantiles and standard deviations are shown
-FELT = 0.05  # posterior standard deviations: a shift that rounding would hide is none
+LEAST_SHIFT = 0.05  # posterior standard deviations: a smaller shift is hidden by rounding
 _MOST = 150  # parameters: the matrix grows with their square
 
 
@@ -82,7 +82,7 @@ class StatedValues(Record):
     chi2: float
     dof: int
     p_value: float
-    pulls: dict[str, float]  # distance from what all else says, in its standard deviations
+    pulls: dict[str, float]  # distance from the value by all other data, in standard deviations
     words: str
 
 
@@ -180,7 +180,7 @@ class Labels:
 
 
 def labels_of(problem: Problem, values: FloatArray) -> Labels:
-    """As those who made the parameters and what follows from them say; values (n_par,)."""
+    """The labels that parameters and derived quantities carry; values (n_par,)."""
     named = problem.named(values)
     return Labels(
         parameters={p.name: p.label for p in problem.parameters},
@@ -253,8 +253,8 @@ class ParameterSummary(Summary, frozen=True, kw_only=True):
     ess_tail: float | None
     rhat: float | None
     mcse: float | None
-    stated: str  # what was said of it before, in words and shown units; "" for nothing
-    # whether the data say something of it: neither a limit nor known hardly better than before;
+    stated: str  # what the campaign states of it, in words and shown units; "" for nothing
+    # whether the data constrain it: neither a limit nor known hardly better than before;
     # null where not ok
     measured: bool | None
     upper_95: float | None  # one-sided limit of what cannot be negative and may be zero

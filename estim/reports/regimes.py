@@ -123,7 +123,7 @@ def map_report(
         drawers,
         "map.md.j2",
         {"result.json": result},
-        wanted=figures,
+        figure_choice=figures,
         kind=campaign.kind,
         result=result,
         parts=[(body_map, result["bodies"][body_map.body]) for body_map in maps],
@@ -135,48 +135,48 @@ def map_report(
     )
 
 
-def _body(found: BodyMap) -> Json:
+def _body(body_map: BodyMap) -> Json:
     return {
-        "ramp_end": found.end.length,  # from the release
-        "ramp_end_origin": found.end.origin,
-        "steepest": _spread(found.steepest),  # the tilt beyond which it climbs from no angle
-        "tilts": [_tilt(found, phi) for phi in _tilts(found)],
-        "runs": {place.run: _run(found, place) for place in found.runs},
-        "left_out": found.left_out,
+        "ramp_end": body_map.end.length,  # from the release
+        "ramp_end_origin": body_map.end.origin,
+        "steepest": _spread(body_map.steepest),  # the tilt beyond which it climbs from no angle
+        "tilts": [_tilt(body_map, phi) for phi in _tilts(body_map)],
+        "runs": {place.run: _run(body_map, place) for place in body_map.runs},
+        "left_out": body_map.left_out,
     }
 
 
-def _tilts(found: BodyMap) -> FloatArray:
+def _tilts(body_map: BodyMap) -> FloatArray:
     """Round tilts of a table, rad."""
-    low, high = found.phi[0] * _DEGREES, found.phi[-1] * _DEGREES
+    low, high = body_map.phi[0] * _DEGREES, body_map.phi[-1] * _DEGREES
     # tilts in a table, at most
     step = next((step for step in _TILT_STEPS if (high - low) / step < 7), _TILT_STEPS[-1])
     return np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step / _DEGREES
 
 
-def _tilt(found: BodyMap, phi: float) -> Json:
+def _tilt(body_map: BodyMap, phi: float) -> Json:
     """What the body does at one tilt."""
 
     def at(border: FloatArray, places: FloatArray) -> dict[str, float]:
         with np.errstate(invalid="ignore"):
             return _spread(np.array([np.interp(phi, places, level) for level in border]))
 
-    def apart(above: FloatArray, below: FloatArray) -> bool:
-        return bool(np.interp(phi, found.phi, above - below) > 1e-6)
+    def exceeds(above: FloatArray, below: FloatArray) -> bool:
+        return bool(np.interp(phi, body_map.phi, above - below) > 1e-6)
 
     lowest, on, passes = (
-        at(border, found.phi) for border in (found.lowest, found.rolls_on, found.passes)
+        at(border, body_map.phi) for border in (body_map.lowest, body_map.rolls_on, body_map.passes)
     )
-    sets_off = apart(found.highest[2], found.lowest[2])
-    some_on = sets_off and apart(found.rolls_on[4], found.lowest[4])
-    some_pass = sets_off and apart(found.passes[2], found.rolls_on[2])
-    farthest = at(found.farthest, found.far_phi)
+    sets_off = exceeds(body_map.highest[2], body_map.lowest[2])
+    some_on = sets_off and exceeds(body_map.rolls_on[4], body_map.lowest[4])
+    some_pass = sets_off and exceeds(body_map.passes[2], body_map.rolls_on[2])
+    farthest = at(body_map.farthest, body_map.far_phi)
     nothing = _spread(np.full(5, np.nan))
     return {
         "phi": phi,
         # angles of release between which it sets off
         "least": lowest if sets_off else nothing,
-        "largest": at(found.highest, found.phi) if sets_off else nothing,
+        "largest": at(body_map.highest, body_map.phi) if sets_off else nothing,
         # from the least angle to here it rolls over the top and on
         "rolls_on_up_to": on if some_on else None,
         # and to here it passes the end of the ramp
@@ -200,7 +200,7 @@ def _spread(quantiles: FloatArray) -> dict[str, float]:
     }
 
 
-def _run(found: BodyMap, place: RunPlace) -> Json:
+def _run(body_map: BodyMap, place: RunPlace) -> Json:
     """Where a run lies and what follows."""
     return {
         "phi": place.phi[0],
@@ -213,7 +213,7 @@ def _run(found: BodyMap, place: RunPlace) -> Json:
         "turned": place.turned,  # whether it turns there
         # probability to get as far, two-sided where it turned
         "agreement": place.agrees,
-        "words": place_words(found, place),
+        "words": place_words(body_map, place),
     }
 
 
@@ -225,51 +225,54 @@ def _spread_words(spread: Mapping[str, float] | None, factor: float = 1.0) -> st
     return signed(format_quantity(factor * spread["median"], 0.5 * width))
 
 
-def regime_figure(found: BodyMap, line: ThetaMinSeries | None) -> Figure:
+def regime_figure(body_map: BodyMap, line: ThetaMinSeries | None) -> Figure:
     """What the body does, over tilt and angle of release; the distance to the turning point as
     contours in m.
     """
     figure = new_figure(6.2)
     ax = figure.subplots()
-    _zones(ax, found)
-    _distances(ax, found)
-    _borders(ax, found)
+    _zones(ax, body_map)
+    _distances(ax, body_map)
+    _borders(ax, body_map)
     if line is not None:
         _line_points(ax, line)
-    _frame(ax, found)
-    _runs(ax, found)
+    _frame(ax, body_map)
+    _runs(ax, body_map)
     legend_below(figure, ncols=2)
     return figure
 
 
-def _frame(ax: Axes, found: BodyMap) -> None:
+def _frame(ax: Axes, body_map: BodyMap) -> None:
     from matplotlib.ticker import MultipleLocator
 
-    along = phrase("tilt φ (°), uphill positive" if found.downhill else "tilt φ (°)")
+    along = phrase("tilt φ (°), uphill positive" if body_map.downhill else "tilt φ (°)")
     ax.set(xlabel=along, ylabel=phrase("angle of release θ₀ (°)"))
-    ax.set_xlim(found.phi[0] * _DEGREES, found.phi[-1] * _DEGREES)
-    ax.set_ylim(*(end * _DEGREES for end in found.theta0_range))
+    ax.set_xlim(body_map.phi[0] * _DEGREES, body_map.phi[-1] * _DEGREES)
+    ax.set_ylim(*(end * _DEGREES for end in body_map.theta0_range))
     ax.yaxis.set_major_locator(MultipleLocator(30.0))
-    ax.set_title(found.body)
+    ax.set_title(body_map.body)
 
 
-def _zones(ax: Axes, found: BodyMap) -> None:
+def _zones(ax: Axes, body_map: BodyMap) -> None:
     """What the body does, by colour; where it does not start as asked, the background."""
     ax.set_facecolor(_STILL)
     still = phrase(
         "starts uphill instead, or does not move"
-        if not found.uphill
+        if not body_map.uphill
         else "starts in the other direction"
-        if found.downhill
+        if body_map.downhill
         else "rolls down, or does not move"
     )
     ax.fill([], [], color=_STILL, label=still)
     phi, lowest, highest, on, passes = (
-        found.phi * _DEGREES,
-        *(b[2] * _DEGREES for b in (found.lowest, found.highest, found.rolls_on, found.passes)),
+        body_map.phi * _DEGREES,
+        *(
+            b[2] * _DEGREES
+            for b in (body_map.lowest, body_map.highest, body_map.rolls_on, body_map.passes)
+        ),
     )
-    turns = _ENDS["turns on" if found.downhill else "climbs on"][found.end.of]
-    beyond = _ENDS["turns beyond" if found.downhill else "climbs past"][found.end.of]
+    turns = _ENDS["turns on" if body_map.downhill else "climbs on"][body_map.end.of]
+    beyond = _ENDS["turns beyond" if body_map.downhill else "climbs past"][body_map.end.of]
     for low, high, colour, words in (
         (passes, highest, _TURNS, turns),
         (on, passes, _PASSES, beyond),
@@ -288,22 +291,22 @@ def _zones(ax: Axes, found: BodyMap) -> None:
         )
 
 
-def _borders(ax: Axes, found: BodyMap) -> None:
-    if np.any(found.passes[2] > found.rolls_on[2]):
-        border = np.where(found.passes > found.rolls_on, found.passes, np.nan)
-        turns = phrase(_ENDS["turns"][found.end.of], m=found.end.length)
-        _band(ax, found.phi, border, _DARK_VERMILION, turns)
-    if found.downhill:
-        rolls = (found.rolls_on > found.lowest) & (found.rolls_on < found.highest)
+def _borders(ax: Axes, body_map: BodyMap) -> None:
+    if np.any(body_map.passes[2] > body_map.rolls_on[2]):
+        border = np.where(body_map.passes > body_map.rolls_on, body_map.passes, np.nan)
+        turns = phrase(_ENDS["turns"][body_map.end.of], m=body_map.end.length)
+        _band(ax, body_map.phi, border, _DARK_VERMILION, turns)
+    if body_map.downhill:
+        rolls = (body_map.rolls_on > body_map.lowest) & (body_map.rolls_on < body_map.highest)
         over = phrase("just gets over the top, and rolls on") if np.any(rolls[2]) else ""
-        _band(ax, found.phi, np.where(rolls, found.rolls_on, np.nan), GREEN, over)
+        _band(ax, body_map.phi, np.where(rolls, body_map.rolls_on, np.nan), GREEN, over)
     limits = phrase(
         "smallest and largest angle to start, with 68 and 95 %"
-        if found.downhill
+        if body_map.downhill
         else "smallest and largest angle to climb, with 68 and 95 %"
     )
-    _band(ax, found.phi, found.lowest, INK, limits)
-    _band(ax, found.phi, found.highest, INK)
+    _band(ax, body_map.phi, body_map.lowest, INK, limits)
+    _band(ax, body_map.phi, body_map.highest, INK)
 
 
 def _band(ax: Axes, phi: FloatArray, border: FloatArray, colour: str, name: str = "") -> None:
@@ -318,15 +321,15 @@ def _band(ax: Axes, phi: FloatArray, border: FloatArray, colour: str, name: str 
     # it is nowhere
     flat = np.isclose(np.abs(degrees[2] - 90.0), 0.0) | np.isclose(np.abs(degrees[2] - 90.0), 180.0)
     degrees[2, flat] = np.nan
-    draw_bands(ax, phi * _DEGREES, degrees, colour, median=name, said=None, zorder=2.0)
+    draw_bands(ax, phi * _DEGREES, degrees, colour, median=name, label=None, zorder=2.0)
 
 
-def _distances(ax: Axes, found: BodyMap) -> None:
+def _distances(ax: Axes, body_map: BodyMap) -> None:
     """From where it turns after so many metres, each line with its number."""
-    phi = found.phi * _DEGREES
-    for i, (stop, release) in enumerate(zip(found.stops, found.contours, strict=True)):
-        there = np.flatnonzero(np.isfinite(release))
-        if there.size < 2:
+    phi = body_map.phi * _DEGREES
+    for i, (stop, release) in enumerate(zip(body_map.stops, body_map.contours, strict=True)):
+        finite = np.flatnonzero(np.isfinite(release))
+        if finite.size < 2:
             continue
         ax.plot(
             phi,
@@ -336,8 +339,8 @@ def _distances(ax: Axes, found: BodyMap) -> None:
             zorder=1.5,
             label=phrase("turns back after this distance (m)"),
         )
-        if there.size > 0.06 * phi.size:
-            at = there[int((0.35 + 0.12 * (i % 2)) * there.size)]
+        if finite.size > 0.06 * phi.size:
+            at = finite[int((0.35 + 0.12 * (i % 2)) * finite.size)]
             ax.text(
                 phi[at],
                 release[at] * _DEGREES,
@@ -368,13 +371,13 @@ def _line_points(ax: Axes, line: ThetaMinSeries) -> None:
     )
 
 
-def _runs(ax: Axes, found: BodyMap) -> None:
+def _runs(ax: Axes, body_map: BodyMap) -> None:
     """Error bars of the runs; runs near each other have one label, on the side where there is
     room.
     """
-    width, height = np.ptp(found.phi), found.theta0_range[1] - found.theta0_range[0]
+    width, height = np.ptp(body_map.phi), body_map.theta0_range[1] - body_map.theta0_range[0]
     groups: list[list[RunPlace]] = []
-    for i, place in enumerate(found.runs):
+    for i, place in enumerate(body_map.runs):
         (phi, u_phi), (theta0, u_theta0) = np.degrees([place.phi, place.theta0]).tolist()
         ax.errorbar(
             phi,
@@ -402,7 +405,7 @@ def _runs(ax: Axes, found: BodyMap) -> None:
         names = [place.run for place in group[:_NAMED]] + (
             [phrase("and {n} more", n=len(group) - _NAMED)] if len(group) > _NAMED else []
         )
-        left = group[0].phi[0] > found.phi.mean()
+        left = group[0].phi[0] > body_map.phi.mean()
         ax.annotate(
             "\n".join(names),
             (group[0].phi[0] * _DEGREES, group[0].theta0[0] * _DEGREES),
@@ -416,12 +419,12 @@ def _runs(ax: Axes, found: BodyMap) -> None:
         )
 
 
-def place_words(found: BodyMap, place: RunPlace) -> str:
+def place_words(body_map: BodyMap, place: RunPlace) -> str:
     """What a run should do, and what its recording shows."""
     clauses = [f"{place.run}: {_start_words(place)}"]
     if place.sets_off >= 0.5:
         clauses.append(_end_words(place))
-    judged = found.known.fitted is None and not place.findings
+    judged = body_map.known.fitted is None and not place.findings
     return "; ".join([*clauses, _recording_words(place, as_it_may=judged)])
 
 

@@ -59,7 +59,7 @@ _OWN_LINE = ("|", "#", "-", "*", ">", "<")  # begins a sentence of its own
 
 def p_words(p: float) -> str:
     """A p-value for a table: '0.031', or '< 5e-5' where it is the least that simulation can
-    tell.
+    resolve.
     """
     return f"< {p_digits(P_FLOOR, 1)}" if p <= P_FLOOR else p_digits(p)
 
@@ -85,8 +85,7 @@ def folded(title: str, body: str, *, opened: bool) -> Markdown:
     """A part of a report that a reader opens, or one that stands `opened`; nothing where it is
     empty.
 
-    GitHub wants blank lines around Markdown inside; a program that knows no such tags shows
-    everything.
+    GitHub needs blank lines around Markdown inside; a program without such tags shows everything.
     """
     inside = body.strip("\n")
     if not inside.strip():
@@ -198,8 +197,8 @@ def _environment(_language: str) -> jinja2.Environment:
 
 
 def translated(source: str, of: Callable[[str], str] = phrase) -> str:
-    """A template's source with each sentence that has words replaced by `of` it, which says it in
-    the language that is spoken; where that is the same, the lines stay as they are.
+    """A template's source with each sentence that has words replaced by `of` it, its translation
+    into the current language; where that is the same, the lines stay as they are.
     """
     out: list[str] = []
     block: list[str] = []
@@ -213,12 +212,12 @@ def translated(source: str, of: Callable[[str], str] = phrase) -> str:
             block.clear()
 
     for line in source.split("\n"):
-        bare = line.strip()
-        if not bare or not _TAG.sub("", bare).strip():
+        stripped = line.strip()
+        if not stripped or not _TAG.sub("", stripped).strip():
             close()
             out.append(line)
             continue
-        if bare.startswith(_OWN_LINE) or (block and block[-1].strip().startswith(("|", "#"))):
+        if stripped.startswith(_OWN_LINE) or (block and block[-1].strip().startswith(("|", "#"))):
             close()
         block.append(line)
     close()

@@ -1,6 +1,6 @@
 """`result.json`: every number of an analysis in one checked record.  The report prints from it, so
-the two agree; and its first screen, which is also what the terminal and `print` say at the end:
-what the data gave, what they did not, and what to mind.
+the two agree; and its first screen, which the terminal and `print` show at the end as well: what
+the data determine, what they do not, and what to be careful about.
 
 Schema "estim-result/1"; the JSON Schema stands in `docs/estim-result-1.schema.json`.  A number that
 does not exist (the standard deviation at a bound, a p-value where the noise was inferred, a mean
@@ -75,7 +75,7 @@ from estim.reports.model_discrepancy import (
     force_summary,
 )
 from estim.reports.records import (
-    FELT,
+    LEAST_SHIFT,
     CertificateSummary,
     Correlation,
     Farthest,
@@ -114,20 +114,20 @@ _WHERE = {
     "not-converged": "computing",
     "methods-disagree": "computing",
 }
-MOST_MINDS, _MOST_ERRORS, _MOST_VALUES = 2, 3, 5
+MOST_CAUTIONS, _MOST_ERRORS, _MOST_VALUES = 2, 3, 5
 
 
 @dataclass(frozen=True)
 class Screen:
-    """What stands first; every entry but the title, `best` and rows that were left out (in `minds`)
-    is empty where the status is not ok.
+    """What stands first; every entry but the title, `best` and the rows that were left out (in
+    `cautions`) is empty where the status is not ok.
 
     best : of a curve that does not fit, its values without uncertainties, in words.
 
     estimates : of all parameters that are not a single run's among several, and what was sought.
     table : of those measured.
     left : the others in words.
-    elsewhere : which are single runs'.  minds : what to mind.
+    elsewhere : which are single runs'.  cautions : warnings, a sentence each.
     sensitivity : what errors would do that no residual shows.
     """
 
@@ -138,14 +138,14 @@ class Screen:
     table: str = ""
     left: str = ""
     elsewhere: str = ""
-    minds: tuple[str, ...] = ()
+    cautions: tuple[str, ...] = ()
     sensitivity: str = ""
 
     @property
     def lines(self) -> list[str]:
         """What a terminal shows."""
-        told = screen_lines(self.estimates, tests=self.tests, minds=self.minds)
-        return [self.best, *told] if self.best else told
+        lines = screen_lines(self.estimates, tests=self.tests, minds=self.cautions)
+        return [self.best, *lines] if self.best else lines
 
 
 class Result(Report, dict=True):
@@ -170,7 +170,7 @@ class Result(Report, dict=True):
     curve_deviation: dict[str, DeviationSummary] | None
     # of each run, or body of runs that share one, where there is an unmodelled force
     deviation: dict[str, ForceSummary] | None
-    # candidates for what the curve lacks, where that was asked
+    # candidates for what the curve lacks, where they were looked for
     explanation: ExplanationSummary | None
     # of each run of a body: the friction that rolling without slipping takes
     rolling: dict[str, RollingSummary] | None
@@ -204,7 +204,7 @@ class Result(Report, dict=True):
             shown=screen.table,
             tests=screen.tests,
             left=screen.left,
-            minds=screen.minds,
+            minds=screen.cautions,
         )
 
     def __str__(self) -> str:
@@ -329,7 +329,9 @@ def result_of(
             )
             for i in determination.intervals
         },
-        curve_deviation={found.run: deviation_summary(analysis, found) for found in fit.deviations}
+        curve_deviation={
+            deviation.run: deviation_summary(analysis, deviation) for deviation in fit.deviations
+        }
         or None,
         deviation={force.run: force_summary(analysis, force) for force in fit.forces} or None,
         explanation=explanation_summary(analysis.explanation),
@@ -477,7 +479,7 @@ def first_screen(result: Result) -> Screen:
     runs = ", ".join(result.runs)
     title = f"{result.title}: {runs}" if result.title not in ("", runs) else runs
     if result.status != "ok":
-        return Screen(title, _best(result), minds=tuple(filter(None, [_left_out(result)])))
+        return Screen(title, _best(result), cautions=tuple(filter(None, [_left_out(result)])))
     counted = [
         check.p_value
         for run in result.runs.values()
@@ -502,7 +504,7 @@ def first_screen(result: Result) -> Screen:
         )
     )
     noise = [force.noise_words for force in (result.deviation or {}).values() if force.noise_words]
-    minds = filter(None, (_warnings(result), _forces(result), _limits(names, result), *noise))
+    cautions = filter(None, (_warnings(result), _forces(result), _limits(names, result), *noise))
     missing = filter(None, (_left_out(result), _without_a_value(estimates)))
     return Screen(
         title,
@@ -512,7 +514,7 @@ def first_screen(result: Result) -> Screen:
         result_table(estimates),
         not_measured(estimates),
         listed(elsewhere) if elsewhere else "",
-        (*missing, *islice(minds, MOST_MINDS)),
+        (*missing, *islice(cautions, MOST_CAUTIONS)),
         sensitivity_words([result]),
     )
 
@@ -584,7 +586,7 @@ def _estimate(name: str, result: Result) -> Estimate:
 
 def _derived_quantities(result: Result) -> list[Estimate]:
     """What a user wanted computed: once where it is the same for all runs, else run by run."""
-    found = (
+    entries = (
         (name, run, Estimate(result.labels.derived[run][name], entry.derived[name], "", True))
         for run, entry in result.runs.items()
         for name in entry.sought
@@ -592,7 +594,7 @@ def _derived_quantities(result: Result) -> list[Estimate]:
     return [
         replace(entry, label=replace(entry.label, symbol=entry.label.symbol + (run and f"[{run}]")))
         for _, run, entry in once(
-            found,
+            entries,
             len(result.runs),
             lambda a, b: (a.summary.mean, a.summary.sd) == (b.summary.mean, b.summary.sd),
         )
@@ -684,7 +686,7 @@ def _left_out(result: Result) -> str:
 
 
 def _without_a_value(estimates: Sequence[Estimate]) -> str:
-    """What was asked for, and has no value at some of the draws."""
+    """The requested quantities that have no value at some of the draws."""
     # at an edge there is no mean, and every quantile
     symbols = [estimate.label.symbol for estimate in estimates if estimate.summary.median is None]
     if not symbols:
@@ -699,7 +701,7 @@ def _without_a_value(estimates: Sequence[Estimate]) -> str:
 
 def _warnings(result: Result) -> str:
     """What is suspicious about the data: one warning of a file in its words, else numbers, since
-    the part that says more stands open.
+    the part with the details stands open.
     """
     runs = result.runs.values()
     n, bad, far = (
@@ -713,7 +715,7 @@ def _warnings(result: Result) -> str:
         (bad, later("{n} bad frame"), later("{n} bad frames")),
         (far, later("{n} likely outlier"), later("{n} likely outliers")),
     )
-    counts = [phrase(one if k == 1 else several, n=k) for k, one, several in counted if k]
+    counts = [phrase(singular if k == 1 else plural, n=k) for k, singular, plural in counted if k]
     return (
         phrase("{counts}: see the section on data and noise", counts=", ".join(counts))
         if counts
@@ -733,9 +735,9 @@ def sensitivity_words(results: Sequence[Result]) -> str:
             largest[effect.error] = max(
                 largest.get(effect.error, (0.0, "")),
                 (effect.shifts[name], symbols[name].symbol),
-                key=lambda moved: abs(moved[0]),
+                key=lambda entry: abs(entry[0]),
             )
-    noticeable = {error: moved for error, moved in largest.items() if abs(moved[0]) >= FELT}
+    noticeable = {error: entry for error, entry in largest.items() if abs(entry[0]) >= LEAST_SHIFT}
     return "; ".join(
         phrase(
             "{error} would shift {symbol} by {shift} standard uncertainties",

@@ -88,9 +88,9 @@ def rolling_figure(problem: Problem, draws: FloatArray, rolling: Sequence[Rollin
 
 def _quantiles(values: FloatArray) -> FloatArray:
     """(5, n_x) where half of the draws get: beyond, a band would be that of the few that do."""
-    there = np.mean(np.isfinite(values), axis=0) > 0.5
-    quantiles = np.full((len(QUANTILES), there.size), np.nan)
-    quantiles[:, there] = np.nanquantile(values[:, there], QUANTILES, axis=0)
+    reached = np.mean(np.isfinite(values), axis=0) > 0.5
+    quantiles = np.full((len(QUANTILES), reached.size), np.nan)
+    quantiles[:, reached] = np.nanquantile(values[:, reached], QUANTILES, axis=0)
     return quantiles
 
 

@@ -86,7 +86,7 @@ def straight_line_result(line: StraightLine) -> Json:
 
 
 def line_figures(fit: LineFit) -> Json:
-    """What a report says of a line: where it lies, how it fits, and its standard errors,
+    """What a report shows of a line: where it lies, how it fits, and its standard errors,
     convention -> u(intercept), u(slope), covariance.
     """
     errors = {name: [e.u_intercept, e.u_slope, e.cov] for name, e in fit.standard_errors.items()}
@@ -125,7 +125,7 @@ def straight_line_report(line: StraightLine, *, figures: FigureChoice) -> Files:
         {"figures/line.png": partial(straight_line_figure, line)},
         "straight_line.md.j2",
         {"result.json": result},
-        wanted=figures,
+        figure_choice=figures,
         result=result,
         method=_METHODS[line.fit.method],
         percent=f"{100.0 * line.probability:g}",
@@ -192,7 +192,7 @@ def _estimates(line: StraightLine) -> list[Estimate]:
 
 
 def straight_line_lines(line: StraightLine) -> list[str]:
-    """What a terminal is told of a line."""
+    """The lines of a terminal on a straight line."""
     if not line.status.ok:
         step = phrase("first step: {words}", words=line.first_step)
         return [*filter(None, (line.message, _best(line))), step]

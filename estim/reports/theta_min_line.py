@@ -138,7 +138,7 @@ def _above_theory(analysis: LineAnalysis, intercept: FloatArray) -> Json | None:
 
 
 def _row(analysis: LineAnalysis, method: str) -> Json:
-    """What a method says; of a status that is not ok the best line and how well it fits, without
+    """The result of a method; of a status that is not ok the best line and its fit, without
     any uncertainty.
     """
     if method == "posterior":
@@ -188,7 +188,7 @@ def line_report(
         drawers,
         "line.md.j2",
         records,
-        wanted=figures,
+        figure_choice=figures,
         kind=campaign.kind,
         result=result,
         assumption=analysis.assumption,
@@ -201,7 +201,7 @@ def line_report(
 
 
 def line_lines(campaign: Campaign, analysis: LineAnalysis) -> list[str]:
-    """What a terminal says of a line whose status is ok."""
+    """The lines of a terminal on a line whose status is ok."""
     result = line_result(campaign, analysis)
     resistance = phrase(
         "c_rr = {value}, if all of the intercept is rolling resistance",
@@ -249,7 +249,7 @@ LINE_WORDS: Mapping[str, Any] = {
     "conventions": CONVENTIONS,
     "evidence_words": evidence_words,
     "plain": Notation("").label("1"),
-    "told": False,  # whether E_n is explained above
+    "e_n_explained": False,  # whether E_n is explained above
 }
 """What `line_body.md.j2` needs beside the record."""
 
@@ -267,7 +267,10 @@ def line_figure(analysis: LineAnalysis) -> Figure:
         names = analysis.chain.names
         lines = draws[:, [names.index("intercept")]] + draws[:, [names.index("slope")]] * x
         draw_bands(
-            ax, x, np.quantile(lines, QUANTILES, axis=0), said=later("posterior of the line, {p} %")
+            ax,
+            x,
+            np.quantile(lines, QUANTILES, axis=0),
+            label=later("posterior of the line, {p} %"),
         )
     if analysis.gamma_masses is not None:
         gamma = analysis.gamma_masses

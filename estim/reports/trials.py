@@ -79,8 +79,8 @@ def trials_result(
         },
         "priors": {name: _shown_prior(analysis, name) for name in analysis.chain.names},
         "resistance_fixed": number(analysis.posterior.resistance),
-        "ways": _ways(analysis, line) if status.ok else {},
-        "ends_apart": _apart(analysis) if status.ok else None,
+        "ways": _gamma_by_way(analysis, line) if status.ok else {},
+        "ends_apart": _difference_of_ends(analysis) if status.ok else None,
         "thresholds": analysis.thresholds,
         # rad, with its standard uncertainty, at phi_mean
         "offset": [analysis.offset.value, analysis.offset.u] if status.ok else None,
@@ -110,7 +110,7 @@ def _shown_prior(analysis: TrialsAnalysis, name: str) -> str:
     }.get(name) or analysis.posterior.priors[name].describe()
 
 
-def _ways(analysis: TrialsAnalysis, line: LineAnalysis | None) -> dict[str, Json]:
+def _gamma_by_way(analysis: TrialsAnalysis, line: LineAnalysis | None) -> dict[str, Json]:
     """gamma by each way; e_n against the stated value, e_n_trials against gamma of all trials (null
     for those that share trials with it).
     """
@@ -131,7 +131,7 @@ def _ways(analysis: TrialsAnalysis, line: LineAnalysis | None) -> dict[str, Json
         reading = line.readings[name]
         rows[name] = {
             "words": words,
-            "gamma": _plain(reading.gamma),
+            "gamma": _normal_summary(reading.gamma),
             "e_n": number(reading.e_n),
             "e_n_trials": number(e_n(reading.gamma, gamma)),
             "reliable": True,
@@ -139,7 +139,7 @@ def _ways(analysis: TrialsAnalysis, line: LineAnalysis | None) -> dict[str, Json
     return rows
 
 
-def _plain(gamma: Quantity) -> Summary:
+def _normal_summary(gamma: Quantity) -> Summary:
     """A value and a standard uncertainty as a summary, normal."""
     q025, q16, q84, q975 = (
         gamma.value + k * gamma.u for k in (-1.959964, -0.994458, 0.994458, 1.959964)
@@ -149,12 +149,17 @@ def _plain(gamma: Quantity) -> Summary:
     )
 
 
-def _apart(analysis: TrialsAnalysis) -> list[float] | None:
+def _difference_of_ends(analysis: TrialsAnalysis) -> list[float] | None:
     """Difference, its standard uncertainty, in sds, E_n."""
-    apart = analysis.ends_apart
-    if apart is None:
+    difference = analysis.ends_apart
+    if difference is None:
         return None
-    return [apart.value, apart.u, apart.value / apart.u, e_n(apart, Quantity(0.0))]
+    return [
+        difference.value,
+        difference.u,
+        difference.value / difference.u,
+        e_n(difference, Quantity(0.0)),
+    ]
 
 
 def trials_section(
@@ -174,7 +179,7 @@ def trials_report(campaign: Campaign, analysis: TrialsAnalysis, *, figures: Figu
         drawers,
         "trials.md.j2",
         {"trials.json": result},
-        wanted=figures,
+        figure_choice=figures,
         kind=campaign.kind,
         trials=result,
         labels=UNKNOWN_LABELS,
@@ -182,7 +187,7 @@ def trials_report(campaign: Campaign, analysis: TrialsAnalysis, *, figures: Figu
 
 
 def trials_lines(campaign: Campaign, analysis: TrialsAnalysis) -> list[str]:
-    """What a terminal says of trials whose status is ok."""
+    """The lines of a terminal on trials whose status is ok."""
     masses, true = analysis.gamma_masses, campaign.truth.get(f"gamma[{analysis.trials.body}]")
     stated = "" if masses is None else format_quantity(masses.value, masses.u)
     return screen_lines(
@@ -227,7 +232,7 @@ def _draw_starts(ax: Axes, analysis: TrialsAnalysis, end: str, phi: FloatArray) 
             ax,
             np.degrees(phi),
             starts,
-            said=later("threshold of climbing, all trials jointly, {p:.0f} %"),
+            label=later("threshold of climbing, all trials jointly, {p:.0f} %"),
         )
     gamma = analysis.gamma_masses
     if gamma is not None:
@@ -279,14 +284,14 @@ def _draw_trials(ax: Axes, analysis: TrialsAnalysis, end: str, width: float) -> 
         ax.plot(x, y, mark, ms=5, mfc=face, mec=INK, mew=0.8, ls="", label=label, zorder=4)
 
 
-def _side_by_side(angles: FloatArray, seen: Counter[float]) -> list[tuple[int, float]]:
-    """Angles in degrees, each with how many of the same came before it, those in `seen` among
-    them.
+def _side_by_side(angles: FloatArray, counts: Counter[float]) -> list[tuple[int, float]]:
+    """Angles in degrees, each with the number of equal angles before it, which `counts` continues
+    from earlier calls.
     """
     placed = []
     for angle in np.round(np.degrees(angles), 6).tolist():
-        placed.append((seen[angle], angle))
-        seen[angle] += 1
+        placed.append((counts[angle], angle))
+        counts[angle] += 1
     return placed
 
 
@@ -311,7 +316,7 @@ def chances_figure(analysis: TrialsAnalysis) -> Figure:
             ax,
             np.degrees(angles),
             np.quantile(chance, QUANTILES, axis=0),
-            said=later("probability of climbing, {p:.0f} %"),
+            label=later("probability of climbing, {p:.0f} %"),
         )
         if len(trials.ends) > 1 and trials.u_zero_theta > 0.0:  # else the two ends have one curve
             middle = np.median(_chances(analysis, tilt.phi, angles, HIGH), axis=0)
@@ -324,11 +329,11 @@ def chances_figure(analysis: TrialsAnalysis) -> Figure:
                 label=phrase("median above 90°"),
             )
         for climbed, level, step in ((True, 1.0, -0.07), (False, 0.0, 0.07)):
-            seen: Counter[float] = Counter()
+            counts: Counter[float] = Counter()
             for end in trials.ends:
                 part = tilt.end(end)
                 placed = _side_by_side(
-                    np.minimum(part.theta, np.pi - part.theta)[part.climbed == climbed], seen
+                    np.minimum(part.theta, np.pi - part.theta)[part.climbed == climbed], counts
                 )
                 mark, face = _MARKS[end, climbed]
                 label = phrase("climbed" if climbed else "did not climb")

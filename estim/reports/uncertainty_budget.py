@@ -60,7 +60,7 @@ class Shares:
     symbols : (n_quantity,).
     sources : (n_source,) in words.  shares : (n_source, n_quantity) of the variance, columns add up
         to 1.
-    drawn : the same from draws, nan where they do not tell.
+    drawn : the same from draws, nan where they do not determine it.
     sums, posterior : (n_quantity,) standard deviations as text.
     n_left : how many quantities are not shown.
     bent : symbols of those whose sds differ by more than a fifth.
@@ -134,8 +134,8 @@ def _record(budget: Budget, k: int, unit: str) -> UncertaintyBudget:
 
 
 def shares_of(analysis: Analysis, budget: Budget, labels: Labels) -> Shares:
-    """What is sought first, then the parameters that runs share; sources that are alike (the tilts
-    of many runs) together, small ones too.
+    """The requested quantities first, then the parameters that runs share; sources of one kind (the
+    tilts of many runs) together, small ones too.
     """
     between = {name for name in analysis.problem.names if split_level(name)[0].endswith("_shift")}
     derived = {name: label for name, (_, label) in derived_columns(analysis).items()}
@@ -148,9 +148,9 @@ def shares_of(analysis: Analysis, budget: Budget, labels: Labels) -> Shares:
     columns = [k for k, _ in chosen]
     shares, drawn = budget.shares[:, columns], budget.shares_drawn[:, columns]
     groups: dict[str, list[int]] = {}
-    alike = Counter((source.kind, split_level(source.name)[0]) for source in budget.sources)
+    counts = Counter((source.kind, split_level(source.name)[0]) for source in budget.sources)
     for i, source in enumerate(budget.sources):
-        groups.setdefault(_words(source, alike, labels), []).append(i)
+        groups.setdefault(_words(source, counts, labels), []).append(i)
     sizes = {words: np.max(np.sum(shares[members], axis=0)) for words, members in groups.items()}
     ordered = sorted(groups, key=lambda words: -float(sizes[words]))
     rows = {words: groups[words] for words in ordered[:10] if sizes[words] >= 0.005}
@@ -173,8 +173,8 @@ def shares_of(analysis: Analysis, budget: Budget, labels: Labels) -> Shares:
     )
 
 
-def _words(source: Source, alike: Mapping[tuple[str, str], int], labels: Labels) -> str:
-    """alike : how many sources there are of a kind and a base name."""
+def _words(source: Source, counts: Mapping[tuple[str, str], int], labels: Labels) -> str:
+    """counts : how many sources there are of a kind and a base name."""
     if source.kind not in (STATED, PRIOR):
         return {
             READINGS: phrase("readings"),
@@ -186,7 +186,7 @@ def _words(source: Source, alike: Mapping[tuple[str, str], int], labels: Labels)
             FRAMES: phrase("bad frames"),
         }[source.name]
     base = split_level(source.name)[0]
-    n = alike[source.kind, base]
+    n = counts[source.kind, base]
     symbol = (
         phrase("{symbol} of {n} runs or bodies", symbol=labels.symbol(base), n=n)
         if n > 2

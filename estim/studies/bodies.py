@@ -30,11 +30,11 @@ from estim.propagation import (
 
 @dataclass(frozen=True, eq=False)
 class BodyProperties:
-    """What the parts of bodies say.
+    """The properties of bodies, by their parts.
 
     names : (body, output) of each of the (n_out,) outputs of `linear` and `sampled`.
     budgets : (n_out,), of `linear`.
-    notes : of the linear result, what a reader must know.
+    notes : cautions about the linear result.
     """
 
     bodies: tuple[PartedBody, ...]

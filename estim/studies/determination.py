@@ -27,7 +27,7 @@ class Determination:
 
 
 def determine(analysis: Analysis, *, profiles: bool = True) -> Determination:
-    """What the data can tell about each parameter of an analysis.  profiles : whether by profile
+    """What the data determine about each parameter of an analysis.  profiles : whether by profile
     intervals too.
     """
     draws = analysis.chain.thinned(_DRAWS)

@@ -4,7 +4,7 @@ The speeds are those of the fit, freed of the truncation of their stencil.  The 
 kappa, tilt, angle of release, rolling resistance) are drawn from the posterior of the phase-curve
 fit, which has the same data.  So the energies show what that fit makes of the loss: if the data do
 not narrow the rolling resistance, the loss is its prior over again, and if the fit holds it fixed,
-the energies can only agree with that.  `Drift` says which of these is the case, and tests for a
+the energies can only agree with that.  `Drift` shows which of these is the case, and tests for a
 loss properly: how much better do the data fit when energy may be lost?
 
 Errors of positions and speeds enter together: a position error moves the potential energy, and
@@ -90,18 +90,18 @@ class Drift:
 
     @property
     def seen(self) -> bool:
-        """Whether the data show that energy is lost, and say how much."""
+        """Whether the data show that energy is lost, and how much."""
         return self.determined and self.p_value < 0.05
 
     @property
     def determined(self) -> bool:
-        """Whether the data, and not the prior, say how much energy is lost."""
+        """Whether the data, and not the prior, determine how much energy is lost."""
         return self.free and self.narrowing < DETERMINED
 
 
 def energy_status(analysis: Analysis, drift: Drift) -> Status:
-    """The status of what is said of the energy: that of the fit, and not ok where its prior says
-    how much is lost, not the data.
+    """The status of the results on the energy: that of the fit, and not ok where the prior
+    determines how much is lost, not the data.
     """
     return (
         Status.NOT_IDENTIFIED
@@ -120,7 +120,7 @@ def drift_of(analysis: Analysis, *, rng: np.random.Generator) -> Drift:
     narrowing = float(np.mean([sds[i] / problem.parameters[i].prior.sd for i in losses]))
     names = {problem.parameters[i].name for i in losses}
     free = problem.with_priors(dict.fromkeys(names, Uniform(0.0, 1.0)))
-    held = tuple(
+    lossless_runs = tuple(
         replace(
             run,
             arguments={
@@ -129,13 +129,13 @@ def drift_of(analysis: Analysis, *, rng: np.random.Generator) -> Drift:
         )
         for run in problem.runs
     )
-    none = Problem(
-        tuple(p for p in problem.parameters if p.name not in names), held, problem.shared
+    lossless = Problem(
+        tuple(p for p in problem.parameters if p.name not in names), lossless_runs, problem.shared
     )
     # the flat prior on [0, 1] has log density 0
-    kept = [i for i in range(problem.n_par) if i not in losses]
+    others = [i for i in range(problem.n_par) if i not in losses]
     with_loss = fit_least_squares(free, rng=rng, n_start=1, start=analysis.fit.values)
-    without = fit_least_squares(none, rng=rng, n_start=1, start=analysis.fit.values[kept])
+    without = fit_least_squares(lossless, rng=rng, n_start=1, start=analysis.fit.values[others])
     gain = 2.0 * (_best(with_loss) - _best(without))
     limit = float(np.max(np.quantile(analysis.chain.flat[:, losses], 0.95, axis=0)))
     return Drift(

@@ -57,7 +57,7 @@ class Budget:
 
     contributions : (n_source, n_quantity) standard uncertainties, in the unit of the quantity;
         signed for a stated value (how far q moves if it was one standard uncertainty too low).
-        drawn : the same from draws, nan where draws do not tell.
+        drawn : the same from draws, nan where draws do not determine it.
     sds : (n_quantity,) of the linear approximation; root of the sum of squares.
     posterior : (n_quantity,) of the draws.
     """
@@ -76,7 +76,7 @@ class Budget:
 
     @cached_property
     def shares_drawn(self) -> FloatArray:
-        """(n_source, n_quantity) of the variance of the draws; nan where they do not tell."""
+        """(n_source, n_quantity) of the variance of the draws; nan where it is undetermined."""
         return np.square(self.drawn / self.posterior)
 
 
@@ -103,8 +103,10 @@ def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
     )
     priors = [Source(fit.names[i], _kind_of(problem.parameters[i].prior)) for i in informative]
     further = [Source(name, "curve") for name in parts]
-    plain = [isinstance(problem.parameters[i].prior, Normal) for i in informative]
-    drawn = np.where(np.array(plain)[:, None], _drawn(pulls[informative], draws, values), np.nan)
+    is_normal = [isinstance(problem.parameters[i].prior, Normal) for i in informative]
+    drawn = np.where(
+        np.array(is_normal)[:, None], _drawn(pulls[informative], draws, values), np.nan
+    )
     nothing = np.full(sds.size, np.nan)
     return Budget(
         sources=(*priors, *further, Source(READINGS, READINGS)),
@@ -126,8 +128,8 @@ def _drawn(pulls: FloatArray, draws: FloatArray, values: FloatArray) -> FloatArr
     """(n_prior, n_quantity) Cov(q, p)/u for a normal prior with standard deviation u.  pulls :
     (n_prior, n_par) 1/u.  draws : (n_draw, n_par).
     """
-    off = draws - draws.mean(axis=0)
-    return pulls @ (off.T @ (values - values.mean(axis=0))) / (len(draws) - 1)
+    deviations = draws - draws.mean(axis=0)
+    return pulls @ (deviations.T @ (values - values.mean(axis=0))) / (len(draws) - 1)
 
 
 def _quantities(fit: Fit, draws: FloatArray) -> tuple[list[str], FloatArray, FloatArray]:
@@ -142,9 +144,13 @@ def _quantities(fit: Fit, draws: FloatArray) -> tuple[list[str], FloatArray, Flo
     gradients, values = [*np.eye(fit.values.size)[chosen]], [*draws[:, chosen].T]
     by_name: dict[str, list[tuple[Observations, FloatArray]]] = {}
     for run in problem.runs:
-        wanted = {derived.name for derived in run.sought}
-        for derived in linear_derived(run, fit.names, fit.values, fit.cov) if wanted else ():
-            if derived.name in wanted and all_finite(derived.gradient) and np.any(derived.gradient):
+        requested = {derived.name for derived in run.sought}
+        for derived in linear_derived(run, fit.names, fit.values, fit.cov) if requested else ():
+            if (
+                derived.name in requested
+                and all_finite(derived.gradient)
+                and np.any(derived.gradient)
+            ):
                 by_name.setdefault(derived.name, []).append((run, derived.gradient))
     for name, each in by_name.items():
         same = all(np.allclose(gradient, each[0][1], rtol=1e-6) for _, gradient in each)

@@ -40,8 +40,8 @@ class KnownValues:
     draws: dict[str, FloatArray]
     fitted: FittedValues | None = None
 
-    def beside(self, runs: Sequence[Observations]) -> tuple[str, ...]:
-        """Symbols of what the runs have beside weight and plain rolling resistance."""
+    def additional_effects(self, runs: Sequence[Observations]) -> tuple[str, ...]:
+        """Symbols of the effects of the runs in addition to weight and rolling resistance."""
         return tuple(
             kind.notation.symbol
             for name, kind in EFFECTS.items()
@@ -89,12 +89,12 @@ def _allowed(
     mean, cov = fitted.mean[chosen], fitted.cov[np.ix_(chosen, chosen)]
     low = np.array([p.prior.low for p in parameters])
     high = np.array([p.prior.high for p in parameters])
-    kept: list[FloatArray] = []
+    accepted: list[FloatArray] = []
     for _ in range(200):
-        some = rng.multivariate_normal(mean, cov, size=_N_DRAW, method="eigh")
-        kept.append(some[np.all((some >= low) & (some <= high), axis=1)])
-        if sum(len(rows) for rows in kept) >= _N_DRAW:
-            return np.vstack(kept)[:_N_DRAW]
+        proposals = rng.multivariate_normal(mean, cov, size=_N_DRAW, method="eigh")
+        accepted.append(proposals[np.all((proposals >= low) & (proposals <= high), axis=1)])
+        if sum(len(rows) for rows in accepted) >= _N_DRAW:
+            return np.vstack(accepted)[:_N_DRAW]
     raise InputError(
         "must be a fit with these priors, under which its values are very improbable",
         field="--fit",

@@ -69,9 +69,13 @@ def limits(fit: Fit, parameter: str) -> tuple[Limit, ...]:
             groups.setdefault(name.partition("[")[0], []).append(i)
     costs = []
     for group, members in groups.items():
-        kept = [i for i in range(len(names)) if i not in members]
+        remaining = [i for i in range(len(names)) if i not in members]
         known = float(
-            np.sqrt(np.linalg.inv(matrix[np.ix_(kept, kept)])[kept.index(own), kept.index(own)])
+            np.sqrt(
+                np.linalg.inv(matrix[np.ix_(remaining, remaining)])[
+                    remaining.index(own), remaining.index(own)
+                ]
+            )
         )
         costs.append(Limit(parameter, group, u, known))
     return tuple(sorted(costs, key=lambda limit: -limit.share))

@@ -7,10 +7,10 @@ on the width of the priors of what a model adds: each is made half and twice as 
 the start, whose width is a convention, costs some units of log evidence a run; what it costs is
 known and held against no model.
 
-A model is told apart from another by odds of 20 (log evidence by 3: "strong", Kass and Raftery, J.
-Am. Stat. Assoc. 90 (1995) 773).  The default, with an unmodelled force and a free start, is left
-only for a model of something that it does not contain and that is told apart from all that do not
-have it.  A simpler model that the default contains is no reason to leave it: that no room was
+A model is distinguished from another by odds of 20 (log evidence by 3: "strong", Kass and Raftery,
+J. Am. Stat. Assoc. 90 (1995) 773).  The default, with an unmodelled force and a free start, is left
+only for a model of something that it does not contain and that is distinguished from all that do
+not have it.  A simpler model that the default contains is no reason to leave it: that no room was
 needed does not show that nothing is missing, and an interval of a model chosen by its own data is
 too narrow.
 """
@@ -63,7 +63,7 @@ class Ground(StrEnum):
     """Why a model is recommended."""
 
     ROOM = "room"  # the default: nothing that it does not contain has more evidence
-    # the default: something that it does not contain has more evidence, and is not told apart
+    # the default: something that it does not contain has more evidence, and is not distinguished
     UNDECIDED = "undecided"
     SHOWN = "shown"  # something that the default does not contain
     BEST = "best"  # there is no default to fall back on
@@ -95,7 +95,7 @@ class Width:
 class ComparedModel(Refit):
     """A model with its analysis.
 
-    log_evidence, u_log_evidence : nan where there is none to compare, and then `lack` says why.
+    log_evidence, u_log_evidence : nan where there is none to compare, for the reason in `lack`.
     odds : log evidence below that of the best row.
     widths : of everything that it adds.
     predicted : of every run.
@@ -175,8 +175,12 @@ def compare_models(
                 fit = fit_model(model, bad=bad, rng=stream(seed, Stream.FIT))
             if model.forced and len(runs) == 1:
                 bad = {force.run: force.bad for force in fit.forces}
-            kept = None if store is None else store.given(campaign.digests(runs), model.name)
-            analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=kept)
+            model_store = (
+                None if store is None else store.with_inputs(campaign.digests(runs), model.name)
+            )
+            analysis = analyse_fit(
+                fit, seed=seed, target=target, progress=progress, store=model_store
+            )
         analysis = replace(analysis, title=campaign.title, kind=campaign.kind)
         refits[model.name] = refit_of(model.name, model.words, analysis)
     return _compared(models, refits, seed)
@@ -249,7 +253,7 @@ def recommend(rows: Sequence[ComparedModel], *, by_evidence: bool) -> tuple[str,
     if rival is None:
         return default.model.name, Ground.ROOM
     if all(
-        _apart(rival, row, by_evidence=by_evidence)
+        _distinguished(rival, row, by_evidence=by_evidence)
         for row in good
         if row is default or contains(default, row)
     ):
@@ -278,10 +282,10 @@ def log_odds(row: ComparedModel, other: ComparedModel) -> float:
     """Log evidence of `row` less that of `other`; what the free start of one costs is left out
     where the other starts exactly at rest.
     """
-    return other.odds - row.odds + _held_against_none(row, other) - _held_against_none(other, row)
+    return other.odds - row.odds + _penalty_of_start(row, other) - _penalty_of_start(other, row)
 
 
-def _held_against_none(row: ComparedModel, other: ComparedModel) -> float:
+def _penalty_of_start(row: ComparedModel, other: ComparedModel) -> float:
     at_rest = not other.model.forced and not any(
         name.startswith(("release_energy", "release_speed")) for name in other.model.own
     )
@@ -295,7 +299,7 @@ def contains(larger: ComparedModel, row: ComparedModel) -> bool:
     return larger.model.forced >= row.model.forced and set(row.model.own) <= set(larger.model.own)
 
 
-def _apart(better: ComparedModel, worse: ComparedModel, *, by_evidence: bool) -> bool:
+def _distinguished(better: ComparedModel, worse: ComparedModel, *, by_evidence: bool) -> bool:
     if by_evidence:
         return log_odds(better, worse) >= APART
     gain, se = difference(better.loo, worse.loo)
@@ -341,7 +345,7 @@ def _widths(
             widths.append(
                 width
                 if math.isfinite(width.change)
-                else Width(name, factor, *_again(analysis, name, wider, rng))
+                else Width(name, factor, *_recomputed(analysis, name, wider, rng))
             )
     if model.forced:
         widths += [_width(FORCE, factor, _log_ratio(analysis, FORCE, factor)) for factor in FACTORS]
@@ -374,7 +378,7 @@ def _log_ratio(analysis: Analysis, of: str, factor: float) -> FloatArray:
     return ratio
 
 
-def _again(
+def _recomputed(
     analysis: Analysis, name: str, prior: Prior, rng: np.random.Generator
 ) -> tuple[float, float]:
     fit, certificate = analysis.fit, analysis.certificate

@@ -35,7 +35,7 @@ class PropagatedBand:
     mc_low, mc_high : ends of the probabilistically symmetric 68 % interval by Monte Carlo; the band
         that is drawn.
     published : parameters that were not measured here, at their published values.
-    held : the others, at their fitted values.
+    fitted : the others, at their fitted values.
     budget : share of each input along the curve.  Beyond 97 % of the way to the turning point of
         the stated values the linear law has no meaning (the speed ends with a vertical slope) and
         u, mc_* are nan.
@@ -53,7 +53,7 @@ class PropagatedBand:
     mc_low: FloatArray
     mc_high: FloatArray
     published: Mapping[str, float]
-    held: tuple[str, ...]
+    fitted: tuple[str, ...]
     budget: BudgetAlong
     ratio: FloatArray
     linear_off: FloatArray
@@ -139,7 +139,7 @@ def _band(
         mc_low=mc_low,
         mc_high=mc_high,
         published={name: number.value for name, number in of_paper.items()},
-        held=tuple(sorted(run.curve_parameters - set(stated))),
+        fitted=tuple(sorted(run.curve_parameters - set(stated))),
         budget=budget_along(linear, x),
         ratio=np.where(moving, half / on_grid(mc_half), np.nan),
         linear_off=on_grid(np.abs(linear.u / mc_half - 1.0)),

@@ -1,4 +1,4 @@
-"""Published numbers beside reanalysed ones: value, value, E_n; and what a paper says in words."""
+"""Published numbers beside reanalysed ones: value, value, E_n; and the statements of a paper."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class PublishedComparison:
 
 
 def read_published(path: Path) -> Paper:
-    """What a TOML file says of a paper.  Raises InputError."""
+    """The paper that a TOML file describes.  Raises InputError."""
     text, _ = read_text(path, limit=TOML_BYTES)
     tree, places = parse_toml(text, str(path))
     return checked(tree, Paper, places, ())

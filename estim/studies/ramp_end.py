@@ -25,21 +25,21 @@ class RampEnd:
 
 
 def ramp_end_of(
-    source: CampaignFile, body: str, recorded: float, *, asked: float | None
+    source: CampaignFile, body: str, recorded: float, *, ramp_length: float | None
 ) -> RampEnd:
     """The end of the ramp for a body.
 
-    asked : m, in place of all else.  Then `ramp_length_m` less `ramp_start_m` at the body or under
-        [shared], then the longest recording (m).  Raises InputError where it is not positive.
+    ramp_length : m, in place of all else.  Then `ramp_length_m` less `ramp_start_m` at the body or
+        under [shared], then the longest recording (m).  Raises InputError where it is not positive.
     """
-    if asked is not None:
-        if not (math.isfinite(asked) and asked > 0.0):
+    if ramp_length is not None:
+        if not (math.isfinite(ramp_length) and ramp_length > 0.0):
             raise InputError(
                 "must be > 0 (m, from the release to the end of the ramp)",
                 field="--ramp-length",
-                value=asked,
+                value=ramp_length,
             )
-        return RampEnd(asked, "asked")
+        return RampEnd(ramp_length, "asked")
     levels = body_levels(source, body)
     level, of_start = levels.first("ramp_length_m"), levels.first("ramp_start_m")
     if level is None or level.table.ramp_length_m is None:

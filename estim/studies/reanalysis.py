@@ -65,7 +65,7 @@ class BodyAnalysis(_JointResult):
 
 @dataclass(frozen=True, eq=False)
 class Reanalysis:
-    """Everything that a campaign says.  line is None where the campaign has no theta_min series."""
+    """All results of a campaign.  line is None where the campaign has no theta_min series."""
 
     campaign: Campaign
     line: LineAnalysis | None
@@ -93,7 +93,7 @@ _TaskKey = tuple[str, str]
 
 @dataclass(frozen=True, eq=False)
 class _TaskRunner:
-    """What becomes of a piece; the same whichever process does it."""
+    """The result of a task; the same whichever process computes it."""
 
     campaign: Campaign
     series: ThetaMinSeries | None
@@ -103,7 +103,7 @@ class _TaskRunner:
     store: PieceStore | None
 
     @property
-    def pieces(self) -> tuple[_TaskKey, ...]:
+    def tasks(self) -> tuple[_TaskKey, ...]:
         bodies = dict.fromkeys(run.body for run in self.campaign.source.runs)
         runs = tuple(("run", name) for name in self.campaign.run_names)
         return (
@@ -115,8 +115,8 @@ class _TaskRunner:
     def runs_of(self, body: str) -> list[str]:
         return [run.name for run in self.campaign.source.runs if run.body == body]
 
-    def __call__(self, piece: _TaskKey) -> LineAnalysis | Analysis | _JointResult:
-        kind, name = piece
+    def __call__(self, task: _TaskKey) -> LineAnalysis | Analysis | _JointResult:
+        kind, name = task
         if kind == "line":
             assert self.series is not None
             gamma = gamma_of_body(self.campaign.source, self.series.body)
@@ -189,10 +189,10 @@ def reanalyse(
     )
     done = _done(work, progress_of, jobs)
     line = done.get(("line", ""))
-    single_runs = {name: done["run", name] for kind, name in work.pieces if kind == "run"}
+    single_runs = {name: done["run", name] for kind, name in work.tasks if kind == "run"}
     bodies = [
         _body(campaign, name, done[kind, name], [single_runs[run] for run in work.runs_of(name)])
-        for kind, name in work.pieces
+        for kind, name in work.tasks
         if kind == "body"
     ]
     return Reanalysis(
@@ -208,23 +208,23 @@ def reanalyse(
 
 def _done(work: _TaskRunner, progress_of: ProgressOf, jobs: int) -> dict[_TaskKey, Any]:
     """Those that take longest first: the runs that are many together."""
-    pieces = sorted(work.pieces, key=lambda piece: -len(work.runs_of(piece[1])))
+    tasks = sorted(work.tasks, key=lambda task: -len(work.runs_of(task[1])))
     with progress_of(
-        phrase("{n} fits, {jobs} at once", n=len(pieces), jobs=min(jobs, len(pieces)))
+        phrase("{n} fits, {jobs} at once", n=len(tasks), jobs=min(jobs, len(tasks)))
     ) as progress:
         n_done = 0
 
-        def tell(piece: _TaskKey) -> None:
+        def on_done(task: _TaskKey) -> None:
             nonlocal n_done
             n_done += 1
-            progress(100 * n_done // len(pieces), phrase("{what}: done", what=_shown(piece)))
+            progress(100 * n_done // len(tasks), phrase("{what}: done", what=_shown(task)))
 
-        results = run_parallel(work, pieces, jobs=jobs, tell=tell, wait_on_error=False)
-    return dict(zip(pieces, results, strict=True))
+        results = run_parallel(work, tasks, jobs=jobs, on_done=on_done, wait_on_error=False)
+    return dict(zip(tasks, results, strict=True))
 
 
-def _shown(piece: _TaskKey) -> str:
-    kind, name = piece
+def _shown(task: _TaskKey) -> str:
+    kind, name = task
     return {"line": phrase("line"), "run": name, "body": phrase("{name}, all runs", name=name)}[
         kind
     ]
@@ -261,9 +261,7 @@ def _body(
 def _numbers_of(
     campaign: Campaign, line: LineAnalysis | None, bodies: list[BodyAnalysis]
 ) -> list[tuple[str, str | None, Quantity, str]]:
-    """What the reanalysis has to say on published numbers: parameter, body, value, how it was
-    found.
-    """
+    """The values to compare with published numbers: parameter, body, value, how it was obtained."""
     numbers: list[tuple[str, str | None, Quantity, str]] = []
     for b in bodies:
         if b.gamma_masses is not None:
@@ -275,9 +273,9 @@ def _numbers_of(
             b.joint.problem.parameters, draws.T, b.joint.estimates, strict=True
         ):
             base = parameter.name.partition("[")[0]
-            told = b.joint.diagnosis.ok and estimate.measured
-            # what the data leave as it was stated is no second opinion
-            if base in ("gamma", "kappa", "radius") and told:
+            determined = b.joint.diagnosis.ok and estimate.measured
+            # a value that the data do not constrain is only the stated one again
+            if base in ("gamma", "kappa", "radius") and determined:
                 value = Quantity(float(column.mean()), float(column.std(ddof=1)))
                 how = phrase(
                     "joint fit of {n} runs of {body}, stated value as prior"

@@ -92,7 +92,7 @@ def map_bodies(
 ) -> tuple[BodyMap, ...]:
     """The maps of `bodies`, or of every body of a campaign that has runs.
 
-    ramp_length (m from the release) : in place of what the campaign says.
+    ramp_length (m from the release) : in place of that of the campaign.
     fitted : a fit, in place of what was stated.  Raises InputError.
     """
     of_run = {name: campaign.body_of(name) for name in campaign.run_names}
@@ -141,7 +141,7 @@ def _map_body(
     first = arguments[names[0]]
     places = tuple(place_of(campaign, run, arguments[run.name]) for run in runs)
     recorded = max(place.farthest for place in places)
-    end = ramp_end_of(campaign.source, body, recorded, asked=ramp_length)
+    end = ramp_end_of(campaign.source, body, recorded, ramp_length=ramp_length)
     steepest = steepest_tilt(first)
     phi, theta0_range = _extent(places, float(np.median(steepest)))
     borders = borders_of(first, phi, ramp_end=end.length)
@@ -161,7 +161,7 @@ def _map_body(
         farthest=np.quantile(farthest, QUANTILES, axis=0, method="higher"),
         runs=places,
         end=end,
-        left_out=known.beside(runs),
+        left_out=known.additional_effects(runs),
         known=known,
     )
 

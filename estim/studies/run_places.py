@@ -65,11 +65,11 @@ def place_of(campaign: Campaign, run: Observations, arguments: Named) -> RunPlac
     turns, turned = (stop > 0.0) & np.isfinite(stop), _turned(run)
     further = stop - farthest
     if unsure > 0.0:
-        beyond, before = (
+        p_beyond, p_before = (
             float(np.mean(normal_below(sign * further / unsure))) for sign in (1.0, -1.0)
         )
     else:
-        beyond, before = float(np.mean(further >= 0.0)), float(np.mean(further <= 0.0))
+        p_beyond, p_before = float(np.mean(further >= 0.0)), float(np.mean(further <= 0.0))
     return RunPlace(
         run.name,
         (float(np.mean(phi)), float(np.std(phi))),
@@ -80,7 +80,7 @@ def place_of(campaign: Campaign, run: Observations, arguments: Named) -> RunPlac
         else np.full(len(QUANTILES), np.nan),
         metre * float(np.median(farthest)),
         turned,
-        min(1.0, 2.0 * min(beyond, before)) if turned else beyond,
+        min(1.0, 2.0 * min(p_beyond, p_before)) if turned else p_beyond,
     )
 
 

@@ -3,13 +3,13 @@ what was not compared.
 
 Another processor, or another version of NumPy, changes the last digits of a number.  A chain then
 makes the same draws, and all estimates agree to a thousandth of their standard deviations; or at
-some step it decides otherwise, and the draws are others.  Which of the two happened is asked for
+some step it decides otherwise, and the draws are others.  Which of the two happened is decided for
 each part of a result by itself:
 
 - the same draws: every number must agree, to 1e-3 of it (estimates: of their standard deviation);
 - other draws: estimates must agree within their Monte-Carlo errors, statuses, names and units
   exactly.  The rest follows from the draws and has no stated error (shares, correlations, bands,
-  which of two sentences is said): it is not compared, and named.
+  which of two sentences is shown): it is not compared, and named.
 
 Diagnostics of the sampling and versions are compared with neither.  A Monte-Carlo error is taken
 from the recomputation: a forged report could state a large one.
@@ -35,7 +35,7 @@ SAME_DRAWS = 1e-3
 SDS = 5.0  # Monte-Carlo errors of a difference
 FEWEST = 400  # effective draws behind an estimate that has no stated Monte-Carlo error
 _SAME, _SIMILAR = 1e-9, 1e-3  # relative: the last bits; a number that follows from the same draws
-_WIDTH = 80  # characters of what is told of a difference
+_WIDTH = 80  # characters of a difference that are shown
 _PICTURE = re.compile(rb"data:image/png;base64,[\w+/=]+")  # within a page
 _ERRORS = {
     **dict.fromkeys(("mean", "value", "sd", "u"), 1.0),
@@ -91,9 +91,11 @@ def differences(
         return []
     if file.endswith((".json", ".csv")):
         try:
-            found = _of_values("", _values(file, before), _values(file, now), same_draws)
+            entries = _of_values("", _values(file, before), _values(file, now), same_draws)
             # what was put in, before what follows
-            return sorted(found, key=lambda one: _key(one.where) not in _FIXED | _STATED)
+            return sorted(
+                entries, key=lambda difference: _key(difference.where) not in _FIXED | _STATED
+            )
         except ValueError as error:
             return [Difference("all of it", f"cannot be read ({error})", "")]
     if file.endswith((".md", ".html")):
@@ -117,7 +119,7 @@ def draws_are_same(file: str, before: bytes, now: bytes) -> bool:
 
 def different_values(before: object, now: object) -> list[str]:
     """Where two decoded JSON values differ, by more than the last bits."""
-    return [one.where for one in _of_values("", before, now, True, exact=True)]
+    return [difference.where for difference in _of_values("", before, now, True, exact=True)]
 
 
 def is_number(value: object) -> bool:
@@ -160,14 +162,14 @@ def _values(file: str, data: bytes) -> Any:
         if f"{head} sd" in heads:
             parts[head] = (head, "mean")
             parts |= {f"{head} {end}": (head, end) for end in ("sd", "q025", "q975")}
-    found: list[Any] = [heads]
+    records: list[Any] = [heads]
     for row in rows[1:]:
         line: Json = {}
         for head, cell in zip(heads, row, strict=True):
             name, inner = parts.get(head, (head, ""))
             (line.setdefault(name, {}) if inner else line)[inner or name] = _number(cell)
-        found.append(line)
-    return found
+        records.append(line)
+    return records
 
 
 def _number(cell: str) -> float | str:
@@ -187,9 +189,9 @@ def _moves(before: Any, now: Any) -> Iterator[float]:
             if estimate is None:
                 yield from _moves(a, b)
             elif key in _ERRORS and is_number(a) and is_number(b):
-                spread, apart = estimate[1], abs(a - b)
+                spread, change = estimate[1], abs(a - b)
                 bits = _SAME * max(abs(a), abs(b))
-                yield 0.0 if apart <= bits else apart / spread if spread > 0.0 else math.inf
+                yield 0.0 if change <= bits else change / spread if spread > 0.0 else math.inf
     elif isinstance(before, list) and isinstance(now, list):
         for a, b in zip(before, now, strict=False):
             yield from _moves(a, b)
@@ -208,11 +210,11 @@ def _of_values(
     *,
     exact: bool = False,
     scale: float = 0.0,
-    beside: bool = True,
+    same_beside: bool = True,
 ) -> Iterator[Difference]:
     """exact : every number that differs by more than the last bits is wrong.  scale : of the
-    numbers beside it.  beside : whether most numbers of the estimates beside it are of the same
-    draws.
+    numbers beside it.  same_beside : whether most numbers of the estimates beside it are of the
+    same draws.
     """
     key = _key(path)
     if not exact and key in _DIAGNOSTICS:
@@ -225,31 +227,37 @@ def _of_values(
             # other draws move most numbers of an estimate, and of those beside it: where a few
             # differ, somebody changed them
             few = 2 * sum(moved) <= len(moved) if len(moved) > 2 else not any(moved)
-            same, scale = few and beside, 0.0
+            same, scale = few and same_beside, 0.0
         else:
             same, scale = not any(moved) if moved else same, _scale([*now.values()])
-            beside = 2 * sum(moved) <= len(moved)
+            same_beside = 2 * sum(moved) <= len(moved)
         for name in dict.fromkeys([*before, *now]):
             place = f"{path}.{name}" if path else name
             if name not in now or name not in before:
                 yield _difference(place, before.get(name, ""), now.get(name, ""))
             elif estimate is None or name not in _ERRORS:
                 yield from _of_values(
-                    place, before[name], now[name], same, exact=exact, scale=scale, beside=beside
+                    place,
+                    before[name],
+                    now[name],
+                    same,
+                    exact=exact,
+                    scale=scale,
+                    same_beside=same_beside,
                 )
             else:
                 tolerance = SAME_DRAWS * estimate[1] if same else _tolerance(name, now, estimate[1])
                 yield from _of_numbers(place, before[name], now[name], tolerance)
     elif isinstance(before, list) and isinstance(now, list) and len(before) == len(now):
-        for i, (one, other) in enumerate(zip(before, now, strict=True)):
+        for i, (old, new) in enumerate(zip(before, now, strict=True)):
             yield from _of_values(
                 f"{path}[{i}]",
-                one,
-                other,
+                old,
+                new,
                 same,
                 exact=exact,
                 scale=max(scale, _scale(now)),
-                beside=beside,
+                same_beside=same_beside,
             )
     elif is_number(before) and is_number(now):
         stated = key in _FIXED
@@ -260,15 +268,15 @@ def _of_values(
             before,
             now,
             0.0 if exact else tolerance if stated else max(tolerance, 1e-4 * scale),
-            beyond=Verdict.WRONG if exact or same or stated else Verdict.ASIDE,
+            otherwise=Verdict.WRONG if exact or same or stated else Verdict.ASIDE,
             within=same or stated,
         )
     elif before != now or type(before) is not type(now):
         words = isinstance(before, str) and isinstance(now, str)
-        alike = words and not exact and key not in _STATED and _alike(before, now)
+        similar = words and not exact and key not in _STATED and _similar(before, now)
         stated = words and bool(_STATED & {*re.findall(r"[^.\[\]]+", path)})
         wrong = Verdict.WRONG if same or exact or stated else Verdict.ASIDE
-        yield _difference(path, before, now, Verdict.WITHIN if alike else wrong)
+        yield _difference(path, before, now, Verdict.WITHIN if similar else wrong)
 
 
 def _difference(
@@ -283,21 +291,21 @@ def _of_numbers(
     now: Any,
     tolerance: float,
     *,
-    beyond: Verdict = Verdict.WRONG,
+    otherwise: Verdict = Verdict.WRONG,
     within: bool = True,
 ) -> Iterator[Difference]:
     """Numbers that differ by more than the last bits; what is no number must be the same.
 
-    beyond : the tolerance.  within : whether it counts at all.
+    otherwise : the verdict beyond the tolerance.  within : whether the tolerance counts at all.
     """
     if not (is_number(before) and is_number(now)):
         if before != now or type(before) is not type(now):
             yield _difference(path, before, now)
         return
-    apart = abs(before - now)
-    if apart > _SAME * max(abs(before), abs(now)):
+    change = abs(before - now)
+    if change > _SAME * max(abs(before), abs(now)):
         yield _difference(
-            path, before, now, Verdict.WITHIN if within and apart <= tolerance else beyond
+            path, before, now, Verdict.WITHIN if within and change <= tolerance else otherwise
         )
 
 
@@ -325,37 +333,39 @@ def _of_lines(before: list[str], now: list[str], same: bool, exact: bool) -> Ite
     if len(before) > 4 * len(now) + 100:
         yield Difference("", f"{len(before)} lines", f"{len(now)} lines")
         return
-    old, new = ([_DIGITS.sub("#", line) for line in lines] for lines in (before, now))
-    for tag, i, j, k, m in difflib.SequenceMatcher(None, old, new, autojunk=False).get_opcodes():
+    old_words, new_words = ([_DIGITS.sub("#", line) for line in lines] for lines in (before, now))
+    for tag, i, j, k, m in difflib.SequenceMatcher(
+        None, old_words, new_words, autojunk=False
+    ).get_opcodes():
         if tag == "equal":
             pairs = list(zip(range(i + 1, j + 1), before[i:j], now[k:m], strict=True))
         else:
             pairs = [(i + 1, " / ".join(before[i:j]), " / ".join(now[k:m]))]
-        for at, one, other in pairs:
-            if one == other:
+        for at, old_line, new_line in pairs:
+            if old_line == new_line:
                 continue
             if tag != "equal":
                 verdict = Verdict.WRONG if exact else Verdict.ASIDE
             elif same:
-                verdict = Verdict.WITHIN if _alike(one, other) else Verdict.WRONG
+                verdict = Verdict.WITHIN if _similar(old_line, new_line) else Verdict.WRONG
             else:
-                verdict = Verdict.ASIDE if _estimates_agree(one, other) else Verdict.WRONG
-            yield _difference(f"line {at}", *_shown(one, other), verdict)
+                verdict = Verdict.ASIDE if _estimates_agree(old_line, new_line) else Verdict.WRONG
+            yield _difference(f"line {at}", *_shown(old_line, new_line), verdict)
 
 
-def _alike(one: str, other: str) -> bool:
+def _similar(first: str, second: str) -> bool:
     """Whether two texts have the same words, and numbers that differ by the rounding of their last
     digit or by a thousandth.
     """
-    return _NUMBER.sub("#", one) == _NUMBER.sub("#", other) and all(
+    return _NUMBER.sub("#", first) == _NUMBER.sub("#", second) and all(
         _near(x, y, _SIMILAR * abs(_value(y)), 1.01)
-        for x, y in zip(_NUMBER.findall(one), _NUMBER.findall(other), strict=True)
+        for x, y in zip(_NUMBER.findall(first), _NUMBER.findall(second), strict=True)
     )
 
 
-def _estimates_agree(one: str, other: str) -> bool:
+def _estimates_agree(first: str, second: str) -> bool:
     """Whether what stands as value ± uncertainty in two lines agrees within Monte-Carlo errors."""
-    pairs = zip(_PLUS_MINUS.findall(one), _PLUS_MINUS.findall(other), strict=False)
+    pairs = zip(_PLUS_MINUS.findall(first), _PLUS_MINUS.findall(second), strict=False)
     return all(
         _near(x, y, SDS * math.sqrt(2.0 / FEWEST) * abs(_value(b[1])) + _last_digit(y))
         for a, b in pairs
@@ -363,10 +373,10 @@ def _estimates_agree(one: str, other: str) -> bool:
     )
 
 
-def _near(one: str, other: str, tolerance: float, digits: float = 0.0) -> bool:
+def _near(first: str, second: str, tolerance: float, digits: float = 0.0) -> bool:
     """Whether two numbers differ by no more than `tolerance`, or `digits` units of the last."""
-    apart = abs(_value(one) - _value(other))
-    return one == other or apart <= max(tolerance, digits * _last_digit(other))
+    change = abs(_value(first) - _value(second))
+    return first == second or change <= max(tolerance, digits * _last_digit(second))
 
 
 def _value(text: str) -> float:
@@ -379,11 +389,11 @@ def _last_digit(text: str) -> float:
     return 10.0 ** (max(min(int(power or 0), 300), -300) - decimals)
 
 
-def _shown(one: str, other: str) -> tuple[str, str]:
+def _shown(first: str, second: str) -> tuple[str, str]:
     """Two long lines from a little before they differ."""
-    at = next((i for i, (a, b) in enumerate(zip(one, other, strict=False)) if a != b), 0)
-    begin = max(at - _WIDTH // 2, 0) if max(len(one), len(other)) > _WIDTH else 0
-    return one[begin:], other[begin:]
+    at = next((i for i, (a, b) in enumerate(zip(first, second, strict=False)) if a != b), 0)
+    begin = max(at - _WIDTH // 2, 0) if max(len(first), len(second)) > _WIDTH else 0
+    return first[begin:], second[begin:]
 
 
 def _short(value: object) -> str:

@@ -11,9 +11,9 @@ from pathlib import PurePath
 from estim.common import InputError, Json, Quantity, in_unit, listed, same_numbers
 from estim.verification.comparing import different_values, estimate_in
 
-_LAYERS = ("parameters", "derived", "outputs", "coefficients")  # keys that say nothing in a name
+_LAYERS = ("parameters", "derived", "outputs", "coefficients")  # keys that are left out of a name
 _METHODS = {"GUM": "gum", "Monte Carlo": "monte_carlo"}  # quoted -> where it stands
-_TOLD = ("schema", "kind", "formula", "status", "provenance")  # told as inputs
+_LISTED = ("schema", "kind", "formula", "status", "provenance")  # listed as inputs
 
 
 @dataclass(frozen=True)
@@ -53,19 +53,21 @@ class ResultPair:
     @property
     def same(self) -> bool:
         return not (self.inputs or self.others or self.lost or self.gained) and all(
-            one.first == one.second for one in self.estimates
+            estimate.first == estimate.second for estimate in self.estimates
         )
 
 
 def compare_results(first: Json, second: Json) -> ResultPair:
     """Two `result.json` of any kind, decoded."""
-    a, b = ({one.name: one for one in estimates(record)} for record in (first, second))
+    a, b = (
+        {estimate.name: estimate for estimate in estimates(record)} for record in (first, second)
+    )
     # how many of the unit of the first one of the second is; None where that is not known
     units = {
         name: 1.0
-        if unit == one.unit or same_numbers(unit, one.unit)
-        else in_unit(1.0, unit, one.unit)
-        for name, one in a.items()
+        if unit == estimate.unit or same_numbers(unit, estimate.unit)
+        else in_unit(1.0, unit, estimate.unit)
+        for name, estimate in a.items()
         if name in b
         for unit in [b[name].unit]
     }
@@ -74,14 +76,14 @@ def compare_results(first: Json, second: Json) -> ResultPair:
         for name, size in units.items()
         if size is not None
     ]
-    both.sort(key=lambda one: -abs(one.shift) if math.isfinite(one.shift) else 0.0)
+    both.sort(key=lambda estimate: -abs(estimate.shift) if math.isfinite(estimate.shift) else 0.0)
     gained = tuple(name for name in b if units.get(name) is None)
     lost = tuple(name for name in a if units.get(name) is None)
-    told = [one.place for one in (*a.values(), *b.values())]
+    places = [estimate.place for estimate in (*a.values(), *b.values())]
     others = [
         where
         for where in different_values(first, second)
-        if _root(where) not in _TOLD and not _within(where, told)
+        if _root(where) not in _LISTED and not _within(where, places)
     ]
     unlike = [
         f"unit of {name}: {a[name].unit} and {b[name].unit}"
@@ -98,14 +100,14 @@ def only_estimate(record: Json) -> tuple[Quantity, str, float]:
 
     Raises InputError where it has several, or none.
     """
-    found = list(estimates(_table(record, "outputs") or record))
-    if len(found) != 1:
+    entries = list(estimates(_table(record, "outputs") or record))
+    if len(entries) != 1:
         raise InputError(
             "must have one estimate, to be compared with a value",
             field="result",
-            quoted=listed(sorted(one.name for one in found)),
+            quoted=listed(sorted(estimate.name for estimate in entries)),
         )
-    return Quantity(*found[0].value), found[0].unit or "1", found[0].dof
+    return Quantity(*entries[0].value), entries[0].unit or "1", entries[0].dof
 
 
 def _root(where: str) -> str:
@@ -161,7 +163,7 @@ def _estimates(name: str, place: str, unit: str, node: object) -> Iterator[_Esti
 
 
 def _inputs(first: Json, second: Json) -> Iterator[str]:
-    yield from _unlike("", first, second, _TOLD[:-1])
+    yield from _unlike("", first, second, _LISTED[:-1])
     a, b = (_table(record, "provenance") for record in (first, second))
     if a.get("campaign_sha256") != b.get("campaign_sha256"):
         yield f"the campaign file: {a.get('campaign')} and {b.get('campaign')} differ"
@@ -184,8 +186,8 @@ def _unlike(what: str, first: Json, second: Json, keys: Sequence[str]) -> Iterat
 
 def _table(record: Json, key: str) -> Json:
     """A table in a record, which somebody may have written by hand."""
-    found = record.get(key)
-    return found if isinstance(found, dict) else {}
+    entry = record.get(key)
+    return entry if isinstance(entry, dict) else {}
 
 
 def _data(provenance: Json) -> Json:

@@ -1,7 +1,7 @@
 """Sentences: the only package that makes words of findings, for a person at the command line or in
 Python.  One file a subject.
 
-Read `sentences` first.  It lies this low because records say what they found when they are printed.
+Read `sentences` first.  It lies this low because records show their findings when they are printed.
 """
 
 from estim.words.agreement import common_error

@@ -56,15 +56,15 @@ def _let_it_vary(f: Finding) -> str:
     """The line that lets a quantity of the campaign vary between runs, where one is offered."""
     if not f.parameters:
         return ""
-    (apart,) = f.parameters
-    base, level = split_level(apart.name)
-    factor, unit = (apart.label.factor, apart.label.unit) if apart.label else (1.0, "1")
+    (varying,) = f.parameters
+    base, level = split_level(varying.name)
+    factor, unit = (varying.label.factor, varying.label.unit) if varying.label else (1.0, "1")
     key = {"moment": "resisting_moment"}.get(base, base) + _KEY_UNITS.get(unit, "")
     return phrase(
         "; if the runs differ genuinely rather than by mistake, let {symbol} vary from run "
         "to run: {line}, under {where}",
-        symbol=symbol(apart),
-        line=f"between_runs = {{{key} = {apart.value * factor:.2g}}}",
+        symbol=symbol(varying),
+        line=f"between_runs = {{{key} = {varying.value * factor:.2g}}}",
         where=f"[bodies.{level[1:-1]}]" if level else "[shared]",
     )
 

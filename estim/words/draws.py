@@ -1,5 +1,5 @@
-"""Draws of a posterior in words: whether there are enough, and what a second computation says of
-them.
+"""Draws of a posterior in words: whether there are enough, and how a second computation compares
+with them.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ def _shift(f: Finding) -> str:
 
 
 def _frame(f: Finding) -> str:
-    off = said(
+    sentence = said(
         f,
         "run {run}: the frame at {where} is displaced by {shift}; the data are not altered: "
         "the frame stays in the fit, and its displacement is an additional unknown",
@@ -29,8 +29,10 @@ def _frame(f: Finding) -> str:
         shift=_shift(f),
     )
     if math.isnan(f.numbers["t"]):
-        return off
-    return off + said(f, "; to leave it out, put leave_out_s = [{t:.6g}] in the table of the run")
+        return sentence
+    return sentence + said(
+        f, "; to leave it out, put leave_out_s = [{t:.6g}] in the table of the run"
+    )
 
 
 def _windows(f: Finding) -> str:

@@ -30,15 +30,15 @@ _SLOW: Mapping[str, str] = {
 
 
 def _how(f: Finding) -> str:
-    """As what it is read: the probable way, and how probable where both were asked for."""
+    """The probable reading of the discrepancy, and its probability where both were tried."""
     n = f.numbers
-    ways = [way for way in _READ_AS if way in n]
-    probable = max(ways, key=lambda way: n[way])
+    readings = [reading for reading in _READ_AS if reading in n]
+    probable = max(readings, key=lambda reading: n[reading])
     along = behind(f.names[0]) if probable == "smooth" else f" {f.names[2]}"
     size, length, short, long = (
         n[f"{probable}_{what}"] for what in ("size", "length", "short", "long")
     )
-    other = _READ_AS[next(w for w in ways if w != probable)] if len(ways) > 1 else ""
+    other = _READ_AS[next(w for w in readings if w != probable)] if len(readings) > 1 else ""
     return phrase(
         "{what}{share} with standard deviation {size:.2g}{unit} and correlation length "
         "about {length:.2g}{along} ({short:.2g} to {long:.2g})",

@@ -1,4 +1,4 @@
-"""Trials of release in words: what is wrong with them, and what they tell apart."""
+"""Trials of release in words: what is wrong with them, and what they distinguish."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ _SHARES = {
 
 
 def told_apart(shares: dict[str, float], correlation: float) -> list[str]:
-    """What trials say of c_rr and of the release, each by itself: sentences.
+    """What trials show of c_rr and of the release, each by itself: sentences.
 
     shares : posterior over prior standard deviation, of "rolling_resistance" and "release" where
         they are free.

@@ -47,7 +47,7 @@ _NAMES = PhraseTable(
 
 
 def name_of_test(test: str) -> str:
-    """How a reader knows a test of the residuals; its key in `result.json` is the English word."""
+    """The name of a test of the residuals; its key in `result.json` is the English word."""
     return _NAMES[test].removeprefix("test|") if test in _NAMES else test
 
 

@@ -1,6 +1,6 @@
 """A finding as a sentence, and what to do about it.
 
-Advice that names a choice of the reader speaks of arguments in Python, and else in words that hold
+Advice that names a choice of the reader names arguments in Python, and else uses words that hold
 for an option, a key of a campaign and a field of the page (`estim.common.spoken`).
 """
 
@@ -307,11 +307,11 @@ def _advice(finding: Finding) -> str:
 
 
 def _decisive(findings: Iterable[Finding]) -> list[Finding]:
-    """Those that say what to do: one reading far off explains the size of all of its run."""
-    found = list(findings)
-    spoilt = {f.run for f in found if one_is_far_off([g for g in found if g.run == f.run])}
+    """Those that decide what to do: one reading far off explains the size of all of its run."""
+    known = list(findings)
+    spoilt = {f.run for f in known if one_is_far_off([g for g in known if g.run == f.run])}
     return [
-        f for f in found if f.test != "chi2" or f.kind not in _OF_RESIDUALS or f.run not in spoilt
+        f for f in known if f.test != "chi2" or f.kind not in _OF_RESIDUALS or f.run not in spoilt
     ]
 
 
@@ -323,6 +323,6 @@ def one_is_far_off(findings: Iterable[Finding]) -> bool:
 
 def _parameters(finding: Finding) -> list[str]:
     """Those whose value a reader may state: of no run, and no noise."""
-    found = (finding, *finding.parts)
-    names = [name for f in found for name in (*(a.name for a in f.parameters), *f.names)]
+    all_findings = (finding, *finding.parts)
+    names = [name for f in all_findings for name in (*(a.name for a in f.parameters), *f.names)]
     return [name for name in names if name.isidentifier()]

@@ -26,10 +26,10 @@ def said(finding: Finding, words: str, /, **further: object) -> str:
 
 
 def facts(f: Finding) -> dict[str, object]:
-    """What a sentence may say of a finding: its run, numbers and names; `name`, `symbol`, `value`
-    and, in the unit of a reader, `shown` of its first parameter.
+    """What a sentence may contain of a finding: its run, numbers and names; `name`, `symbol`,
+    `value` and, in the unit of a reader, `shown` of its first parameter.
 
-    of_run : how the sentence begins where the finding speaks of one run.
+    of_run : how the sentence begins where the finding is about one run.
     who : that run, or the runs of a body.  p : in words; prob : the number.  A number that has its
         standard uncertainty beside it (x, u_x) is shown with it.
     """

@@ -1,4 +1,4 @@
-"""A calibration in words: which interval is off, and how."""
+"""A calibration in words: which interval has the wrong coverage, and how."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ _DIRECTIONS = PhraseTable(
 
 
 def direction_words(direction: str) -> str:
-    """How a quantity is off; "" where nothing tells."""
+    """How the estimates or intervals of a quantity are wrong; "" where that is not known."""
     return _DIRECTIONS.get(direction, "")
 
 
 def _coverage(f: Finding) -> str:
-    p, held = f.numbers["probability"], f.size
+    p, covered = f.numbers["probability"], f.size
     return said(
         f,
         "{name}: {how} (the {p:.0f} % interval covered {held:.1f} %, {errors:.1f} Monte-Carlo "
         "standard deviations too few)"
-        if held < p
+        if covered < p
         else "{name}: {how} (the {p:.0f} % interval covered {held:.1f} %, {errors:.1f} Monte-Carlo "
         "standard deviations too many)",
         how=direction_words(f.test),
         p=100 * p,
-        held=100 * held,
+        held=100 * covered,
     )
 
 
