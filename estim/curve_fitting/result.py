@@ -31,7 +31,7 @@ from estim.common import (
     table,
 )
 from estim.curve_fitting.figures import Prediction, Region, curve_figure, region_of
-from estim.curves import are_places, at_places, refuse_quantities
+from estim.curves import are_abscissas, at_abscissas, refuse_quantities
 from estim.discrepancy import FoundDeviation
 from estim.distributions import student_quantile
 from estim.fitting import (
@@ -232,8 +232,8 @@ class CurveFit:
         """
         refuse_quantities(x=x)
         run = self._run(data)
-        if run.numbered or are_places(x):
-            curve, abscissas = at_places(run.curve, x)
+        if run.numbered or are_abscissas(x):
+            curve, abscissas = at_abscissas(run.curve, x)
             return self._predicted(replace(run, curve=curve), abscissas, probability)
         abscissas = np.atleast_1d(real_numbers(x, "x"))
         if abscissas.ndim != 1 or not all_finite(abscissas):
