@@ -27,7 +27,7 @@ from estim.problem import (
     Posterior,
     Problem,
     ResponseSurface,
-    made_up_for,
+    compensated,
 )
 
 _RADIUS = 5.0  # standard deviations, within which the places lie
@@ -112,7 +112,7 @@ def _in_logarithms(values: FloatArray, cov: FloatArray, columns: IntArray) -> li
     """
     of_curve = np.isin(np.arange(values.size), columns)
     wide = of_curve & (sds_of(cov) > WIDE * np.abs(values)) & (values != 0.0)
-    tied = of_curve & made_up_for(values, cov)
+    tied = of_curve & compensated(values, cov)
     choices = [wide, tied, np.zeros_like(wide)]
     return [one for i, one in enumerate(choices) if not any(np.all(one == o) for o in choices[:i])]
 
@@ -147,7 +147,7 @@ def _fitted(
 ) -> tuple[float, ResponseSurface]:
     """By how much the polynomial through `logs` (n_draw,) misses them, and it."""
     with np.errstate(all="ignore"):
-        rows = surface.terms(surface.place(draws))
+        rows = surface.terms(surface.standardised(draws))
     if not all_finite(rows):  # draws of a sign that it does not know, or too far for their squares
         return math.inf, surface
     root = np.sqrt(weights)

@@ -18,7 +18,7 @@ import numpy as np
 from estim.arrays import BoolArray, FloatArray, IntArray, all_finite, sds_of
 from estim.fitting.fisher_information import information, known_from_data, prior_sds
 from estim.levenberg_marquardt import Start, minima
-from estim.problem import Coordinates, Likelihood, Posterior, made_up_for
+from estim.problem import Coordinates, Likelihood, Posterior, compensated
 
 # of a conditional standard deviation, for differences: their error moves an optimum by 1e-6 sd
 _STEP = 1e-3
@@ -101,7 +101,7 @@ class ProfileSearch:
         up, down = np.minimum(points + step, self.high), np.maximum(points - step, self.low)
         up = np.where(up > points, up, np.maximum(points - 0.5 * step, self.low))
         down = np.where(down < points, down, np.minimum(points + 0.5 * step, self.high))
-        values = self.coordinates.beside_zero(self.coordinates.values(points))
+        values = self.coordinates.away_from_zero(self.coordinates.values(points))
         with np.errstate(all="ignore"):
             slopes = 2.0 * self.posterior.problem.prior_gradient(values)
         slopes *= self.coordinates.slopes(values)
@@ -125,7 +125,7 @@ class ProfileSearch:
         """(n_par, n_par) the second derivatives that the Fisher information expects at a point, in
         standard deviations.
         """
-        values = self.coordinates.beside_zero(self.coordinates.values(point))
+        values = self.coordinates.away_from_zero(self.coordinates.values(point))
         units = self.coordinates.slopes(values) * self.scale
         with np.errstate(all="ignore"):
             return 2.0 * information(self.posterior, values) * np.outer(units, units)
@@ -238,7 +238,7 @@ def _known_by_size(
     known = np.zeros(values.size, dtype=bool)
     if not level < np.inf or values.size > _MANY:
         return known
-    tied = made_up_for(values, search.cov)
+    tied = compensated(values, search.cov)
     squared = search.coordinates.squared
     candidates = np.flatnonzero(tied & ~squared & ~at_limit)
     at, starts = search.coordinates.of(values), []

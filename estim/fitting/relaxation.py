@@ -47,7 +47,7 @@ class Held:
 
     runs: tuple[str, ...]
     off: float
-    felt: float
+    influence: float
 
 
 @dataclass(eq=False)
@@ -67,7 +67,7 @@ class _Pace:
     height: float = -math.inf
     place: FloatArray | None = None
     likelihood: Likelihood | None = None
-    felt: float = 0.0
+    influence: float = 0.0
     held: bool = False
 
 
@@ -118,12 +118,12 @@ def settle_by_runs(
             largest = float(np.max(np.abs(step[others]), initial=0.0))
             for one in paces:
                 if one.since is not None and not one.held:
-                    one.felt = max(one.felt, largest)
+                    one.influence = max(one.influence, largest)
             worst = _to_hold(
                 paces, now, far, number, tired=number >= _PATIENCE and number - last >= _BETWEEN
             )
             for one in worst:
-                one.held, one.share, one.felt = True, 1.0, max(one.felt, largest)
+                one.held, one.share, one.influence = True, 1.0, max(one.influence, largest)
                 values[one.mine] = one.place
             if worst:
                 last, posterior = number, _linearised(problem, values, paces)
@@ -132,7 +132,7 @@ def settle_by_runs(
         Held(
             group.run_names,
             float(np.max(np.abs(values[one.mine] - one.place) / scale[one.mine], initial=0.0)),
-            one.felt,
+            one.influence,
         )
         for one, group in zip(paces, problem.groups, strict=True)
         if one.held and one.place is not None
