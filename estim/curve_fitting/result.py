@@ -42,7 +42,7 @@ from estim.fitting import (
     LinearDerived,
     contour,
     error_sizes,
-    held,
+    fixed_size,
     linear_derived,
     profile_intervals,
     shown_value,
@@ -525,7 +525,7 @@ class CurveFit:
     def _sizes(self) -> ErrorSizes:
         if self.sigma is None or self.deviation is not None:
             return error_sizes(self.held)
-        return held(self.dof)
+        return fixed_size(self.dof)
 
     @property
     def correlation(self) -> FloatArray:

@@ -64,18 +64,18 @@ from estim.fitting import (
     Optimum,
     at_mode,
     chi2_p,
+    converged_message,
     error_sizes,
     find_optimum,
     fit_discrepancy,
     fit_optimum,
-    led_here,
     pressed_edges,
     profiled,
     refit,
     sds_near_limits,
-    settled,
     silent_parameters,
     spread,
+    starts_message,
     with_other_modes,
 )
 from estim.given_numbers import are_complex, check_whole, random_generator
@@ -554,8 +554,10 @@ def _concluded(
 
 def _whole_fit(problem: Problem, values: FloatArray, best: Optimum) -> Fit:
     """The optimum of a search as a fit of `problem` at the same `values` (n_par,)."""
-    origin = led_here(best.n_same, best.n_start)
-    outcome = settled(origin) if best.settled else phrase("did not converge; {led}", led=origin)
+    origin = starts_message(best.n_same, best.n_start)
+    outcome = (
+        converged_message(origin) if best.settled else phrase("did not converge; {led}", led=origin)
+    )
     fit = replace(
         at_mode(problem, values),
         n_start=best.n_start,
@@ -572,7 +574,7 @@ def _notes(problem: Problem) -> list[str]:
 
 
 def _message(best: Optimum, sigma: float | None, perfect: bool, further: list[str]) -> str:
-    words = [led_here(best.n_same, best.n_start), *further]
+    words = [starts_message(best.n_same, best.n_start), *further]
     if perfect:
         words.append(phrase("the curve passes through every point within rounding error"))
     elif sigma is not None:

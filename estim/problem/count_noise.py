@@ -1,7 +1,7 @@
 """Counted readings: how many events fell into each bin, or what fraction of trials succeeded.
 
 `Counts` is the noise, `CountErrors` what it makes of points and the curve of their expectations
-(`estim.problem.count_distributions` tells which y and which law).  Residuals are signed roots of the
+(`estim.problem.count_distributions` has the laws).  Residuals are signed roots of the
 deviance, so that least squares on them are the maximum of the likelihood; where counts are few they
 are far from linear, and steps by the Fisher information (`scoring`) finish: iteratively reweighted
 least squares (McCullagh and Nelder, Generalized Linear Models, 2nd ed., 1989, section 2.5).  Tests
