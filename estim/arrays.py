@@ -1,4 +1,4 @@
-"""The types of arrays that annotations speak of, and what is asked of arrays often."""
+"""The types of arrays that annotations use, and what is often tested of arrays."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ def real_numbers(values: Any, field: str, rule: str = "must be numbers") -> Floa
     """`values` as floats in an array of its own, of whatever shape.  Raises InputError naming
     `field` for whatever is no real number.
 
-    rule : what is asked for, to which the reason why the values are not that is added.
+    rule : what is required, to which the reason why the values are not that is added.
     """
     if hasattr(values, "to_base_units") or (
         hasattr(values, "unit") and hasattr(values, "to_value")

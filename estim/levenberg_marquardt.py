@@ -362,10 +362,10 @@ class _Descents:
         lower.
         """
         going = np.flatnonzero(self.going)
-        begun = going[np.isfinite(self.objectives[going])]
+        defined = going[np.isfinite(self.objectives[going])]
         trials = self.points.copy()
-        if begun.size:
-            trials[begun] = self._next(begun, begun[self.stale[begun]])
+        if defined.size:
+            trials[defined] = self._next(defined, defined[self.stale[defined]])
         now = np.flatnonzero(self.going)
         if not now.size:
             return
@@ -402,15 +402,15 @@ class _Descents:
         self.instead[nowhere] = np.nan
         self.going[nowhere[~elsewhere]] = False
 
-    def _next(self, begun: IntArray, stale: IntArray) -> FloatArray:
-        """(n, n_par) where `begun` look next, their gradients and Hessians taken anew at `stale`;
+    def _next(self, moving: IntArray, stale: IntArray) -> FloatArray:
+        """(n, n_par) where `moving` look next, their gradients and Hessians taken anew at `stale`;
         of these, descents whose predicted decrease is small enough end here.
         """
         if stale.size:
             self._survey(stale)
-        both = np.append(begun, stale)
+        both = np.append(moving, stale)
         least = np.full(stale.size, _LEAST_DAMPING)
-        damping, points = np.append(self.damping[begun], least), self.points[both]
+        damping, points = np.append(self.damping[moving], least), self.points[both]
         box = (
             self.function.reach(points)
             * np.sqrt(np.minimum(1.0, _FIRST_DAMPING / damping))[:, None]
@@ -424,20 +424,20 @@ class _Descents:
             np.maximum(-box, self.function.fraction_to_bound * (low - points)),
             np.minimum(box, self.function.fraction_to_bound * (high - points)),
         )
-        self.predicted[stale] = predicted[begun.size :]
+        self.predicted[stale] = predicted[moving.size :]
         ended = self.predicted[stale] <= self.least[stale] + self.ftol * np.abs(
             self.objectives[stale]
         )
         self.converged[stale[ended]], self.going[stale[ended]] = True, False
-        at = points[: begun.size]
-        return np.where(self.held[begun], at, np.clip(at + steps[: begun.size], low, high))
+        at = points[: moving.size]
+        return np.where(self.held[moving], at, np.clip(at + steps[: moving.size], low, high))
 
     def _survey(self, which: IntArray) -> None:
         """Gradients and Hessians at `which`."""
         points, outdated = self.points[which], self.outdated[which]
         gradients, hessians = self.function.derivatives(points, which, outdated)
         if not np.all(outdated):
-            # of a reach: gradients at points closer than that say nothing about the Hessian
+            # of a reach: gradients at points closer than that do not tell the Hessian
             learned = _learned(
                 self.hessians[which],
                 points - self.known[which],

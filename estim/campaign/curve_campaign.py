@@ -152,7 +152,7 @@ class CurveCampaign(Campaign):
             return replace(posed, parameters=(*called, *by_name.values()))
 
         taken = dict.fromkeys(names, self.curve.names)
-        parts = pose_sets(points, settings, taken, own, pose, begun={})
+        parts = pose_sets(points, settings, taken, own, pose, known_starts={})
         common = [one.parameter_name for one in errors]
         joint = join(parts, own=own, common=common, same_size=True)
         if len(parts) > 1 and joint.y.size > MAX_ROWS:

@@ -170,7 +170,7 @@ def _held(fit: Fit, kind: Kind) -> list[Finding]:
     """The runs whose covariance was held, where other parameters feel that (the fit did not
     settle), or where they do not (a note).
     """
-    influence = max((held.felt for held in fit.held), default=0.0)
+    influence = max((held.influence for held in fit.held), default=0.0)
     if not fit.held or (influence > _HELD_FELT) != (kind is Kind.FIT_UNSETTLED):
         return []
     names = tuple(name for held in fit.held for name in held.runs)
@@ -186,10 +186,10 @@ def _counting_alike(fit: Fit) -> list[Finding]:
     true values would show.
     """
     measure, readings = fit.measure, fit.problem.readings
-    if measure is None or not readings or not measure.felt > _ALIKE:
+    if measure is None or not readings or not measure.influence > _ALIKE:
         return []
     n_run = sum(not run.curve_parameters.isdisjoint(readings) for run in fit.problem.runs)
-    return [Finding(Kind.RUNS_COUNT_ALIKE, size=measure.felt, numbers={"runs": n_run})]
+    return [Finding(Kind.RUNS_COUNT_ALIKE, size=measure.influence, numbers={"runs": n_run})]
 
 
 def _uniform_priors(fit: Fit, chain: Chain) -> list[Finding]:

@@ -344,7 +344,7 @@ def _simulated(
         others = by_others @ rng.standard_normal((by_others.shape[1], n))
 
         def fitted(errors: FloatArray) -> FloatArray:
-            shifts = spread @ (moves.T @ response.felt(errors)) + others
+            shifts = spread @ (moves.T @ response.score_residuals(errors)) + others
             return response.moved(errors, shifts)
 
         def exact() -> FloatArray:

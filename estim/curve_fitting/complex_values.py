@@ -23,7 +23,7 @@ class ComplexFit(CurveFit):
     curve `fit(x)` and `residuals` (n_obs,) are complex.
 
     Each complex value counts as two, in `dof` too; `sigma` is the standard deviation of each part.
-    What belongs to one part is asked for by its name: `fit.plot(data="real")`,
+    A result of one part is chosen by its name: `fit.plot(data="real")`,
     `fit.predict(x, data="imaginary")`.
 
     >>> import numpy as np
@@ -56,9 +56,9 @@ def parts_of(points: DataSet, **others: Any) -> dict[str, DataSet]:
     y: Any = points.y
     u_y: Any = points.u_y
     curve = points.curve
-    for field, given in (others | {"u_y": u_y if isinstance(u_y, str) else None}).items():
-        if given is not None:
-            raise InputError("cannot be combined with complex y", field=field, value=given)
+    for field, argument in (others | {"u_y": u_y if isinstance(u_y, str) else None}).items():
+        if argument is not None:
+            raise InputError("cannot be combined with complex y", field=field, value=argument)
     if not callable(curve):
         rule = "must be a Python function that returns complex numbers, because y is complex"
         raise InputError(rule, field="curve", value=curve)

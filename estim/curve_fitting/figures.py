@@ -94,14 +94,14 @@ class Region(Contour):
 
 
 def region_of(
-    found: Contour, *, best: FloatArray, cov: FloatArray, labels: tuple[Label, Label]
+    contour: Contour, *, best: FloatArray, cov: FloatArray, labels: tuple[Label, Label]
 ) -> Region:
-    """`found` with the ellipses of the covariance matrix cov (2, 2) about best (2,)."""
+    """`contour` with the ellipses of the covariance matrix cov (2, 2) about best (2,)."""
     values, axes = np.linalg.eigh(cov) if all_finite(cov) else (np.full(2, np.nan), np.eye(2))
     circle = np.stack([np.cos(_CIRCLE), np.sin(_CIRCLE)], axis=1)
     unit = circle * np.sqrt(np.where(values >= 0.0, values, np.nan)) @ axes.T
-    ellipses = {p: best + np.sqrt(level) * unit for p, level in found.levels.items()}
-    return Region(**vars(found), ellipses=ellipses, best=best, labels=labels)
+    ellipses = {p: best + np.sqrt(level) * unit for p, level in contour.levels.items()}
+    return Region(**vars(contour), ellipses=ellipses, best=best, labels=labels)
 
 
 def curve_figure(
@@ -154,8 +154,8 @@ def curve_figure(
         (lower or upper).set(xlabel=run.x_label)
         upper.set_title(title, fontsize=10, pad=20 if ax is None else 6)
         above: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 4}
-        place = above if ax is None else {"loc": "best"}
-        upper.legend(fontsize=8, frameon=False, borderaxespad=0.1, **place)
+        position = above if ax is None else {"loc": "best"}
+        upper.legend(fontsize=8, frameon=False, borderaxespad=0.1, **position)
         if lower is None:
             return
         if counts is not None:

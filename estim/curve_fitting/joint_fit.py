@@ -65,11 +65,11 @@ def fit_curves(
     data : name -> `DataSet`, each with stated errors (u_y, cov_y or noise).
     shared : parameters that are one unknown for all; every other one is an unknown of each data
         set, "A[second]" in the result.  None: parameters of the same name are one unknown.
-    start, bounds, priors, fixed : as for `fit_curve`; "A" speaks of all data sets, "A[second]" of
-        one and has the last word.  An argument of a function that another curve fits is fit.
+    start, bounds, priors, fixed : as for `fit_curve`; "A" applies to all data sets, "A[second]" to
+        one and takes precedence.  An argument of a function that another curve fits is fit.
     errors : errors common to the points of all data sets.  The other arguments are those of
         `fit_curve`.
-    jitter, robust : of every data set that says nothing else; each has its own, "jitter[second]".
+    jitter, robust : of every data set that states no other; each has its own, "jitter[second]".
     derived : as for `fit_curve`; also of parameters of several data sets, "A[first]/A[second]".
 
     Raises InputError where an argument breaks a rule.
@@ -99,8 +99,8 @@ def fit_curves(
         "derived": derived,
         "units": units,
     }
-    for field, given in written.items():
-        of_data_set({} if given is None else given, "", list(data), field)  # refuses what is none
+    for field, entries in written.items():
+        of_data_set({} if entries is None else entries, "", list(data), field)  # refuses the others
     for name, text in (tied or {}).items():
         if "[" in str(text):
             rule = (
@@ -108,16 +108,16 @@ def fit_curves(
                 "names of its own, and tie these"
             )
             raise InputError(rule, field="tied", value=f"{name} = {text}")
-    placed = {
+    with_numbers = {
         name: numbered(curve if points.curve is None else points.curve, points.x)
         for name, points in data.items()
     }
     sets = {
         name: replace(
             points,
-            x=placed[name][1],
+            x=with_numbers[name][1],
             curve=in_time(
-                placed[name][0],
+                with_numbers[name][0],
                 getattr(points.axes or axes, "x_name", ""),
                 start,
                 fixed,
@@ -131,24 +131,24 @@ def fit_curves(
         )
         for name, points in data.items()
     }
-    taken, foreign = _names(sets, written)
+    arguments, foreign = _names(sets, written)
     settings = {name: _of_one(written, name, sets, foreign[name]) for name in sets}
     own = {
-        name: set() if shared is None else {*taken[name], *settings[name].start} - {*shared}
+        name: set() if shared is None else {*arguments[name], *settings[name].start} - {*shared}
         for name in sets
     }
-    begun: dict[str, float] | None = None
+    starts: dict[str, float] | None = None
     if any(points.curve is not None for points in data.values()):
-        begun = {}
+        starts = {}
         for entry in settings.values():
-            begun = {**entry.start, **begun}
+            starts = {**entry.start, **starts}
 
-    def pose(name: str, settings: ParameterSettings, **found: Any) -> CurveProblem:
+    def pose(name: str, settings: ParameterSettings, **other_sets: Any) -> CurveProblem:
         with _named(name):
-            return pose_points(sets[name], settings, errors, level=f"[{name}]", **found)
+            return pose_points(sets[name], settings, errors, level=f"[{name}]", **other_sets)
 
     first = sorted(sets, key=lambda name: -len(foreign[name]))
-    parts = pose_sets({name: sets[name] for name in first}, settings, taken, own, pose, begun)
+    parts = pose_sets({name: sets[name] for name in first}, settings, arguments, own, pose, starts)
     unknown = sorted({p.name for part in parts.values() for p in part.parameters})
     for parameter in shared or ():
         if parameter not in unknown:
@@ -160,12 +160,15 @@ def fit_curves(
             name: {p.name for p in part.parameters} - {*shared, *common}
             for name, part in parts.items()
         }
-    alike = {
+    axis_units = {
         (part.axes.x_unit, part.axes.y_unit)
         for name, part in parts.items()
         if data[name].curve is None and data[name].axes is None
     }
-    if len(alike) > 1 or len({part.axes is sets[name].axes for name, part in parts.items()}) > 1:
+    if (
+        len(axis_units) > 1
+        or len({part.axes is sets[name].axes for name, part in parts.items()}) > 1
+    ):
         raise InputError(
             "must have x and y in the same units: quantities in all data sets, or in none",
             field="data",
@@ -193,7 +196,7 @@ def fit_curves(
 
 @contextmanager
 def _named(name: str) -> Iterator[None]:
-    """An InputError from within says of which data set it speaks."""
+    """An InputError from within names the data set that it refers to."""
     try:
         yield
     except InputError as error:
@@ -206,49 +209,49 @@ def _names(
     sets: Mapping[str, DataSet], written: Mapping[str, Any]
 ) -> tuple[dict[str, set[str]], dict[str, set[str]]]:
     """Of each data set the names that its curve takes, or that a tie of its own needs, and those
-    that only other data sets know, with what follows from them.  Raises InputError.
+    that only other data sets have, with what follows from them.  Raises InputError.
     """
     tied, derived = ({**(written[field] or {})} for field in ("tied", "derived"))
-    taken = {}
+    arguments = {}
     for name, points in sets.items():
         with _named(name):
-            given = written["start"] or (), written["fixed"] or (), tied
-            taken[name] = {*arguments_of(points.curve, *given)}
+            defaults = written["start"] or (), written["fixed"] or (), tied
+            arguments[name] = {*arguments_of(points.curve, *defaults)}
         for tie in reversed(tied):
-            if tie in taken[name]:
-                taken[name] |= {*read_formula(tied[tie], field=f"tied[{tie}]").names}
-    foreign = {name: set().union(*taken.values()) - own for name, own in taken.items()}
-    for one, text in derived.items():
-        quantity = seek(one, text)
+            if tie in arguments[name]:
+                arguments[name] |= {*read_formula(tied[tie], field=f"tied[{tie}]").names}
+    foreign = {name: set().union(*arguments.values()) - own for name, own in arguments.items()}
+    for quantity_name, text in derived.items():
+        quantity = seek(quantity_name, text)
         for others in foreign.values():
             if quantity.of_levels or others.intersection(quantity.own):
-                others.add(one)
-    return taken, foreign
+                others.add(quantity_name)
+    return arguments, foreign
 
 
 def _of_one(
     written: Mapping[str, Any], name: str, sets: Mapping[str, DataSet], foreign: Collection[str]
 ) -> ParameterSettings:
-    """Those of one data set.  Raises InputError."""
+    """The settings of one data set.  Raises InputError."""
     own: dict[str, Any] = {
         field: {
-            one: value
-            for one, value in ({} if given is None else given).items()
-            if str(one).partition("[")[0] not in foreign
+            key: value
+            for key, value in ({} if entries is None else entries).items()
+            if str(key).partition("[")[0] not in foreign
         }
-        for field, given in written.items()
+        for field, entries in written.items()
     }
     own["start"] = with_defaults(sets[name].curve, own["start"], own["fixed"], own["tied"])
-    own = {field: of_data_set(given, name, list(sets), field) for field, given in own.items()}
-    start = {one: value for one, value in own["start"].items() if one not in own["fixed"]}
+    own = {field: of_data_set(entries, name, list(sets), field) for field, entries in own.items()}
+    start = {key: value for key, value in own["start"].items() if key not in own["fixed"]}
     return ParameterSettings(**own | {"start": start})
 
 
 def _check_shared(
-    given: Mapping[str, Mapping[str, Any] | None], shared: Collection[str] | None
+    settings: Mapping[str, Mapping[str, Any] | None], shared: Collection[str] | None
 ) -> None:
     """What all data sets share is not one thing for one of them."""
-    for field, entries in given.items():
+    for field, entries in settings.items():
         for written, stated in entries.items() if isinstance(entries, Mapping) else ():
             parameter, _, level = str(written).partition("[")
             if level and (shared is None or parameter in shared):

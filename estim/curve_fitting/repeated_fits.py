@@ -22,7 +22,7 @@ _SETTLED, _MOST_STEPS = 1e-12, 60
 _CONVERGED = 1e-3  # standard deviations
 _STEP = 1e-6  # of a parameter's size, for differences
 _RESOLVED = 1e-5  # ratio of singular values: differences have no more digits
-_PERFECT = 1e-10  # of the largest y: smaller residuals say nothing of the size of errors
+_PERFECT = 1e-10  # of the largest y: smaller residuals do not show the size of errors
 _ON_LIMIT = 1e-6  # of a parameter's size
 
 
@@ -90,7 +90,7 @@ def fit_many(
     y : (n_set, n_obs), a data set in each row.
     start : starting values; those that are missing come from `fit_curve` of the first set.
     u_y : standard uncertainty of y: a number, (n_obs,) or (n_set, n_obs).  Without it each set's
-        own residuals say how large the errors are.
+        own residuals show how large the errors are.
     bounds, fixed : as for `fit_curve`.
 
     Raises InputError where an argument breaks a rule.

@@ -31,7 +31,7 @@ from estim.common import (
     table,
 )
 from estim.curve_fitting.figures import Prediction, Region, curve_figure, region_of
-from estim.curves import are_places, at_places, refuse_quantities
+from estim.curves import are_abscissas, at_abscissas, refuse_quantities
 from estim.discrepancy import FoundDeviation
 from estim.distributions import student_quantile
 from estim.fitting import (
@@ -42,7 +42,7 @@ from estim.fitting import (
     LinearDerived,
     contour,
     error_sizes,
-    held,
+    fixed_size,
     linear_derived,
     profile_intervals,
     shown_value,
@@ -92,12 +92,12 @@ class CurveFit:
     findings : everything wrong, gravest first.  status : what follows from the findings, "ok"
         where there are none.
     seen : what to know before using it, nothing wrong.  complete : whether the curve is taken as it
-        is: `remarks` then say how probable it is that it lacks something, too.
+        is: `remarks` then say how probable it is that it lacks a term, too.
     reasons, notes : findings and remarks in words.
     message : how the search went.
     goodness : tests of the residuals, in order of x; empty where the points are too few.
     text : the formula, or how the function is called.
-    called : "gaussian + line" where the curve was asked for by name, else the same.
+    called : "gaussian + line" where the curve was given by name, else the same.
     fixed : name -> exact value of the parameters that were not fit.
     fit, problem : what sampling starts from; without u_y `problem` has `sigma_y` as a further
         parameter.
@@ -146,7 +146,7 @@ class CurveFit:
 
     @property
     def deviation(self) -> FoundDeviation | None:
-        """What the curve lacks, where `deviation` or `correlated` asked for it."""
+        """What the curve lacks, where `deviation` or `correlated` was given."""
         return next(iter(self.fit.deviations), None)
 
     @cached_property
@@ -175,7 +175,7 @@ class CurveFit:
         values = np.array([self.values[name] for name in self.names])
         quantities: dict[str, LinearDerived] = {}
         for run in self.problem.runs:
-            across = {sought.name for sought in run.sought if sought.others}
+            across = {formula.name for formula in run.sought if formula.others}
             for quantity in linear_derived(
                 run,
                 self.names,
@@ -213,10 +213,10 @@ class CurveFit:
         parts = []
         for run in self.problem.runs:
             self._require_readings(run, "residuals")
-            off = run.y - run.drawn(self.values)
+            y_minus_f = run.y - run.drawn(self.values)
             if run.order is not None:
-                off[run.order] = off.copy()
-            parts.append(off)
+                y_minus_f[run.order] = y_minus_f.copy()
+            parts.append(y_minus_f)
         return np.concatenate(parts)
 
     def predict(
@@ -232,18 +232,20 @@ class CurveFit:
         """
         refuse_quantities(x=x)
         run = self._run(data)
-        if run.numbered or are_places(x):
-            curve, places = at_places(run.curve, x)
-            return self._predicted(replace(run, curve=curve), places, probability)
-        places = np.atleast_1d(real_numbers(x, "x"))
-        if places.ndim != 1 or not all_finite(places):
+        if run.numbered or are_abscissas(x):
+            curve, abscissas = at_abscissas(run.curve, x)
+            return self._predicted(replace(run, curve=curve), abscissas, probability)
+        abscissas = np.atleast_1d(real_numbers(x, "x"))
+        if abscissas.ndim != 1 or not all_finite(abscissas):
             raise InputError("must be finite numbers along one axis", field="x", value=x)
-        return self._predicted(run, places, probability)
+        return self._predicted(run, abscissas, probability)
 
-    def _predicted(self, run: Observations, places: FloatArray, probability: float) -> Prediction:
+    def _predicted(
+        self, run: Observations, abscissas: FloatArray, probability: float
+    ) -> Prediction:
         check_probability(probability)
-        value = np.array(run.drawn(self.values, places))
-        gradient = replace(run.points, x=places).gradient(self.values, self.names)
+        value = np.array(run.drawn(self.values, abscissas))
+        gradient = replace(run.points, x=abscissas).gradient(self.values, self.names)
         # the curve is known as well whatever its parameters are: exp(b) in place of a
         lopsided = {f.parameters[0].name for f in self.seen if f.kind is Kind.LOPSIDED}
         of_curve = set(self.names) - self.problem.noise_names - lopsided
@@ -251,11 +253,11 @@ class CurveFit:
         u = (
             np.sqrt(np.einsum("ni,ij,nj->n", gradient, self.cov, gradient))
             if known
-            else np.full(places.size, np.nan)
+            else np.full(abscissas.size, np.nan)
         )
         dof = self._sizes.degrees_of_freedom(self._sizes.shares(gradient))
         half = student_quantile(0.5 + 0.5 * probability, dof) * u
-        return Prediction(places, value, u, value - half, value + half)
+        return Prediction(abscissas, value, u, value - half, value + half)
 
     def plot(
         self, figure: Figure | None = None, *, ax: Axes | None = None, data: str | None = None
@@ -277,16 +279,16 @@ class CurveFit:
         room = 0.0 if edges else 0.02 * (high - low)
         x = run.along(low - room, high + room, _ALONG)
         outer, inner = (self._predicted(run, x, p) for p in (0.95, 0.68))
-        along = run.drawn(self.values)
+        fitted = run.drawn(self.values)
         gain = np.zeros(run.n_obs) if run.noise.counted is not None else run.noise.reading_gain()
-        gain = share * np.abs(along) if (share := run.noise.share) else gain
+        gain = share * np.abs(fitted) if (share := run.noise.share) else gain
         if run.numbered:
-            run, no = run.against_fit(along), np.full(run.n_obs, np.nan)
-            outer = inner = Prediction(along, along, no, no, no)
+            run, nan = run.against_fit(fitted), np.full(run.n_obs, np.nan)
+            outer = inner = Prediction(fitted, fitted, nan, nan, nan)
         one_curve = ";" not in self.called  # of data sets with curves of their own
         return curve_figure(
             run,
-            along,
+            fitted,
             outer,
             inner,
             sd=gain * (1.0 if self.sigma is None else self.sigma),
@@ -308,7 +310,7 @@ class CurveFit:
 
         A notebook shows it; `.plot()` draws it.  Raises InputError for unknown names, and where the
         status is not ok or the curve may lack something (`deviation`, `correlated`): then no region
-        would hold what it says.
+        would have its stated coverage.
         """
         self._require_profiles("contour")
         profile = contour(self.held, a, b, probabilities, sizes=self._sizes)
@@ -335,7 +337,7 @@ class CurveFit:
         return interval.low[probability], interval.high[probability]
 
     def _require_profiles(self, field: str) -> None:
-        """Raises InputError where a region of the profile would not hold what it says."""
+        """Raises InputError where a region of the profile would not have its stated coverage."""
         if not self.status.ok:
             rule = f"needs a fit with status ok, not {self.status}: its region would not have its "
             raise InputError(f"{rule}nominal coverage", field=field)
@@ -359,8 +361,8 @@ class CurveFit:
                 f"need a standard deviation of every parameter ({what})", field="ufloats"
             )
         numbers = correlated_values([self.values[name] for name in self.names], self.cov)
-        off = np.array([number - number.nominal_value for number in numbers])
-        following = {name: d.value + d.gradient @ off for name, d in self.derived.items()}
+        deviations = np.array([number - number.nominal_value for number in numbers])
+        following = {name: d.value + d.gradient @ deviations for name, d in self.derived.items()}
         return dict(zip(self.names, numbers, strict=True)) | following
 
     def quantities(self, registry: Any) -> dict[str, Any]:
@@ -369,7 +371,7 @@ class CurveFit:
 
         Raises InputError where `ufloats` does, and where the registry does not know a unit.
         """
-        units = self._units | {name: found.unit for name, found in self.derived.items()}
+        units = self._units | {name: quantity.unit for name, quantity in self.derived.items()}
         known = {}
         for name, value in self.ufloats().items():
             try:
@@ -396,8 +398,8 @@ class CurveFit:
             for name in self.names
         }
         derived = {
-            name: {"value": found.value, "sd": number(found.sd), "unit": found.unit}
-            for name, found in self.derived.items()
+            name: {"value": quantity.value, "sd": number(quantity.sd), "unit": quantity.unit}
+            for name, quantity in self.derived.items()
         }
         return {
             "curve": self.called,
@@ -523,7 +525,7 @@ class CurveFit:
     def _sizes(self) -> ErrorSizes:
         if self.sigma is None or self.deviation is not None:
             return error_sizes(self.held)
-        return held(self.dof)
+        return fixed_size(self.dof)
 
     @property
     def correlation(self) -> FloatArray:

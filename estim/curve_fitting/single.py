@@ -74,19 +74,19 @@ from estim.fitting import (
     Optimum,
     at_mode,
     chi2_p,
+    converged_message,
     error_sizes,
     find_optimum,
     fit_discrepancy,
     fit_optimum,
-    led_here,
     moved_by_integration,
     pressed_edges,
     profiled,
     refit,
     sds_near_limits,
-    settled,
     silent_parameters,
     spread,
+    starts_message,
     with_other_modes,
 )
 from estim.given_numbers import are_complex, check_whole, random_generator
@@ -145,7 +145,7 @@ def fit_curve(
         they are held); the order of magnitude and the sign matter, several further starts are
         tried.  Those that a formula or models by name lack are found from the points; a function
         needs one for each parameter that is fit.
-    u_y : standard uncertainty of y, a number or (n_obs,); or a share, which text says: "15%" is one
+    u_y : standard uncertainty of y, a number or (n_obs,); or a share, given as text: "15%" is one
         of the curve, sd(y) = 0.15 |f(x)| with its logarithm in the likelihood, and "15% of y" one
         of each reading, 0.15 |y|, which pulls the curve down.  Two rows (2, n_obs) are
         errors below and above, where they differ (`estim.problem.tails`).
@@ -171,7 +171,7 @@ def fit_curve(
     axes : names and units of x and y (`AxisNames`), for figures, tables and the units of `errors`.
     deviation : how large a smooth deviation of y from the curve would not surprise you (the scale
         of a half-normal prior, unit of y); 0 for none.
-    correlated : whether errors of points that follow each other may be alike: True in the order
+    correlated : whether errors of points that follow each other may correlate: True in the order
         given, or their times (n_obs,).  With either, values, sds and intervals are those of a
         mixture over its size and length, linear in the parameters (`estim.discrepancy`).
     noise : what y counts, in place of u_y: "poisson", or `Poisson(bins=...)`,
@@ -179,14 +179,14 @@ def fit_curve(
         Intervals are then profiles of the likelihood, and chi2 is the deviance.  `LogDensity()`
         with y = None: the curve is the logarithm of the density of each observation x.
     jitter : whether y has further independent errors beside u_y, whose common standard deviation is
-        the parameter "jitter": True where nothing is known of it (a flat prior from 0 to the range
+        the parameter "jitter": True where its size is unknown (a flat prior from 0 to the range
         of y), or its prior.  Nothing then tests the size of the errors.
     robust : "student-t" or "mixture" where some points may be far off (`estim.problem.tails`), or a
         law of the errors that an installed package has by that name (docs/extending.md); a mixture
         adds the share of outliers and their width to the parameters.
     tied : name -> formula of the parameters that the curve's parameter of that name follows, like
-        {"right_sigma": "left_sigma", "b": "2*a"}; it has neither start nor prior, and is told among
-        what follows from the fit.
+        {"right_sigma": "left_sigma", "b": "2*a"}; it has neither start nor prior, and is reported
+        among what follows from the fit.
     derived : name -> formula of the parameters, like {"g": "4*pi**2/slope"}; a formula may name
         those before it, `units` have its unit.  x, y, u_x, u_y, start, fixed and bounds may be
         quantities of pint: the fit is then in SI base units (`estim.curves.quantities`).
@@ -207,18 +207,18 @@ def fit_curve(
     rng = random_generator(rng)
     n_start = getattr(curve, "n_start", N_START) if n_start is None else n_start
     check_whole(n_start, "n_start", 1)
-    whole = are_complex(y)
-    curve, x = (curve, x) if whole else numbered(curve, x)
+    is_complex = are_complex(y)
+    curve, x = (curve, x) if is_complex else numbered(curve, x)
     priors = with_joint_priors(priors)
-    begun = with_defaults(curve, start, fixed, tied)
-    given: Iterable[Any] = (begun, bounds, priors, fixed, tied, derived, units)
-    settings = ParameterSettings(*({} if one is None else one for one in given))
+    starts = with_defaults(curve, start, fixed, tied)
+    mappings: Iterable[Any] = (starts, bounds, priors, fixed, tied, derived, units)
+    settings = ParameterSettings(*({} if one is None else one for one in mappings))
     curve = in_time(
         curve, getattr(axes, "x_name", ""), settings.start, settings.fixed, bounds, priors, tied
     )
     points = DataSet(x, y, u_y, cov_y, u_x, noise, curve, axes, jitter, robust, cov_x, r_xy)
     posed: CurveProblem | JointProblem
-    if whole:
+    if is_complex:
         lacking = None if correlated is False else correlated
         of_zero = [one for one in errors if one.kind == "zero_y"]  # which the parts do not share
         zeros = {f"errors[{one.parameter_name}]": one.kind for one in of_zero}
@@ -318,7 +318,7 @@ def _better_point(findings: Sequence[Finding]) -> FloatArray | None:
 def _fit_estimated(
     posed: CurveProblem | JointProblem, rng: np.random.Generator, n_start: int
 ) -> CurveFit:
-    """The fit whose residuals say how large the errors are; with informative priors, in rounds
+    """The fit whose residuals show how large the errors are; with informative priors, in rounds
     until that size settles.
     """
     pulled = any(p.prior.informative for p in posed.parameters)
@@ -392,7 +392,7 @@ def fit_errors(
         *too_many_outliers(fit),
         None if fit.singular else stated_values(fit, check_stated_values(fit)),
     ]
-    found = unnamed(wrong([finding for finding in findings if finding is not None]), fit)
+    reported = unnamed(wrong([finding for finding in findings if finding is not None]), fit)
     return CurveFit(
         names=fit.names,
         values=values,
@@ -403,8 +403,8 @@ def fit_errors(
         dof=fit.dof,
         p_value=fit.p_value,
         sigma=None,
-        status=decide(found),
-        findings=found,
+        status=decide(reported),
+        findings=reported,
         seen=(),
         complete=False,
         message="; ".join([fit.message, *_notes(fit.problem)]),
@@ -419,8 +419,8 @@ def fit_errors(
 
 def _disagreement(fit: Fit) -> list[Finding]:
     """That data sets disagree about what they share, if they do."""
-    found = check_consistency(fit) if comparable(fit) else None
-    return [] if found is None or found.agree else [found.finding]
+    consistency = check_consistency(fit) if comparable(fit) else None
+    return [] if consistency is None or consistency.agree else [consistency.finding]
 
 
 def _profiled_over_curvature(
@@ -430,15 +430,15 @@ def _profiled_over_curvature(
     is Student's, than by the curvature at the mode; 1 for parameters of the errors, where a limit
     cuts the interval short, and never beyond what a prior says alone.
 
-    The curvature knows nothing of the degrees of freedom that the curve's parameters take from the
+    The curvature ignores the degrees of freedom that the curve's parameters take from the
     size of the errors (of a line through five points: 0.77 of its standard deviation), nor of
     readings that change between good ones and outliers.
     """
     dof = sizes.degrees_of_freedom(sizes.shares(np.eye(len(fit.names))))
-    one = student_quantile(0.5 + 0.5 * PROBABILITIES[0], dof)
+    quantile = student_quantile(0.5 + 0.5 * PROBABILITIES[0], dof)
     low, high = np.array([intervals[name][PROBABILITIES[0]] for name in fit.names]).T
     with np.errstate(all="ignore"):
-        ratio = 0.5 * (high - low) / (one * fit.sds)
+        ratio = 0.5 * (high - low) / (quantile * fit.sds)
         alone = np.array([p.prior.sd for p in fit.problem.parameters]) / fit.sds
     of_curve = [name not in fit.problem.noise_names for name in fit.names]
     ratio = np.minimum(ratio, finite_or(alone, math.inf))
@@ -567,9 +567,9 @@ def _concluded(
     about = curve_findings(
         held, best, p_value, chi2, dof, goodness, estimated=sigma is not None, perfect=perfect
     )
-    apart = [] if best.singular else _disagreement(fit)
+    disagreements = [] if best.singular else _disagreement(fit)
     findings = unnamed(
-        wrong([*solutions, *outside, *uncertainty.open, *about, *apart, *stated]), fit
+        wrong([*solutions, *outside, *uncertainty.open, *about, *disagreements, *stated]), fit
     )
     remarks = curve_remarks(
         fit, best, p_below, chi2, dof, goodness, stated=sigma is None, perfect=perfect
@@ -601,14 +601,16 @@ def _concluded(
 
 def _whole_fit(problem: Problem, values: FloatArray, best: Optimum) -> Fit:
     """The optimum of a search as a fit of `problem` at the same `values` (n_par,)."""
-    led = led_here(best.n_same, best.n_start)
-    words = settled(led) if best.settled else phrase("did not converge; {led}", led=led)
+    origin = starts_message(best.n_same, best.n_start)
+    outcome = (
+        converged_message(origin) if best.settled else phrase("did not converge; {led}", led=origin)
+    )
     fit = replace(
         at_mode(problem, values),
         n_start=best.n_start,
         n_same=best.n_same,
         success=best.settled,
-        message=words,
+        message=outcome,
     )
     return with_other_modes(fit, best)
 
@@ -619,7 +621,7 @@ def _notes(problem: Problem) -> list[str]:
 
 
 def _message(best: Optimum, sigma: float | None, perfect: bool, further: list[str]) -> str:
-    words = [led_here(best.n_same, best.n_start), *further]
+    words = [starts_message(best.n_same, best.n_start), *further]
     if perfect:
         words.append(phrase("the curve passes through every point within rounding error"))
     elif sigma is not None:

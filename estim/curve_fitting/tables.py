@@ -35,7 +35,7 @@ from estim.reading import (
 @dataclass(frozen=True, eq=False)
 class Columns:
     """columns : name -> (n_row,) read-only array; the name has its unit, "U (mV)", only where two
-    columns are called alike without.  units : the same -> unit, "" for none.
+    columns have the same name without.  units : the same -> unit, "" for none.
 
     notes : how the table was read, and which rows were left out, in words.
     """
@@ -57,22 +57,22 @@ class Columns:
             return name
         if not isinstance(name, str):
             raise InputError("must be the name of a column", field="name", value=name)
-        bare, unit = name_and_unit(name)
-        found = [
+        short_name, unit = name_and_unit(name)
+        keys = [
             key
             for key, (short, _) in zip(self.columns, names_and_units([*self.columns]), strict=True)
-            if short == bare and (not unit or same_numbers(self.units.get(key, ""), unit))
+            if short == short_name and (not unit or same_numbers(self.units.get(key, ""), unit))
         ]
-        if len(found) != 1:
-            rule = "is the name of two columns: give the unit too" if found else "is no column"
-            raise InputError(rule, field=name, quoted=listed(found or list(self.columns)))
-        return found[0]
+        if len(keys) != 1:
+            rule = "is the name of two columns: give the unit too" if keys else "is no column"
+            raise InputError(rule, field=name, quoted=listed(keys or list(self.columns)))
+        return keys[0]
 
     @property
     def uncertainties(self) -> Mapping[str, FloatArray]:
         """Column -> its standard uncertainties, of those that have a column u_NAME or u(NAME)."""
-        found = ((name, self._uncertainties(name)) for name in self.columns)
-        return {name: u for name, u in found if u is not None}
+        columns = ((name, self._uncertainties(name)) for name in self.columns)
+        return {name: u for name, u in columns if u is not None}
 
     def _uncertainties(self, name: str) -> FloatArray | None:
         """Of the column with this key.  Raises InputError where they are in another unit."""
@@ -101,10 +101,10 @@ class Columns:
 
 def _keys(names: Sequence[str]) -> dict[str, str]:
     """Name of a column -> that without its unit, where no other is called so."""
-    bare = [short for short, _ in names_and_units(names)]
+    short_names = [short for short, _ in names_and_units(names)]
     return {
-        name: name if bare.count(short) > 1 else short
-        for name, short in zip(names, bare, strict=True)
+        name: name if short_names.count(short) > 1 else short
+        for name, short in zip(names, short_names, strict=True)
     }
 
 
@@ -156,7 +156,7 @@ def _of_frame(frame: Any, columns: Sequence[str] | None) -> Columns:
     """
     stated = frame.attrs.get("units", {})
     called = [str(name) for name in frame.columns]
-    places = (
+    positions = (
         [
             i
             for i in range(len(called))
@@ -165,18 +165,18 @@ def _of_frame(frame: Any, columns: Sequence[str] | None) -> Columns:
         if columns is None
         else [place_of(name, called) for name in columns]
     )
-    if not places:
+    if not positions:
         raise InputError("has no column of numbers", field="table", quoted=str(list(columns or ())))
-    places = list(dict.fromkeys(places))
-    table = frame.iloc[:, places].dropna()
-    names = {called[i]: frame.columns[i] for i in places}
+    positions = list(dict.fromkeys(positions))
+    table = frame.iloc[:, positions].dropna()
+    names = {called[i]: frame.columns[i] for i in positions}
     for name in names:
         place_of(name, called)  # refuses one that occurs twice
     keys = _keys(list(names))
     units = {name: unit for name, (_, unit) in zip(names, names_and_units([*names]), strict=True)}
-    left_out = len(frame) - len(table)
+    n_dropped = len(frame) - len(table)
     return Columns(
         {keys[name]: real_numbers(table[label].to_numpy(), name) for name, label in names.items()},
         {keys[name]: stated.get(names[name], unit) for name, unit in units.items()},
-        (f"{left_out} rows without a value were left out",) if left_out else (),
+        (f"{n_dropped} rows without a value were left out",) if n_dropped else (),
     )

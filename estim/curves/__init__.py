@@ -51,7 +51,7 @@ from estim.curves.rolling import (
     size_with_blur,
 )
 from estim.curves.parameter_settings import ParameterSettings, with_joint_priors
-from estim.curves.several_abscissas import are_places, at_places, numbered
+from estim.curves.several_abscissas import are_abscissas, at_abscissas, numbered
 from estim.curves.systematic_errors import Component, scale_errors_of
 from estim.curves.units import refuse_degrees
 from estim.curves.derived import (

@@ -2,10 +2,10 @@
 Gauss-Legendre quadrature that refines itself.
 
 Ten nodes in every panel.  A panel is halved while the highest Legendre coefficients of the density
-in it are felt, and while the density somewhere in it stands out above all its nodes by an area that
-is felt: at an event, at an end, at the value of a parameter, or at such a value plus or minus
-another one.  So a feature far narrower than its bin is found where a parameter says its place, or
-events lie in it.  What is still not settled after 60 halvings is nan: a density whose integral is
+in it matter, and while the density somewhere in it stands out above all its nodes by an area that
+matters: at an event, at an end, at the value of a parameter, or at such a value plus or minus
+another one.  So a feature far narrower than its bin is found where a parameter gives its position,
+or events lie in it.  What has not converged after 60 halvings is nan: a density whose integral is
 not known is none.
 """
 
@@ -25,10 +25,10 @@ _HIGHEST = (
     np.polynomial.legendre.legvander(_AT, 9)[:, 8:] * _WEIGHTS[:, None] * np.array([8.5, 9.5])
 ).T
 _SMOOTH = 1e-5  # share of the whole that the highest coefficients of a panel may have,
-_SEEN = 1e-3  # and what stands out between its nodes; both less for many events:
+_PROMINENT = 1e-3  # and what stands out between its nodes; both less for many events:
 # of the log-likelihood, and ten times as much for what stands out, which is nearly always a round
 # top or a slope at an end
-_OFF = 0.01
+_TOLERANCE = 0.01
 _LEAST = 1e-290  # the least integral that has all its digits
 
 
@@ -39,7 +39,7 @@ class BinnedCurve:
 
     total : number of events to which the density is scaled, so that its normalisation is
         irrelevant; None where it is taken as it is.
-    events : (n_event,) places of single ones in order, if they are known.
+    events : (n_event,) positions of single ones in order, if they are known.
     """
 
     density: Curve
@@ -78,33 +78,33 @@ class BinnedCurve:
 
         nan for draws whose density is negative anywhere.
         """
-        here = self._at_events(arguments)
-        inside, least = self._integrals(arguments, here)
+        at_events = self._at_events(arguments)
+        inside, least = self._integrals(arguments, at_events)
         scale = np.where(least[:, None] >= 0.0, self._scale(inside), np.nan)
-        return scale * here, scale * inside
+        return scale * at_events, scale * inside
 
     def local_rate(self, t: FloatArray, arguments: Named) -> LocalCurve:
         """The density with its gradient at t (n,), for single arguments."""
         nodes, weights, _ = self._quadrature(arguments)
-        inside, here = self.density.local(nodes, arguments), self.density.local(t, arguments)
-        whole = np.sum(inside.value * weights)
-        scale = 1.0 if self.total is None else self.total / whole
+        inside, at_t = self.density.local(nodes, arguments), self.density.local(t, arguments)
+        integral = np.sum(inside.value * weights)
+        scale = 1.0 if self.total is None else self.total / integral
         gradient = {
             name: scale
             * (
                 partial
                 - (
-                    here.value / whole * np.sum(inside.gradient[name] * weights)
+                    at_t.value / integral * np.sum(inside.gradient[name] * weights)
                     if self.total is not None
                     else 0.0
                 )
             )
-            for name, partial in here.gradient.items()
+            for name, partial in at_t.gradient.items()
         }
-        return LocalCurve(scale * here.value, scale * here.slope, gradient)
+        return LocalCurve(scale * at_t.value, scale * at_t.slope, gradient)
 
     def nodes(self, arguments: Named) -> tuple[FloatArray, FloatArray]:
-        """Places and weights (n_node,) of an integral over all bins, for single arguments."""
+        """Nodes and weights (n_node,) of an integral over all bins, for single arguments."""
         return self._quadrature(arguments)[:2]
 
     def without_integral(self, arguments: Named) -> tuple[float, float] | None:
@@ -132,44 +132,48 @@ class BinnedCurve:
         )
 
     def _quadrature(self, arguments: Named) -> tuple[FloatArray, FloatArray, IntArray]:
-        """Places, weights and bins (n_node,) for single arguments."""
+        """Nodes, weights and bins (n_node,) for single arguments."""
         panels = self._panels(arguments, self._at_events(arguments))
         half = 0.5 * (panels.high - panels.low)[:, None]
         return (
-            _places(panels.low, panels.high).T.ravel(),
+            _nodes(panels.low, panels.high).T.ravel(),
             (half * _WEIGHTS).ravel(),
             np.repeat(panels.bins, _AT.size),
         )
 
     def _integrals(
-        self, arguments: Named, here: FloatArray | None = None
+        self, arguments: Named, at_events: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Integrals (n_draw, n_bin) of the density, and the least that it is at any node
-        (n_draw,); here : (n_draw, n_event) the density at the events, where it is known.
+        (n_draw,); at_events : (n_draw, n_event) the density at the events, where it is known.
         """
         n_draw, n_bin = n_draws(arguments), self.low.size
         # nodes and events of several draws at once, so that memory is bounded
         rows = max(1, 300_000 // (_AT.size * n_bin + self.events.size))
         if n_draw > rows:
             parts = [
-                self._integrals(some_draws(arguments, part), None if here is None else here[part])
+                self._integrals(
+                    some_draws(arguments, part), None if at_events is None else at_events[part]
+                )
                 for k in range(0, n_draw, rows)
                 for part in [slice(k, k + rows)]
             ]
             inside, least = (np.concatenate(part) for part in zip(*parts, strict=True))
             return inside, least
-        panels = self._panels(arguments, self._at_events(arguments) if here is None else here)
+        panels = self._panels(
+            arguments, self._at_events(arguments) if at_events is None else at_events
+        )
         inside = np.zeros((n_draw, n_bin))
         np.add.at(inside, (panels.draw, panels.bins), panels.integral)
         least = np.full(n_draw, np.inf)
         np.minimum.at(least, panels.draw, panels.least)
         return inside, least
 
-    def _panels(self, arguments: Named, here: FloatArray) -> _Panels:
-        """Panels in which the density of each draw is integrated; here : (n_draw, n_event) the
-        density at the events.
+    def _panels(self, arguments: Named, at_events: FloatArray) -> _Panels:
+        """Panels in which the density of each draw is integrated; at_events : (n_draw, n_event) the
+        density there.
         """
-        n_draw = here.shape[0]
+        n_draw = at_events.shape[0]
         # in all, before any is halved
         each = -(-16 // self.low.size)
         edges = self.low[:, None] + (self.high - self.low)[:, None] * np.linspace(
@@ -178,7 +182,7 @@ class BinnedCurve:
         bins = np.repeat(np.arange(self.low.size), each)
         low = edges[:, :-1].ravel()
         high = edges[:, 1:].ravel()
-        x = _places(low, high)
+        x = _nodes(low, high)
         values = np.broadcast_to(self.density.value(x.ravel(), arguments), (n_draw, x.size))
         panels = _panels_of(
             np.repeat(np.arange(n_draw), low.size),
@@ -187,28 +191,31 @@ class BinnedCurve:
             np.tile(bins, n_draw),
             np.moveaxis(values.reshape(n_draw, *x.shape), 1, 0).reshape(len(x), -1),
         )
-        places, heights = self._marks(arguments, n_draw)
+        positions, heights = self._marks(arguments, n_draw)
         done: list[_Panels] = []
-        settled = np.zeros(n_draw)
+        converged = np.zeros(n_draw)
         for _ in range(60):
-            whole = settled + np.bincount(panels.draw, np.abs(panels.integral), minlength=n_draw)
-            events = np.maximum(1.0, whole if self.total is None else self.total)
-            off = whole * np.maximum(np.minimum(_SMOOTH, _OFF / events), 10.0 * self.precision)
-            seen = whole * np.maximum(
-                np.minimum(_SEEN, 10.0 * _OFF / events), 10.0 * self.precision
+            total = converged + np.bincount(panels.draw, np.abs(panels.integral), minlength=n_draw)
+            events = np.maximum(1.0, total if self.total is None else self.total)
+            tolerance = total * np.maximum(
+                np.minimum(_SMOOTH, _TOLERANCE / events), 10.0 * self.precision
+            )
+            prominence = total * np.maximum(
+                np.minimum(_PROMINENT, 10.0 * _TOLERANCE / events), 10.0 * self.precision
             )
             outstanding = (
                 np.maximum(
-                    self._highest_event(panels, here), _highest_mark(panels, places, heights)
+                    self._highest_event(panels, at_events),
+                    _highest_mark(panels, positions, heights),
                 )
                 - panels.highest
             )
-            coarse = (panels.rough > off[panels.draw]) | (
-                outstanding * (panels.high - panels.low) > seen[panels.draw]
+            coarse = (panels.rough > tolerance[panels.draw]) | (
+                outstanding * (panels.high - panels.low) > prominence[panels.draw]
             )
             many = np.bincount(panels.draw[coarse], minlength=n_draw) > 400
             done.append(panels.where(~coarse))
-            settled = settled + np.bincount(
+            converged = converged + np.bincount(
                 done[-1].draw, np.abs(done[-1].integral), minlength=n_draw
             )
             panels = panels.where(coarse)
@@ -226,7 +233,7 @@ class BinnedCurve:
         middle = 0.5 * (panels.low + panels.high)
         draw, bins = np.tile(panels.draw, 2), np.tile(panels.bins, 2)
         low, high = np.concatenate([panels.low, middle]), np.concatenate([middle, panels.high])
-        x = _places(low, high)
+        x = _nodes(low, high)
         if n_draw == 1:
             values = self.density.value(x.ravel(), arguments).reshape(x.shape)
         else:  # each panel like a draw of its own
@@ -234,9 +241,11 @@ class BinnedCurve:
         return _panels_of(draw, low, high, bins, values)
 
     def _marks(self, arguments: Named, n_draw: int) -> tuple[FloatArray, FloatArray]:
-        """Places (n_draw, n) where a density may have something narrow, and the density there."""
+        """Positions (n_draw, n) where a density may have something narrow, and the density
+        there.
+        """
         values = [np.broadcast_to(np.reshape(a, (-1, 1)), (n_draw, 1)) for a in arguments.values()]
-        beside = [
+        sums = [
             a + sign * np.abs(b)
             for a in values
             for b in values
@@ -244,20 +253,20 @@ class BinnedCurve:
             for sign in (-1.0, 1.0)
         ]
         ends = [np.full((n_draw, 1), end) for end in (self.low[0], 0.0, self.high[-1])]
-        places = np.clip(
-            np.concatenate([*ends, *values, *beside], axis=1), self.low[0], self.high[-1]
+        positions = np.clip(
+            np.concatenate([*ends, *values, *sums], axis=1), self.low[0], self.high[-1]
         )
-        return places, self.density.value(places, arguments)
+        return positions, self.density.value(positions, arguments)
 
-    def _highest_event(self, panels: _Panels, here: FloatArray) -> FloatArray:
+    def _highest_event(self, panels: _Panels, at_events: FloatArray) -> FloatArray:
         """(n_panel,) the greatest finite density of its events, 0 where there is none."""
-        highest, n_event = np.zeros(panels.draw.size), here.shape[1]
+        highest, n_event = np.zeros(panels.draw.size), at_events.shape[1]
         first, last = (
             np.searchsorted(self.events, edge, side="left") for edge in (panels.low, panels.high)
         )
         filled = first < last
         if np.any(filled):
-            flat = np.append(finite_or(here, 0.0).ravel(), 0.0)
+            flat = np.append(finite_or(at_events, 0.0).ravel(), 0.0)
             pairs = (panels.draw * n_event)[filled, None] + np.column_stack([first, last])[filled]
             highest[filled] = np.maximum.reduceat(flat, pairs.ravel())[::2]
         return highest
@@ -298,11 +307,11 @@ class _Panels:
     least: FloatArray
     highest: FloatArray
 
-    def where(self, kept: BoolArray) -> _Panels:
-        return _Panels(*(part[kept] for part in vars(self).values()))
+    def where(self, mask: BoolArray) -> _Panels:
+        return _Panels(*(part[mask] for part in vars(self).values()))
 
 
-def _places(low: FloatArray, high: FloatArray) -> FloatArray:
+def _nodes(low: FloatArray, high: FloatArray) -> FloatArray:
     """(10, n_panel) the nodes."""
     return 0.5 * (low + high) + 0.5 * (high - low) * _AT[:, None]
 
@@ -328,13 +337,13 @@ def _joined(several: list[_Panels]) -> _Panels:
     )
 
 
-def _highest_mark(panels: _Panels, places: FloatArray, heights: FloatArray) -> FloatArray:
+def _highest_mark(panels: _Panels, positions: FloatArray, heights: FloatArray) -> FloatArray:
     """(n_panel,) the greatest finite density at a mark (n_draw, n) in each, 0 where there is
     none.
     """
     highest = np.zeros(panels.draw.size)
-    for place, height in zip(places.T, finite_or(heights, 0.0).T, strict=True):
-        at = place[panels.draw]
+    for position, height in zip(positions.T, finite_or(heights, 0.0).T, strict=True):
+        at = position[panels.draw]
         inside = np.flatnonzero((at >= panels.low) & (at <= panels.high))
         highest[inside] = np.maximum(highest[inside], height[panels.draw[inside]])
     return highest

@@ -32,24 +32,24 @@ _SHARE = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*%(\s+of\s+y)?\s*")
 
 
 def share_of(text: str) -> tuple[float, bool]:
-    """The share that text like "15%" says, and whether it is one of each reading ("15% of y")
+    """The share that text like "15%" states, and whether it is one of each reading ("15% of y")
     rather than of the curve.  Raises InputError.
     """
-    found = _SHARE.fullmatch(text)
-    if found is None:
+    match = _SHARE.fullmatch(text)
+    if match is None:
         rule = 'must be numbers, or a share: "15%" of the curve, "15% of y" of each reading'
         raise InputError(rule, field="u_y", value=text)
-    if not 0.0 < float(found[1]) < 100.0:
+    if not 0.0 < float(match[1]) < 100.0:
         raise InputError("must be a share between 0 and 100 %", field="u_y", value=text)
-    return float(found[1]) / 100.0, found[2] is not None
+    return float(match[1]) / 100.0, match[2] is not None
 
 
 def errors_of(u: ArrayLike, n_obs: int, field: str, *, some_exact: bool = False) -> FloatArray:
     """(n_obs,) standard deviations given as a number or one for each point.  some_exact : whether
     some of these, not all, may be 0.
     """
-    given = real_numbers(u, field)
-    sizes = column(np.full(n_obs, given) if given.ndim == 0 else given, field)
+    values = real_numbers(u, field)
+    sizes = column(np.full(n_obs, values) if values.ndim == 0 else values, field)
     if sizes.size != n_obs:
         raise InputError(
             f"must be a number or have as many values as x ({n_obs})", field=field, value=sizes.size
@@ -58,7 +58,7 @@ def errors_of(u: ArrayLike, n_obs: int, field: str, *, some_exact: bool = False)
     if np.any(wrong):
         bad = int(np.argmax(wrong))
         raise InputError(
-            "must be > 0", field=field, value=float(sizes[bad]), index=bad if given.ndim else None
+            "must be > 0", field=field, value=float(sizes[bad]), index=bad if values.ndim else None
         )
     check_size(sizes, field, each=True)
     return sizes
@@ -68,12 +68,12 @@ def skew_of(u: Any, n_obs: int) -> tuple[Any, FloatArray | None]:
     """Errors of y, and (n_obs,) the root of those above over those below where two rows are given;
     the first are then their geometric means.  Raises InputError.
     """
-    if u is None or isinstance(u, str) or np.ndim(given := real_numbers(u, "u_y")) < 2:
+    if u is None or isinstance(u, str) or np.ndim(rows := real_numbers(u, "u_y")) < 2:
         return u, None
-    if len(given) != 2:
+    if len(rows) != 2:
         rule = "must be one row of errors, or two: those below and those above"
-        raise InputError(rule, field="u_y", value=given.shape)
+        raise InputError(rule, field="u_y", value=rows.shape)
     minus, plus = (
-        errors_of(row, n_obs, f"u_y{of}") for row, of in zip(given, ("", "[plus]"), strict=True)
+        errors_of(row, n_obs, f"u_y{of}") for row, of in zip(rows, ("", "[plus]"), strict=True)
     )
     return np.sqrt(minus * plus), np.sqrt(plus / minus)

@@ -143,7 +143,7 @@ class CountedPoints:
 
     @property
     def words(self) -> Wording:
-        """How they are spoken of."""
+        """The words for them."""
         if self.single:
             return counted_words(later("cells of events"), later("a new count"))
         if isinstance(self.noise, OwnDensity):
@@ -167,11 +167,11 @@ class CountedPoints:
 
 
 def points_of_noise(
-    noise: Any, x: ArrayLike, y: ArrayLike | None, *, what: str, beside: Iterable[str]
+    noise: Any, x: ArrayLike, y: ArrayLike | None, *, what: str, reading_errors: Iterable[str]
 ) -> CountedPoints | None:
     """The points that the argument `noise` of `fit_curve` makes of x and y, None for readings.
 
-    beside : arguments that speak of errors of readings, which counts do not have.  Raises
+    reading_errors : arguments that state errors of readings, which counts do not have.  Raises
         InputError.
     """
     if noise is None:
@@ -183,7 +183,7 @@ def points_of_noise(
             "LogDensity()"
         )
         raise InputError(rule, field="noise", value=noise)
-    for name in beside:
+    for name in reading_errors:
         rule = "cannot be combined with 'noise', which defines the scatter of counts: omit it"
         raise InputError(rule, field=name)
     return counted_points(
@@ -243,7 +243,7 @@ def counted_points(
 
 def first_non_count(y: FloatArray) -> int | None:
     """Where y is first no whole number from 0; None if nowhere."""
-    # 1e15: a float still tells it from the next
+    # 1e15: a float still distinguishes it from the next
     bad = (y < 0.0) | (y > 1e15) | (np.abs(y - np.rint(y)) > 1e-9)
     return int(np.argmax(bad)) if np.any(bad) else None
 
@@ -282,9 +282,9 @@ def _poisson(x: FloatArray, y: FloatArray, bins: ArrayLike | None, what: str) ->
 
 def _binomial(x: FloatArray, y: FloatArray, trials: ArrayLike, what: str) -> CountedPoints:
     _require_counts(y, "the number of successes")
-    given = finite_numbers(trials, "trials")
+    counts = finite_numbers(trials, "trials")
     try:
-        size = np.array(np.broadcast_to(given, y.shape))
+        size = np.array(np.broadcast_to(counts, y.shape))
     except ValueError:
         raise InputError(
             f"must be a number or have as many values as y ({y.size})", field="trials"
@@ -296,7 +296,7 @@ def _binomial(x: FloatArray, y: FloatArray, trials: ArrayLike, what: str) -> Cou
             "must be whole and at least 1",
             field="trials",
             value=float(size[bad]),
-            index=bad if given.ndim else None,
+            index=bad if counts.ndim else None,
         )
     if np.any(y > size):
         bad = int(np.argmax(y > size))
@@ -349,21 +349,21 @@ def _require_counts(y: FloatArray, meaning: str) -> None:
 
 def _edges(bins: ArrayLike, x: FloatArray) -> FloatArray:
     """(n_obs, 2) in the order of x as it was given."""
-    given = real_numbers(bins, "bins")
-    if given.ndim == 0:
-        width = float(given)
+    values = real_numbers(bins, "bins")
+    if values.ndim == 0:
+        width = float(values)
         if not (math.isfinite(width) and width > 0.0):
             raise InputError("must be a width > 0", field="bins", value=width)
-        edges = np.column_stack([x - 0.5 * given, x + 0.5 * given])
-    elif given.shape == (x.size + 1,):
-        edges = np.column_stack([given[:-1], given[1:]])
-    elif given.shape == (x.size, 2):
-        edges = given
+        edges = np.column_stack([x - 0.5 * values, x + 0.5 * values])
+    elif values.shape == (x.size + 1,):
+        edges = np.column_stack([values[:-1], values[1:]])
+    elif values.shape == (x.size, 2):
+        edges = values
     else:
         raise InputError(
             f"must be a width, {x.size + 1} edges in order, or ({x.size}, 2) low and high edges",
             field="bins",
-            value=given.shape,
+            value=values.shape,
         )
     proper = np.isfinite(edges).all(axis=1) & (edges[:, 0] < edges[:, 1])
     if not np.all(proper):

@@ -79,7 +79,7 @@ class CurveProblem:
     text : the formula, or how the function is called.  called : a name it is known by, if any.
     sought : what is to be computed from the parameters.
     further : what is unknown of the scatter beside the stated errors, and of their shape.
-    order : (n_obs,) where each point stood among those given; None of single events.
+    order : (n_obs,) the position of each point among those given; None of single events.
     places : name -> (n_obs,), the abscissas of points that have several: x are their numbers.
     notes : on how the errors were stated, and limits that are not used, in words.
     """
@@ -192,19 +192,19 @@ def pose_curve(
     counting, axes = points.noise, points.axes or AxisNames()
     tied, units = settings.tied, settings.units
     _check_words(units, errors, axes)
-    asked = what_is_given(points) | {
+    specified = what_is_given(points) | {
         "deviation": deviation != 0.0,
         "correlated": correlated is not False,
     }
-    places = curve.columns if isinstance(curve, OfPoints) else None
-    if places is not None:
+    abscissas = curve.columns if isinstance(curve, OfPoints) else None
+    if abscissas is not None:
         along_x = {
             "noise": isinstance(counting, EventTimes)
             or getattr(counting, "bins", None) is not None,
             "errors": any(component.kind.endswith("_x") for component in errors),
         }
         _refuse(
-            asked | along_x,
+            specified | along_x,
             ("u_x", "cov_x", "deviation", *along_x),
             "cannot be combined with several abscissas",
         )
@@ -213,18 +213,18 @@ def pose_curve(
         points.x,
         points.y,
         what=axes.y_name,
-        beside=[name for name, is_given in asked.items() if is_given],
+        reading_errors=[name for name, is_given in specified.items() if is_given],
     )
     events = counted is not None and counted.single
-    given = None if events else np.argsort(column(points.x, "x"), kind="stable")
-    found = points if counted is None else counted
-    x, y = column(found.x, "x"), column(found.y, "y")
+    given_order = None if events else np.argsort(column(points.x, "x"), kind="stable")
+    readings = points if counted is None else counted
+    x, y = column(readings.x, "x"), column(readings.y, "y")
     n_obs = x.size
     if y.size != n_obs:
         raise InputError(f"must have as many values as x ({n_obs})", field="y", value=y.size)
     grouped = tuple(component for component in errors if component.groups is not None)
     errors = tuple(component for component in errors if component.groups is None)
-    dense = asked["cov_y"] or asked["u_x"] or asked["cov_x"] or bool(grouped)
+    dense = specified["cov_y"] or specified["u_x"] or specified["cov_x"] or bool(grouped)
     most = MAX_DENSE if dense else MAX_OBS
     if not 1 <= n_obs <= most:
         cure = (
@@ -235,18 +235,19 @@ def pose_curve(
         )
         raise InputError(f"must have between 1 and {most} values{cure}", field="x", value=n_obs)
     order = np.argsort(x, kind="stable")
-    point_errors = stated_errors(points, x, y, grouped, asked, counts=counted is not None)
+    point_errors = stated_errors(points, x, y, grouped, specified, counts=counted is not None)
     names, values = starting_values(settings.start)
     exact = exact_values(settings.fixed, names)
     following, all_of = {**tied, **settings.derived}, (*names, *exact)
     ties = read_tied(tied, all_of)
-    unseen = only_for_ties(curve, ties) if ties else set()
-    begun, held = (
-        {name: v for name, v in given.items() if name not in unseen} for given in (values, exact)
+    only_in_ties = only_for_ties(curve, ties) if ties else set()
+    starts, held = (
+        {name: v for name, v in known.items() if name not in only_in_ties}
+        for known in (values, exact)
     )
-    begun |= {name: float(followed(ties, {**values, **exact})[name]) for name in ties}
+    starts |= {name: float(followed(ties, {**values, **exact})[name]) for name in ties}
     summed = counted is not None and counted.noise.own_density
-    read = _curve(curve, x, begun, held, summed=summed)
+    read = _curve(curve, x, starts, held, summed=summed)
     of_curve = units_of(
         read, axes, (*names, *ties), density=(density := counted is not None and counted.density)
     )
@@ -263,7 +264,7 @@ def pose_curve(
     }
     parameters = fitted_parameters(names, values, exact, parameter_units, settings)
     shared = _shared(errors, (*all_of, *ties), axes)
-    stated = asked["u_y"] or point_errors.cov is not None or counted is not None
+    stated = specified["u_y"] or point_errors.cov is not None or counted is not None
     everything = (*parameters, *shared)
     if not stated and SIGMA in (p.name for p in everything):
         raise InputError(
@@ -271,11 +272,11 @@ def pose_curve(
             field=f"start[{SIGMA}]",
         )
     scatter, tails, further = _errors_inferred(
-        points.jitter, points.robust, y, axes.y_unit, level=level, stated=asked["u_y"]
+        points.jitter, points.robust, y, axes.y_unit, level=level, stated=specified["u_y"]
     )
     if further or tails.robust:
         _refuse(
-            asked | {"errors": bool(grouped)},
+            specified | {"errors": bool(grouped)},
             ("cov_x", "cov_y", "errors", "deviation", "correlated"),
             "cannot be combined with 'jitter' or 'robust'",
         )
@@ -288,23 +289,23 @@ def pose_curve(
     if further and not stated and order.size < least:
         rule = f"must have at least {least} points for robust errors whose size is not stated"
         raise InputError(f"{rule}: state u_y", field="x", value=order.size)
-    whole: Curve = TiedCurve(read, ties) if ties else read
-    free, unlimited = without_full_turns(whole, x, {**values, **exact}, parameters)
+    full_curve: Curve = TiedCurve(read, ties) if ties else read
+    free, unlimited = without_full_turns(full_curve, x, {**values, **exact}, parameters)
     everything = (*free, *shared)
-    whole = DistortedCurve(whole, errors) if errors else whole
+    full_curve = DistortedCurve(full_curve, errors) if errors else full_curve
     if counted is not None:
         refuse_common_errors(counted, errors)
-        whole = counted.expected(whole)
+        full_curve = counted.expected(full_curve)
     text = (
         read.text
         if isinstance(read, Formula)
         else curve.text
         if isinstance(curve, OfPoints)
-        else f"{getattr(curve, '__name__', type(curve).__name__)}(x, {', '.join((*begun, *held))})"
+        else f"{getattr(curve, '__name__', type(curve).__name__)}(x, {', '.join((*starts, *held))})"
     )
     return CurveProblem(
         text=", ".join([text, *(f"{name} = {formula.text}" for name, formula in ties.items())]),
-        curve=whole,
+        curve=full_curve,
         parameters=everything,
         x=x[order],
         y=y[order],
@@ -314,28 +315,28 @@ def pose_curve(
         stated=stated,
         axes=axes,
         fixed=MappingProxyType(exact),
-        order=given,
+        order=given_order,
         further=further,
         lacks=discrepancy_of(
             deviation,
             correlated,
             order,
             stated=stated,
-            exact_x=not (asked["u_x"] or asked["cov_x"]),
+            exact_x=not (specified["u_x"] or specified["cov_x"]),
         ),
         counted=counted,
         sought=seek_of_fit(
             following, units, [*all_of, *(p.name for p in shared)], {**of_curve, **parameter_units}
         ),
-        places=places,
+        places=abscissas,
         notes=(*filter(None, [point_errors.words]), *unlimited),
     )
 
 
-def _refuse(asked: Mapping[str, bool], fields: Iterable[str], rule: str) -> None:
-    """Raises InputError for the first of the fields that is asked for."""
+def _refuse(specified: Mapping[str, bool], fields: Iterable[str], rule: str) -> None:
+    """Raises InputError for the first of the fields that is specified."""
     for field in fields:
-        if asked[field]:
+        if specified[field]:
             raise InputError(rule, field=field)
 
 
@@ -415,21 +416,21 @@ def _check_signature(
     try:
         signature = inspect.signature(function)
     except (TypeError, ValueError):
-        return  # a builtin that does not tell; calling it will
+        return  # a builtin without a signature; calling it will tell
     _, *parameters = signature.parameters or [""]
-    takes = [
+    required = [
         name
         for name in parameters
-        for one in [signature.parameters[name]]
-        if one.default is one.empty and one.kind in (one.POSITIONAL_OR_KEYWORD, one.KEYWORD_ONLY)
+        for p in [signature.parameters[name]]
+        if p.default is p.empty and p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)
     ]
-    without = {*takes} - {*names}
-    places = function.columns if isinstance(function, OfPoints) else ()
-    if apart := [name for name in places if name in without]:
-        rule = f"must take all abscissas as its first argument, and have x['{apart[0]}'] in it"
+    without = {*required} - {*names}
+    abscissas = function.columns if isinstance(function, OfPoints) else ()
+    if separate := [name for name in abscissas if name in without]:
+        rule = f"must take all abscissas as its first argument, and have x['{separate[0]}'] in it"
         raise InputError(rule, field="curve", value=f"{signature}")
     if without and {*names} <= {*parameters}:
-        free = [name for name in takes if name not in fixed]
+        free = [name for name in required if name not in fixed]
         words = "{" + ", ".join(f"'{name}': 1.0" for name in free[:5]) + "}"
         rule = f"must give each parameter of a function a starting value, as {words}"
         raise InputError(rule, field="start", value=", ".join(names) or None)
@@ -475,14 +476,14 @@ def _shared(
     shared = tuple(
         component.parameter(x_unit=axes.x_unit, y_unit=axes.y_unit) for component in errors
     )
-    taken = [*names]
+    used_names = [*names]
     for parameter in shared:
-        if parameter.name in taken:
+        if parameter.name in used_names:
             raise InputError(
                 "has a name that is taken: give the component another name",
                 field=f"errors[{parameter.name}]",
             )
-        taken.append(parameter.name)
+        used_names.append(parameter.name)
     return shared
 
 

@@ -120,14 +120,14 @@ def stated_errors(
     x: FloatArray,
     y: FloatArray,
     in_groups: Sequence[Component],
-    asked: Mapping[str, bool],
+    specified: Mapping[str, bool],
     *,
     counts: bool,
 ) -> PointErrors:
     """The errors of x and y (n_obs,), those common to the points of a group among them.
 
-    asked : what was given -> whether it was.  counts : whether y are counts, which have no errors
-    but their own.
+    specified : argument -> whether it was given.  counts : whether y are counts, which have no
+    errors but their own.
 
     Raises InputError where they are wrong, or do not go together.
     """
@@ -135,7 +135,7 @@ def stated_errors(
     share, words = 0.0, ""
     if isinstance(u_y, str):
         share, words, u_y = _share_of_y(u_y, y)
-        if share and (asked["deviation"] or asked["correlated"] or asked["robust"]):
+        if share and (specified["deviation"] or specified["correlated"] or specified["robust"]):
             raise InputError(
                 "as a share of the curve cannot be combined with 'deviation', 'correlated' or "
                 "'robust'",
@@ -144,7 +144,7 @@ def stated_errors(
             )
     u_y, skew = skew_of(u_y, n_obs)
     of_readings = ("u_x", "cov_x", "deviation", "correlated", "jitter", "robust")
-    if skew is not None and (in_groups or any(asked[name] for name in of_readings)):
+    if skew is not None and (in_groups or any(specified[name] for name in of_readings)):
         rule = (
             "with another error above than below does not go with u_x, cov_x, deviation, "
             "correlated, jitter, robust, or errors in groups"
@@ -158,15 +158,15 @@ def stated_errors(
         cov = covariance_in_groups(in_groups, n_obs) + (np.diag(sizes**2) if cov is None else cov)
         sizes = sds_of(cov)
     sizes_x, cov_x = _errors_of_x(
-        points.u_x, points.cov_x, x, stated=asked["u_y"] or asked["cov_y"]
+        points.u_x, points.cov_x, x, stated=specified["u_y"] or specified["cov_y"]
     )
     if cov_x is None and cov is not None and sizes_x is not None:
         cov_x = np.diag(np.square(sizes_x))
     if cov_x is not None and share:
         raise InputError("does not go with a 'u_y' that is a share of the curve", field="cov_x")
-    r_xy = real_numbers(points.r_xy, "r_xy") if asked["r_xy"] else None
+    r_xy = real_numbers(points.r_xy, "r_xy") if specified["r_xy"] else None
     if r_xy is not None:
-        if not (asked["u_x"] and asked["u_y"]) or share or asked["robust"]:
+        if not (specified["u_x"] and specified["u_y"]) or share or specified["robust"]:
             raise InputError(
                 "needs u_x and u_y in their units, and goes with normal errors alone", field="r_xy"
             )

@@ -28,7 +28,7 @@ _SHOWN = 60  # marks of a formula that stand for a meaning
 
 @dataclass(frozen=True, eq=False)
 class SoughtQuantity:
-    """What a user wants computed.
+    """What a user wants to be computed.
 
     text : the formula as written.
     formula : the same, with `symbols` in the place of names with a level.
@@ -102,34 +102,34 @@ def seek(
         raise InputError(
             'must be a formula like "4*pi**2/slope"', field=name, value=text if text != "" else "''"
         )
-    symbols: dict[str, str] = {}  # "gamma[heavy]" -> what stands for it
+    stand_ins: dict[str, str] = {}  # "gamma[heavy]" -> what stands for it
 
-    def stand_in(found: re.Match[str]) -> str:
-        written = f"{found[1]}[{found[2].strip()}]"
-        free = (f"{found[1]}_{i}" for i in count() if f"{found[1]}_{i}" not in text)
-        return symbols.setdefault(
-            written, next(identifier for identifier in free if identifier not in symbols.values())
+    def stand_in(match: re.Match[str]) -> str:
+        written = f"{match[1]}[{match[2].strip()}]"
+        free = (f"{match[1]}_{i}" for i in count() if f"{match[1]}_{i}" not in text)
+        return stand_ins.setdefault(
+            written, next(identifier for identifier in free if identifier not in stand_ins.values())
         )
 
-    plain = _OF_LEVEL.sub(stand_in, text)
+    substituted = _OF_LEVEL.sub(stand_in, text)
     try:
-        formula = read_formula(plain, field=name)
+        formula = read_formula(substituted, field=name)
     except InputError as error:
         raise InputError(
             error.rule,
             field=name,
-            value=text if error.value == " ".join(plain.split()) else error.value,
+            value=text if error.value == " ".join(substituted.split()) else error.value,
         ) from None
     if formula.uses_x:
         raise InputError(
             "must not hold x: a derived quantity is one number, not a curve", field=name, value=text
         )
-    written = {stands: full for full, stands in symbols.items()}
+    written = {stands: full for full, stands in stand_ins.items()}
     normalised = " ".join(text.split())
     description = meaning or (
         normalised if len(normalised) <= _SHOWN else f"{normalised[: _SHOWN - 3]}..."
     )
-    places = MappingProxyType(
+    symbols = MappingProxyType(
         {identifier: written.get(identifier, identifier) for identifier in formula.names}
     )
     return SoughtQuantity(
@@ -139,29 +139,29 @@ def seek(
         description,
         normalised,
         formula,
-        places,
+        symbols,
         stated=unit,
     )
 
 
 def check_derived_names(
-    sought: Iterable[SoughtQuantity], known: Collection[str], derived: Collection[str] = ()
+    quantities: Iterable[SoughtQuantity], known: Collection[str], derived: Collection[str] = ()
 ) -> None:
     """Every name without a level is one of `known` (arguments of the curve), `derived` (what
     follows in any case) or of a quantity before it, and no quantity has a name that is taken.
     Raises InputError with the quantity as field.
     """
     everything = [*known, *derived]
-    for quantity in sought:
+    for quantity in quantities:
         if quantity.name in everything:
             raise InputError(
                 "is the name of something else here: choose another", field=quantity.name
             )
-        if alike := same_looks((*everything, quantity.name)):
+        if lookalikes := same_looks((*everything, quantity.name)):
             raise InputError(
                 "looks like the name of something else here: choose another",
                 field=quantity.name,
-                value=alike,
+                value=lookalikes,
             )
         for name in quantity.own:
             if name not in everything:
@@ -175,21 +175,21 @@ def check_derived_names(
 
 
 def in_units(
-    sought: Iterable[SoughtQuantity], units: Mapping[str, str]
+    quantities: Iterable[SoughtQuantity], units: Mapping[str, str]
 ) -> tuple[SoughtQuantity, ...]:
     """The same, each in the unit that was stated of it, or that follows from those before it and
     `units`, of names as they are written; of a tied parameter that of the curve.
 
     Raises InputError with the quantity as field, where the stated unit is another, or the formula
-    cannot mean what it says.
+    cannot be in that unit.
     """
-    quantities: list[SoughtQuantity] = []
-    for quantity in sought:
+    resolved: list[SoughtQuantity] = []
+    for quantity in quantities:
         try:
             follows = unit_that_follows(
                 quantity.formula.tree,
                 quantity.symbols,
-                {**units, **{before.name: before.unit for before in quantities}},
+                {**units, **{before.name: before.unit for before in resolved}},
                 quantity.stated,
                 units.get(quantity.name),
             )
@@ -197,8 +197,8 @@ def in_units(
             raise InputError(
                 error.rule, field=quantity.name, value=error.value or quantity.text
             ) from None
-        quantities.append(replace(quantity, unit=follows))
-    return tuple(quantities)
+        resolved.append(replace(quantity, unit=follows))
+    return tuple(resolved)
 
 
 def seek_of_fit(
@@ -213,13 +213,13 @@ def seek_of_fit(
     units : those stated, also of quantities.
     of_parameters : those of the parameters, stated or as they follow, also of tied ones.
     """
-    sought = tuple(seek(name, text, unit=units.get(name)) for name, text in derived.items())
-    for quantity in sought:
+    quantities = tuple(seek(name, text, unit=units.get(name)) for name, text in derived.items())
+    for quantity in quantities:
         if quantity.of_levels:
             raise InputError(
                 "must use ( ), not [ ]: there are no runs to choose from",
                 field=quantity.name,
                 value=quantity.text,
             )
-    check_derived_names(sought, known)
-    return in_units(sought, of_parameters)
+    check_derived_names(quantities, known)
+    return in_units(quantities, of_parameters)

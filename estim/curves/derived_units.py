@@ -1,8 +1,8 @@
 """In which unit a derived quantity is, from the units of the names in its formula; and what cannot
 be meant there, as the tangent of degrees.
 
-Nothing is converted.  A name in "1" may have a unit that nobody told, and a number may have one of
-its own (`5*v`, the way in 5 s): nothing follows from them.  Numbers that are surely pure:
+Nothing is converted.  A name in "1" may have a unit that nobody stated, and a number may have one
+of its own (`5*v`, the way in 5 s): nothing follows from them.  Numbers that are surely pure:
 exponents, the 1 of `1/tau`, whole divisors as in `v**2/2`, and factors beside pi.
 """
 
@@ -60,7 +60,8 @@ def unit_that_follows(
 
     symbols : name in the formula -> as it is written, `gamma[heavy]`.
     units : of the names as they are written.
-    of_curve : of a tied parameter, as the curve says it; ½ and whole numbers are pure in its tie.
+    of_curve : of a tied parameter, as it follows from the curve; ½ and whole numbers are pure in
+        its tie.
 
     Raises InputError without a field where the stated unit is another than the one that follows, a
     sine takes degrees, or metres are added to mm.
@@ -126,7 +127,7 @@ class _Reading:
             case ast.BinOp(op=ast.Mult() | ast.Div()):
                 return self._product(node)
             case ast.BinOp(left=left, right=right):
-                unit = self._alike(left, right, "adds")
+                unit = self._common_unit(left, right, "adds")
                 numbers = number_in_formula(left), number_in_formula(right)
                 to_kelvin = isinstance(node.op, ast.Add) and _ZERO_CELSIUS in numbers
                 return _KELVIN if to_kelvin and unit == _CELSIUS else unit
@@ -140,13 +141,13 @@ class _Reading:
     def _product(self, node: ast.expr) -> Factors | None:
         parts = list(_parts(node, 1))
         turns = any(names_in(part) & CONSTANTS.keys() for part, _ in parts)
-        whole_below = any(sign < 0 and _is_whole(part) for part, sign in parts)
+        whole_below = any(sign < 0 and _is_integer(part) for part, sign in parts)
         product: Factors | None = {}
         for part, sign in parts:
             if isinstance(part, ast.Constant):
                 value = float(part.value)  # type: ignore[arg-type]
                 simple = abs(value) < LARGEST_PURE and (4.0 * value).is_integer()
-                sure = turns or value == 1.0 or (_is_whole(part) and (sign < 0 or whole_below))
+                sure = turns or value == 1.0 or (_is_integer(part) and (sign < 0 or whole_below))
                 pure = (simple and sure) or (self.is_pure is not None and self.is_pure(value))
                 unit: Factors | None = {} if pure else None
             else:
@@ -171,7 +172,7 @@ class _Reading:
             first, *others = arguments[_ALIKE[name] :]
             unit = self.of(first)
             for other in others:
-                unit = self._alike(first, other, "compares")
+                unit = self._common_unit(first, other, "compares")
             return {"rad": Fraction(1)} if name in _ANGLES else unit
         units = [
             self.of(argument) for argument in arguments if not isinstance(argument, ast.Compare)
@@ -193,22 +194,22 @@ class _Reading:
         """Raises InputError where a function of an angle takes something else."""
         if not unit:
             return
-        given, wanted = _written(unit), "°" if name == "radians" else "rad"
-        if same_unit(given, wanted) is not False or (
-            name == "degrees" and in_unit(1.0, given, "rad") is None
+        actual, expected = _written(unit), "°" if name == "radians" else "rad"
+        if same_unit(actual, expected) is not False or (
+            name == "degrees" and in_unit(1.0, actual, "rad") is None
         ):
             return
-        if name in TRIGONOMETRIC and is_in_degrees(given):
-            plain = self.symbols[angle.id] if isinstance(angle, ast.Name) else "..."
+        if name in TRIGONOMETRIC and is_in_degrees(actual):
+            symbol = self.symbols[angle.id] if isinstance(angle, ast.Name) else "..."
             raise InputError(
                 f"takes {name} of an angle in {_shown(unit)}, but {name} takes radians: "
-                f"write {name}(radians({plain}))"
+                f"write {name}(radians({symbol}))"
             )
-        if name in TRIGONOMETRIC or in_unit(1.0, given, "rad") is not None:
+        if name in TRIGONOMETRIC or in_unit(1.0, actual, "rad") is not None:
             takes = "degrees" if name == "radians" else "radians"
             raise InputError(f"takes {name} of what is in {_shown(unit)}, but {name} takes {takes}")
 
-    def _alike(self, left: ast.expr, right: ast.expr, what: str) -> Factors | None:
+    def _common_unit(self, left: ast.expr, right: ast.expr, what: str) -> Factors | None:
         """The unit of two that have the same.  Raises InputError where they have not."""
         first, second = (
             None if number_in_formula(side) is not None else self.of(side) for side in (left, right)
@@ -257,15 +258,15 @@ def _parts(node: ast.expr, sign: int) -> Iterator[tuple[ast.expr, int]]:
             yield node, sign
 
 
-def _is_whole(node: ast.expr) -> bool:
+def _is_integer(node: ast.expr) -> bool:
     return (
         isinstance(node, ast.Constant) and isinstance(node.value, float) and node.value.is_integer()
     )
 
 
 def _factors(unit: str) -> Factors | None:
-    """Symbols of a unit with their powers; None where nothing is told, or it may be read in several
-    ways.
+    """Symbols of a unit with their powers; None where nothing is stated, or it may be read in
+    several ways.
     """
     return {
         symbol: Fraction(power) for symbol, power in (powers_in(unit) or {}).items() if power

@@ -19,22 +19,22 @@ _STEP = 1e-4  # relative: motion under any force is good to 1e-10 or so
 
 
 def extrapolated(
-    right: FloatArray, left: FloatArray, apart: FloatArray, *, settled: int = 1
+    right: FloatArray, left: FloatArray, distance: FloatArray, *, first_trusted: int = 1
 ) -> tuple[FloatArray, FloatArray]:
     """The derivative and its estimated error, (...) both, nan and inf where there is none, from the
-    function at steps to the right and to the left (n_step, ...), each half as far `apart` (n_step,
-    ... or 1) as the one before.
+    function at steps to the right and to the left (n_step, ...), each half as far from each other,
+    `distance` (n_step, ... or 1), as the ones before.
 
-    [right - left]/apart is extrapolated to steps of 0 in their squares (Ridders 1982, Adv. Eng.
+    [right - left]/distance is extrapolated to steps of 0 in their squares (Ridders 1982, Adv. Eng.
     Software 4, 75).  Of the extrapolations that end at one step, and then of all steps, the one
     that changed least is kept.  Its change alone would flatter a function with noise, where two
     entries agree by chance, so the error is at least the median distance of the values at the other
     steps.
 
-    settled : extrapolations that end at a step before this one are not trusted.
+    first_trusted : extrapolations that end at a step before this one are not trusted.
     """
-    column = (right - left) / apart
-    rounding = 2.0 * np.finfo(float).eps * np.maximum(np.abs(right), np.abs(left)) / apart
+    column = (right - left) / distance
+    rounding = 2.0 * np.finfo(float).eps * np.maximum(np.abs(right), np.abs(left)) / distance
     value, error = np.full((2, *column.shape), np.inf)
     for j in range(1, _N_COLUMN + 1):
         further = (4.0**j * column[1:] - column[:-1]) / (4.0**j - 1.0)
@@ -44,13 +44,13 @@ def extrapolated(
         np.copyto(value[j:], further, where=better)
         np.copyto(error[j:], change, where=better)
         column = further
-    value, error = value[settled:], error[settled:]
+    value, error = value[first_trusted:], error[first_trusted:]
     at = np.argmin(error, axis=0)[None]
     best, smallest = (np.take_along_axis(array, at, axis=0)[0] for array in (value, error))
     known = np.isfinite(smallest)
-    off = np.where(np.isfinite(error), np.abs(value - best), np.inf)
+    deviations = np.where(np.isfinite(error), np.abs(value - best), np.inf)
     return np.where(known, best, np.nan), np.where(
-        known, np.maximum(smallest, np.median(off, axis=0)), np.inf
+        known, np.maximum(smallest, np.median(deviations, axis=0)), np.inf
     )
 
 

@@ -41,7 +41,7 @@ class OdeCurve:
 
     @property
     def n_start(self) -> int:
-        """How many starts a fit tries unless it is told: each costs hundreds of solutions."""
+        """How many starts a fit tries unless n_start is given: each costs hundreds of solutions."""
         return 1
 
     @property
@@ -51,8 +51,8 @@ class OdeCurve:
 
     def __call__(self, x: Any, **parameters: Any) -> Any:
         """(n_obs,), or (n_draw, n_obs) where parameters are (n_draw, 1)."""
-        places = np.atleast_1d(x)
-        if places.dtype.kind not in "fiuc" or any(
+        abscissas = np.atleast_1d(x)
+        if abscissas.dtype.kind not in "fiuc" or any(
             np.asarray(value).dtype.kind not in "fiuc" for value in parameters.values()
         ):
             raise TypeError("takes plain numbers")
@@ -60,11 +60,11 @@ class OdeCurve:
         draws = {
             name: np.broadcast_to(np.ravel(value), (n_draw,)) for name, value in parameters.items()
         }
-        asked = [entry.name for entry in arguments_taken(self.rhs)[2:]]  # after x and y
+        of_rhs = [entry.name for entry in arguments_taken(self.rhs)[2:]]  # after x and y
         own = {
             name: value
             for name, value in draws.items()
-            if name not in self.at_start or name in asked
+            if name not in self.at_start or name in of_rhs
         }
         state = np.array(
             [
@@ -72,22 +72,23 @@ class OdeCurve:
                 for entry in self.at_start
             ]
         )
-        states = self._solved(places.real, state, own)
-        if places.dtype.kind == "c":  # to first order, which is all that a complex step asks for
+        states = self._solved(abscissas.real, state, own)
+        if abscissas.dtype.kind == "c":  # to first order, which is all that a complex step needs
             slopes = np.stack(
-                [self._rate(at, states[:, :, k], own) for k, at in enumerate(places.real)], axis=-1
+                [self._rate(at, states[:, :, k], own) for k, at in enumerate(abscissas.real)],
+                axis=-1,
             )
-            states = states + 1j * places.imag * slopes
+            states = states + 1j * abscissas.imag * slopes
         if callable(self.observed):
-            seen = np.asarray(
+            observed = np.asarray(
                 self.observed(
-                    places, states, **{name: value[:, None] for name, value in own.items()}
+                    abscissas, states, **{name: value[:, None] for name, value in own.items()}
                 )
             )
-            seen = np.broadcast_to(seen, (n_draw, places.size))
+            observed = np.broadcast_to(observed, (n_draw, abscissas.size))
         else:
-            seen = states[self.observed]
-        return seen if any(np.ndim(value) for value in parameters.values()) else seen[0]
+            observed = states[self.observed]
+        return observed if any(np.ndim(value) for value in parameters.values()) else observed[0]
 
     def _rate(self, x: float, y: Any, own: dict[str, Any]) -> Any:
         """(n_state, n_draw); one draw is given to the user's function as plain numbers."""
@@ -118,8 +119,8 @@ class OdeCurve:
         solution[:, :, x == self.x0] = state[:, :, None]
         for side in (x > self.x0, x < self.x0):
             if np.any(side):
-                places, back = np.unique(x[side], return_inverse=True)
-                ordered = places if places[0] > self.x0 else places[::-1]
+                abscissas, inverse = np.unique(x[side], return_inverse=True)
+                ordered = abscissas if abscissas[0] > self.x0 else abscissas[::-1]
                 values = self._along(ordered, state, own, size)
                 if values is None and n_draw > 1:  # one of the draws has no solution
                     halves = np.array_split(np.arange(n_draw), 2)
@@ -131,18 +132,18 @@ class OdeCurve:
                     ]
                     return np.concatenate(parts, axis=1)
                 if values is not None:
-                    solution[:, :, side] = (values if ordered is places else values[:, :, ::-1])[
-                        :, :, back
+                    solution[:, :, side] = (values if ordered is abscissas else values[:, :, ::-1])[
+                        :, :, inverse
                     ]
         return solution
 
-    def _along(self, places: Any, state: Any, own: dict[str, Any], size: Any) -> Any:
-        """(n_state, n_draw, n) at places from x0 on, None where the solver does not get to their
+    def _along(self, abscissas: Any, state: Any, own: dict[str, Any], size: Any) -> Any:
+        """(n_state, n_draw, n) at abscissas from x0 on, None where the solver does not get to their
         end.
         """
         from scipy.integrate import solve_ivp
 
-        # evaluations of a right side on one way: some 10,000 steps, after which there is no
+        # evaluations of a right side in one integration: some 10,000 steps, after which there is no
         # solution
         budget = iter(range(100_000))
 
@@ -153,20 +154,20 @@ class OdeCurve:
 
         with np.errstate(all="ignore"):
             try:
-                ends, smallest = (self.x0, float(places[-1])), _TOLERANCE * size.ravel()
+                ends, smallest = (self.x0, float(abscissas[-1])), _TOLERANCE * size.ravel()
                 solved = solve_ivp(
                     rate,
                     ends,
                     state.ravel(),
                     method=self.method,
-                    t_eval=places,
+                    t_eval=abscissas,
                     rtol=_TOLERANCE,
                     atol=smallest,
                 )
             except ValueError:  # of a solver that meets infinite numbers, or of too many steps
                 return None
         return (
-            solved.y.reshape(*state.shape, places.size)
+            solved.y.reshape(*state.shape, abscissas.size)
             if solved.status == 0 and all_finite(solved.y)
             else None
         )

@@ -5,7 +5,7 @@ of y.
 unit, functions take and give pure numbers, the whole has the unit of y: each is a linear equation
 of exponents.
 
-For the scale of a search (`dimensions_of`) numbers are pure, unless the equations before them say
+For the scale of a search (`dimensions_of`) numbers are pure, unless the equations before them show
 otherwise: an equation that contradicts those before it is dropped.  What is told to a person
 (`certain_dimensions`) may not guess: 9.81 and 0.25 may have units of their own, and so may every
 number of a formula that would not add up else (`cos(2*pi*x/3)`, x in months); if it does not add up
@@ -44,7 +44,7 @@ def dimensions_of(formula: Formula) -> tuple[dict[str, Dimension], dict[str, flo
     """
     system = _solved(formula, _System(), density=False)
     rows = {name: system.reduced({name: Fraction(1)}) for name in formula.names}
-    return _found(system, formula), {
+    return _parameter_dimensions(system, formula), {
         name: 10.0 ** min(max(float(row.get(_TEN, 0)), -_MOST_DECADES), _MOST_DECADES)
         for name, row in rows.items()
     }
@@ -62,7 +62,7 @@ def certain_dimensions(
     its numbers; nothing where it does not add up.
 
     density : whether the whole has the unit of y over that of x, None where it may have any.
-    x_is : what its unit says of it, where the formula does not add up else.
+    x_is : what follows from its unit, where the formula does not add up else.
     any_number : whether no number but an exponent is taken to be pure.
     """
     known: tuple[dict[str, _Row], ...] = (
@@ -72,14 +72,14 @@ def certain_dimensions(
         if x_is == "like y"
         else ({},)
     )
-    for of_whole in (density, None):
+    for is_density in (density, None):
         for is_pure in (_none,) if any_number else (is_count_or_half, _none):
             for axis in known:
                 system = _System(
-                    dict(axis), any_angle=True, any_logarithm=of_whole is None, is_pure=is_pure
+                    dict(axis), any_angle=True, any_logarithm=is_density is None, is_pure=is_pure
                 )
-                if not _solved(formula, system, of_whole).contradicted:
-                    return _found(system, formula)
+                if not _solved(formula, system, is_density).contradicted:
+                    return _parameter_dimensions(system, formula)
     return {}
 
 
@@ -90,7 +90,7 @@ def pure_angles(formula: Formula) -> set[str]:
     pure: set[str] = set()
     for angle in angles_in(formula.tree):
         system = _System(any_angle=True, any_logarithm=True, is_pure=is_pure_in_angle)
-        system.equal(_dimension(angle, system), {})
+        system.add_equation(_dimension(angle, system), {})
         if not system.contradicted:
             names = names_in(angle) & {*formula.names}
             pure |= {name for name in names if not system.reduced({name: Fraction(1)})}
@@ -138,13 +138,13 @@ def _none(_: float) -> bool:
 
 
 def _solved(formula: Formula, system: _System, density: bool | None) -> _System:
-    whole = _dimension(formula.tree, system)
+    dimension = _dimension(formula.tree, system)
     if density is not None:
-        system.equal(whole, {_Y: Fraction(1), **({_X: Fraction(-1)} if density else {})})
+        system.add_equation(dimension, {_Y: Fraction(1), **({_X: Fraction(-1)} if density else {})})
     return system
 
 
-def _found(system: _System, formula: Formula) -> dict[str, Dimension]:
+def _parameter_dimensions(system: _System, formula: Formula) -> dict[str, Dimension]:
     units = {name: _of_axes(system.reduced({name: Fraction(1)})) for name in formula.names}
     return {name: unit for name, unit in units.items() if unit is not None}
 
@@ -159,7 +159,7 @@ def angles_of(formula: Formula) -> list[tuple[str, ast.expr, Dimension]]:
     argument, and that unit.
     """
     system = _System(any_angle=True)
-    system.equal(_dimension(formula.tree, system), {_Y: Fraction(1)})
+    system.add_equation(_dimension(formula.tree, system), {_Y: Fraction(1)})
     return [
         (name, node, unit)
         for name, node, row in system.turned
@@ -181,7 +181,7 @@ class _System:
     """
 
     solved: dict[str, _Row] = field(default_factory=dict)
-    made: int = 0
+    n_fresh: int = 0
     contradicted: bool = False
     any_angle: bool = False
     any_logarithm: bool = False
@@ -189,8 +189,8 @@ class _System:
     turned: list[tuple[str, ast.expr, _Row]] = field(default_factory=list)
 
     def fresh(self) -> _Row:
-        self.made += 1
-        return {f"({self.made})": Fraction(1)}
+        self.n_fresh += 1
+        return {f"({self.n_fresh})": Fraction(1)}
 
     def reduced(self, row: Mapping[str, Fraction]) -> _Row:
         result: _Row = {}
@@ -199,7 +199,7 @@ class _System:
                 result[other] = result.get(other, Fraction(0)) + factor * share
         return {name: factor for name, factor in result.items() if factor}
 
-    def equal(self, left: Mapping[str, Fraction], right: Mapping[str, Fraction]) -> None:
+    def add_equation(self, left: Mapping[str, Fraction], right: Mapping[str, Fraction]) -> None:
         """Adds an equation, unless it contradicts the others."""
         row = self.reduced(summed(left, right, Fraction(-1)))
         unknown = next((name for name in row if name not in (_X, _Y, _TEN)), None)
@@ -227,7 +227,7 @@ def _dimension(node: ast.expr, system: _System) -> _Row:
             first, second = _dimension(left, system), _dimension(right, system)
             if isinstance(op, ast.Mult | ast.Div):
                 return summed(first, second, Fraction(1 if isinstance(op, ast.Mult) else -1))
-            system.equal(first, second)
+            system.add_equation(first, second)
             return first if {*first} - {_TEN} or not second else second
         case ast.Call(func=ast.Name(id="power"), args=[base, exponent]):
             return _power(base, exponent, system)
@@ -245,7 +245,7 @@ def _dimension(node: ast.expr, system: _System) -> _Row:
             _dimension(argument, system)
             return {}
         case ast.Call(func=ast.Name(id="degrees"), args=[angle]) if system.any_angle:
-            system.equal(_dimension(angle, system), {})
+            system.add_equation(_dimension(angle, system), {})
             return system.fresh()
         case ast.Call(func=ast.Name(id="sin" | "cos" | "tan" as name), args=[angle]):
             of_angle = system.reduced(_dimension(angle, system))
@@ -273,31 +273,31 @@ def _power(base: ast.expr, exponent: ast.expr, system: _System) -> _Row:
     number = number_in_formula(exponent)
     if number is not None:
         return {name: factor * number for name, factor in of_base.items()}
-    system.equal(of_exponent, {})
+    system.add_equation(of_exponent, {})
     if not set(system.reduced(of_base)) & {_X, _Y}:
-        system.equal(of_base, {})
+        system.add_equation(of_base, {})
         return {}
     return system.fresh()  # x**n, whose unit changes with n
 
 
 def _call(name: str, arguments: list[_Row], system: _System) -> _Row:
     if name in ROOTS:
-        return {one: factor * ROOTS[name] for one, factor in arguments[0].items()}
+        return {symbol: factor * ROOTS[name] for symbol, factor in arguments[0].items()}
     if name in _SAME or name in ("where", "arctan2", "atan2", "voigt"):
         for other in arguments[1:]:
-            system.equal(arguments[0], other)
+            system.add_equation(arguments[0], other)
         if name == "voigt":
-            return {one: -factor for one, factor in arguments[0].items()}
+            return {symbol: -factor for symbol, factor in arguments[0].items()}
         return {} if name in ("arctan2", "atan2") else arguments[0]
-    for one in arguments:
-        system.equal(one, {})
+    for argument in arguments:
+        system.add_equation(argument, {})
     return {}
 
 
 def _is_choice(node: ast.expr, system: _System) -> bool:
     """Whether this is the condition of a `where`; its sides have one unit."""
     if isinstance(node, ast.Compare):
-        system.equal(_dimension(node.left, system), _dimension(node.comparators[0], system))
+        system.add_equation(_dimension(node.left, system), _dimension(node.comparators[0], system))
     return isinstance(node, ast.Compare)
 
 

@@ -1,4 +1,4 @@
-"""What a user says in Python that a curve may lack: the arguments `deviation` and `correlated` of
+"""What a user states in Python that a curve may lack: the arguments `deviation` and `correlated` of
 `fit_curve`.
 """
 
@@ -26,8 +26,8 @@ def discrepancy_of(
         raise InputError(
             "is in the unit of y: it must be > 0, or 0 for none", field="deviation", value=deviation
         )
-    plain = isinstance(correlated, bool | np.bool_)
-    if not deviation and plain and not correlated:
+    is_flag = isinstance(correlated, bool | np.bool_)
+    if not deviation and is_flag and not correlated:
         return None
     field = "deviation" if deviation else "correlated"
     if not exact_x:
@@ -40,7 +40,7 @@ def discrepancy_of(
             field=field,
             value=order.size,
         )
-    if plain:
+    if is_flag:
         return Discrepancy(
             float(deviation),
             order.astype(float) if correlated else None,

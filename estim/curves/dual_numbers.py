@@ -240,7 +240,7 @@ def _slopes() -> dict[np.ufunc, tuple[Slope, ...]]:
         special.log_ndtr: (lambda r, a: np.exp(-0.5 * a * a - r) / np.sqrt(2.0 * np.pi),),
         special.erf: (lambda r, a: two_over_root_pi * np.exp(-a * a),),
         special.voigt_profile: tuple(
-            lambda *given, i=i: _voigt_slopes(*given)[i] for i in range(3)
+            lambda *arguments, i=i: _voigt_slopes(*arguments)[i] for i in range(3)
         ),
         special.erfc: (lambda r, a: -two_over_root_pi * np.exp(-a * a),),
     }

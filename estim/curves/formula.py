@@ -79,7 +79,7 @@ TRIGONOMETRIC = ("sin", "cos", "tan")
 
 MAX_LENGTH = 2000
 _MAX_POWER = 1000.0
-_POWER = "power"  # a formula cannot say it: ** is turned into it
+_POWER = "power"  # no name of a formula: ** is turned into it
 _OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div)
 _SIGNS = (ast.UAdd, ast.USub)
 _COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
@@ -208,11 +208,11 @@ def _check_looks(names: Iterable[str], field: str) -> None:
     another alphabet.
     """
     latin = all(map(str.isascii, names))
-    if not latin and (alike := same_looks((*sorted(RESERVED), *names))):
+    if not latin and (lookalikes := same_looks((*sorted(RESERVED), *names))):
         raise InputError(
             "has two names that look alike: write both in the letters of one alphabet",
             field=field,
-            value=alike,
+            value=lookalikes,
         )
 
 
@@ -294,9 +294,9 @@ def _check_comment(text: str, field: str) -> None:
     before, mark, hidden = text.partition("#")
     if mark:
         line = before.count("\n") + 1
-        place = f" (here in line {line} of the formula)" if "\n" in text.strip() else ""
+        position = f" (here in line {line} of the formula)" if "\n" in text.strip() else ""
         raise InputError(
-            f"must not hold a comment, for # hides what follows it{place}: put comments outside "
+            f"must not hold a comment, for # hides what follows it{position}: put comments outside "
             "the quotes",
             field=field,
             value=" ".join((mark + hidden).split()),
@@ -385,18 +385,18 @@ def _checked(
         ):
             return ast.Compare(below(left), [op], [below(right)])
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in FUNCTIONS:
-            wanted = FUNCTIONS[name][1]
-            if len(arguments) != wanted:
+            n_arguments = FUNCTIONS[name][1]
+            if len(arguments) != n_arguments:
                 raise InputError(
-                    f"must give '{name}' {wanted} argument{'s' if wanted > 1 else ''}",
+                    f"must give '{name}' {n_arguments} argument{'s' if n_arguments > 1 else ''}",
                     field=field,
                     value=text,
                 )
-            given = [
+            children = [
                 below(argument, condition=name == "where" and i == 0)
                 for i, argument in enumerate(arguments)
             ]
-            return ast.Call(ast.Name(name, ast.Load()), given, [])
+            return ast.Call(ast.Name(name, ast.Load()), children, [])
     raise InputError(_refusal(node), field=field, value=text)
 
 

@@ -25,46 +25,46 @@ _ASIDE, _N_PLACE = 0.382, 16  # of a turn: no simple share; places at which curv
 def without_full_turns(
     curve: Curve, x: FloatArray, values: Mapping[str, float], parameters: Sequence[Parameter]
 ) -> tuple[tuple[Parameter, ...], tuple[str, ...]]:
-    """The parameters, phases without such limits, and what was left out, in words.
+    """The parameters, phases without such limits, and notes on those left out.
 
     x : (n_obs,).  values : of all arguments of the curve, about which it is tried.
     """
-    free, said = [], []
+    free, notes = [], []
     for parameter in parameters:
         prior, name = parameter.prior, parameter.name
         if isinstance(prior, Flat) and prior.proper:
             width = prior.high - prior.low
-            turns = [turn for turn in TURNS if _WHOLE * turn <= width]
-            if any(_repeats(curve, x, values, name, turn) for turn in turns):
+            periods = [turn for turn in TURNS if _WHOLE * turn <= width]
+            if any(_repeats(curve, x, values, name, turn) for turn in periods):
                 parameter = replace(parameter, prior=replace(prior, low=-math.inf, high=math.inf))
-                said.append(
+                notes.append(
                     phrase(
                         "the limits of {name} hold a full turn, exclude no curve, and are not used",
                         name=name,
                     )
                 )
         free.append(parameter)
-    return tuple(free), tuple(said)
+    return tuple(free), tuple(notes)
 
 
 def _repeats(
     curve: Curve, x: FloatArray, values: Mapping[str, float], name: str, turn: float
 ) -> bool:
-    """Whether the curve is the same a turn of `name` farther, and another one on the way."""
+    """Whether the curve is the same a turn of `name` farther, and another one part of the way."""
     rng = np.random.default_rng(1)
     for _ in range(3):
         at = {key: value * math.exp(0.2 * rng.standard_normal()) for key, value in values.items()}
         # between the points, too: an alias repeats at them alone
-        places = rng.uniform(np.min(x), np.max(x), _N_PLACE)
-        here, there, aside = (
-            curve.value(places, {**at, name: at[name] + step})
+        abscissas = rng.uniform(np.min(x), np.max(x), _N_PLACE)
+        unshifted, shifted, part_way = (
+            curve.value(abscissas, {**at, name: at[name] + step})
             for step in (0.0, turn, _ASIDE * turn)
         )
-        size = max_abs(here)
+        size = max_abs(unshifted)
         if not (
-            all_finite(here, there, aside)
-            and max_abs(there - here) <= _SAME * size
-            and max_abs(aside - here) > _MOVED * size
+            all_finite(unshifted, shifted, part_way)
+            and max_abs(shifted - unshifted) <= _SAME * size
+            and max_abs(part_way - unshifted) > _MOVED * size
         ):
             return False
     return True

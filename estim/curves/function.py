@@ -97,7 +97,7 @@ class PythonCurve:
             )
         values = {name: _scalar(arguments[name]) for name in self.names}
         try:
-            return _WAYS[self.derivatives](self.function, x, values)
+            return _METHODS[self.derivatives](self.function, x, values)
         except TypeError:  # a branch that was not taken at the start
             return _by_differences(self.function, x, values)
         except _NO_VALUE:
@@ -164,7 +164,7 @@ def _called(function: Function, x: Any, parameters: Mapping[str, Any]) -> FloatA
 
 
 def _own_precision(function: Function) -> float:
-    """Relative error that a function says it has (`estim.curves.differential`); 0 for rounding
+    """Relative error that a function states (`estim.curves.differential`); 0 for rounding
     errors.
     """
     return float(getattr(function, "precision", 0.0))
@@ -188,45 +188,47 @@ def _broadcasts(function: Function, x: FloatArray, start: Mapping[str, float]) -
             _called(function, x, {name: column[i] for name, column in draws.items()})
             for i in range(3)
         ]
-        alike = max(1e-12, 1e4 * _own_precision(function))
-        return bool(np.allclose(together, single, rtol=alike, atol=alike - 1e-12, equal_nan=True))
+        tolerance = max(1e-12, 1e4 * _own_precision(function))
+        return bool(
+            np.allclose(together, single, rtol=tolerance, atol=tolerance - 1e-12, equal_nan=True)
+        )
     # whatever the user's function raises on columns: then it is called draw by draw
     except Exception:
         return False
 
 
 def _derivatives(function: Function, x: FloatArray, start: Mapping[str, float]) -> str:
-    """The best way to differentiate that works and agrees with differences, both at the start and
-    at a place where no parameter is 0, which may switch a term off.
+    """The best method of differentiation that works and agrees with differences, both at the start
+    and at a point where no parameter is 0, which may switch a term off.
     """
     moves = [_moves(function, x, start)]
-    places, on = [start], _switched_on(moves[0], start)
+    points, on = [start], _switched_on(moves[0], start)
     if on != start:
-        places.append(on)
+        points.append(on)
         moves.append(_moves(function, x, on))
     references = [
-        [_difference(function, x, place, name, shifted) for name, shifted in moved.items()]
-        for place, moved in zip(places, moves, strict=True)
+        [_difference(function, x, point, name, shifted) for name, shifted in moved.items()]
+        for point, moved in zip(points, moves, strict=True)
     ]
-    for way in ("dual", "complex"):
+    for method in ("dual", "complex"):
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("error", ComplexWarning)  # the derivative would be lost
-                found = [_WAYS[way](function, x, place) for place in places]
-        # whatever the user's function raises on unusual numbers: then another way is taken
+                local_curves = [_METHODS[method](function, x, point) for point in points]
+        # whatever the user's function raises on unusual numbers: then another method is taken
         except Exception:
             continue
         if all(
-            np.allclose(local.value, _called(function, x, place), rtol=1e-12, equal_nan=True)
+            np.allclose(local.value, _called(function, x, point), rtol=1e-12, equal_nan=True)
             and all(
-                _alike(derivative, *theirs)
+                _agree(derivative, *theirs)
                 for derivative, theirs in zip(
                     (local.slope, *(local.gradient[name] for name in start)), reference, strict=True
                 )
             )
-            for local, place, reference in zip(found, places, references, strict=True)
+            for local, point, reference in zip(local_curves, points, references, strict=True)
         ):
-            return way
+            return method
     return "differences"
 
 
@@ -249,15 +251,15 @@ def _switched_on(
     }
 
 
-def _alike(ours: FloatArray, theirs: FloatArray, error: FloatArray) -> bool:
+def _agree(ours: FloatArray, theirs: FloatArray, error: FloatArray) -> bool:
     """Whether derivatives agree at nearly all points (differences fail at a kink), within the error
     of the differences.
     """
     good = np.isfinite(theirs)
     size = float(np.max(np.abs(theirs[good]), initial=1e-300))
     # how much the error of a difference may exceed its estimate
-    off = np.abs(np.ravel(ours)[good] - theirs[good]) > 1e-5 * size + 10.0 * error[good]
-    return bool(np.mean(off) <= 0.1) if np.any(good) else True
+    differs = np.abs(np.ravel(ours)[good] - theirs[good]) > 1e-5 * size + 10.0 * error[good]
+    return bool(np.mean(differs) <= 0.1) if np.any(good) else True
 
 
 def _by_dual(function: Function, x: FloatArray, values: Mapping[str, float]) -> LocalCurve:
@@ -305,8 +307,8 @@ def _difference(
         steps = _reach(shifted, size or 1.0) * HALVED
         right, left = (np.array([shifted(sign * step) for step in steps]) for sign in (1.0, -1.0))
         # as the machine rounds it
-        apart = np.array([np.subtract(centre + step, centre - step) for step in steps])
-        return extrapolated(right, left, apart.reshape(len(steps), -1))
+        distance = np.array([np.subtract(centre + step, centre - step) for step in steps])
+        return extrapolated(right, left, distance.reshape(len(steps), -1))
 
 
 def _shifted(
@@ -325,23 +327,23 @@ def _shifted(
 
 def _reach(shifted: Move, size: float) -> float:
     """How far a parameter goes before the curve bends much: its own size, or less where steps of
-    that size do not tell one slope.
+    that size do not agree on one slope.
 
-    Where they move the curve too little to be told from rounding errors, a parameter may happen to
-    be nearly 0, and goes further than its size.
+    Where they move the curve too little to be distinguished from rounding errors, a parameter may
+    happen to be nearly 0, and goes further than its size.
     """
-    here = shifted(0.0)
+    centre = shifted(0.0)
 
     def moved(step: float) -> tuple[FloatArray, float, float]:
-        """What two steps, there and back, change (n_obs,), and the sizes of that and of the
-        bending.
+        """What a step to the right and one to the left change (n_obs,), and the sizes of that and
+        of the bending.
         """
-        ahead, back = shifted(step), shifted(-step)
-        odd, even = ahead - back, ahead + back - 2.0 * here
-        within = 2 * np.count_nonzero(np.isfinite(even)) >= np.count_nonzero(np.isfinite(here))
+        right, left = shifted(step), shifted(-step)
+        odd, even = right - left, right + left - 2.0 * centre
+        within = 2 * np.count_nonzero(np.isfinite(even)) >= np.count_nonzero(np.isfinite(centre))
         return odd, _norm(odd), _norm(even) if within else np.inf
 
-    def tell_one_slope(reach: float) -> bool:
+    def have_one_slope(reach: float) -> bool:
         """All of the steps: one alone may seem straight by chance, where a period is over."""
         slope: FloatArray | None = None
         for relative in HALVED:
@@ -354,10 +356,10 @@ def _reach(shifted: Move, size: float) -> float:
         return True
 
     _, far, bent = moved(HALVED[0] * size)
-    # a step that moves the curve less tells of rounding errors
-    unmoved = max(far, bent) < 1e-6 * _norm(here)
+    # a step that moves the curve less shows rounding errors
+    unmoved = max(far, bent) < 1e-6 * _norm(centre)
     for decade in range(_DECADES if unmoved else 0, -_DECADES, -1):
-        if tell_one_slope(size * 10.0**decade):
+        if have_one_slope(size * 10.0**decade):
             return size * 10.0**decade
     return size
 
@@ -367,7 +369,7 @@ def _norm(changes: FloatArray) -> float:
     return float(np.linalg.norm(changes[np.isfinite(changes)]))
 
 
-_WAYS: Mapping[str, Callable[[Function, FloatArray, Mapping[str, float]], LocalCurve]] = {
+_METHODS: Mapping[str, Callable[[Function, FloatArray, Mapping[str, float]], LocalCurve]] = {
     "dual": _by_dual,
     "complex": _by_complex_step,
     "differences": _by_differences,

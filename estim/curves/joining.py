@@ -64,13 +64,13 @@ class JointProblem:
 
     def posed(self, pose: Callable[[str, CurveProblem], Problem]) -> Problem:
         """The problems that `pose` makes of each part, as one."""
-        runs, sought, further = [], self.sought, dict[str, Parameter]()
+        runs, remaining, further = [], self.sought, dict[str, Parameter]()
         for name, part in self.parts.items():
-            one = pose(name, part)
-            run = one.runs[0].renamed(self.sources[name])
-            runs.append(replace(run, name=name, sought=(*run.sought, *sought)))
-            sought = ()
-            for unknown in one.parameters[len(part.parameters) :]:
+            problem = pose(name, part)
+            run = problem.runs[0].renamed(self.sources[name])
+            runs.append(replace(run, name=name, sought=(*run.sought, *remaining)))
+            remaining = ()
+            for unknown in problem.parameters[len(part.parameters) :]:
                 further.setdefault(unknown.name, unknown)
         return Problem((*self.parameters, *further.values()), tuple(runs))
 
@@ -128,7 +128,7 @@ def join(
     ordered = tuple(by_name[name] for name in sorted(names, key=lambda name: name in common))
     fixed: dict[str, float] = {}
     for name, part in parts.items():
-        alike = {
+        is_common = {
             parameter: all(
                 other.fixed.get(parameter) == value
                 for other_name, other in parts.items()
@@ -137,7 +137,7 @@ def join(
             for parameter, value in part.fixed.items()
         }
         fixed |= {
-            parameter if alike[parameter] else f"{parameter}[{name}]": value
+            parameter if is_common[parameter] else f"{parameter}[{name}]": value
             for parameter, value in part.fixed.items()
         }
     y = np.concatenate([part.y for part in parts.values()])
@@ -168,9 +168,9 @@ def _across(
             known[f"{argument}[{name}]"] = source
             if source == argument or argument in part.fixed:
                 known.setdefault(argument, source)
-    sought = [seek(name, text, unit=units.get(name)) for name, text in derived.items()]
-    check_derived_names(sought, [name for name in known if "[" not in name])
-    for quantity in sought:
+    quantities = [seek(name, text, unit=units.get(name)) for name, text in derived.items()]
+    check_derived_names(quantities, [name for name in known if "[" not in name])
+    for quantity in quantities:
         for written in quantity.of_levels:
             if written not in known:
                 rule = f"names '{written}', which no data set has ({', '.join(known)})"
@@ -180,20 +180,20 @@ def _across(
     }
     return tuple(
         quantity.bound({w: known[w] for w in quantity.symbols.values() if w in known})
-        for quantity in in_units(sought, of_known)
+        for quantity in in_units(quantities, of_known)
     )
 
 
 def of_data_set(
-    given: Mapping[str, Any], name: str, everyone: Sequence[str], field: str
+    settings: Mapping[str, Any], name: str, everyone: Sequence[str], field: str
 ) -> dict[str, Any]:
-    """What is said of the parameters of one data set: "A" for all, "A[second]" for one, which has
-    the last word.  Raises InputError.
+    """The settings of the parameters of one data set: "A" for all, "A[second]" for one, which takes
+    precedence.  Raises InputError.
     """
-    if not isinstance(given, Mapping):
-        raise InputError("must be a mapping from names of parameters", field=field, value=given)
+    if not isinstance(settings, Mapping):
+        raise InputError("must be a mapping from names of parameters", field=field, value=settings)
     entries: dict[str, Any] = {}
-    for written, value in given.items():
+    for written, value in settings.items():
         parameter, mark, level = str(written).partition("[")
         if mark and (not level.endswith("]") or level[:-1] not in everyone):
             raise InputError(

@@ -101,9 +101,9 @@ def named_model(text: object) -> ModelSum | None:
     """
     if not isinstance(text, str) or not names_only(text):
         return None
-    found = [_term(word.strip()) for word in text.split("+")]
-    terms = tuple(term for term in found if term is not None)
-    if len(terms) < len(found):
+    matches = [_term(word.strip()) for word in text.split("+")]
+    terms = tuple(term for term in matches if term is not None)
+    if len(terms) < len(matches):
         return None
     called = " + ".join(text.replace("+", " ").split())
     _check_terms(called, terms)
@@ -155,17 +155,17 @@ def _names() -> list[str]:
 
 def _name_in(word: str, names: Iterable[str]) -> str | None:
     """The longest of the names that `word` is, or ends with behind a prefix."""
-    found = (name for name in names if word == name or word.endswith(f"_{name}"))
-    return max(found, key=len, default=None)
+    matches = (name for name in names if word == name or word.endswith(f"_{name}"))
+    return max(matches, key=len, default=None)
 
 
 def _installed(plugin: Plugin) -> Model:
     """The model of an installed package.  Raises InputError where it is none, or its name is
     estim's.
     """
-    taken = _name_in(plugin.name, MODELS)
-    if taken is not None:
-        raise plugin.error(f"is refused: '{taken}' is a model of estim's own")
+    clash = _name_in(plugin.name, MODELS)
+    if clash is not None:
+        raise plugin.error(f"is refused: '{clash}' is a model of estim's own")
 
     def checked(model: Model) -> Model:
         names = read_formula(model.expression).names

@@ -29,7 +29,7 @@ from estim.problem import MOST_REWEIGHTED, Counted, Flat, errors_widened, typica
 
 _SIZE = "size_of_density"
 _FEW = 2  # parameters of models whose names are ordinary words
-_ENOUGH = 3  # trials to either side that tell a share from a step
+_ENOUGH = 3  # trials to either side that distinguish a share from a step
 Points = tuple[FloatArray, FloatArray, FloatArray]
 """x, y and their standard uncertainties, or 1."""
 
@@ -57,13 +57,13 @@ def unstarted(
         own = {*formula.names, *start, *fixed}
         try:
             formula = read_formula(text)
-        except InputError:  # is told where the ties are read
+        except InputError:  # is reported where the ties are read
             return None
         for name in formula.names:
             if name not in own:
-                place = next(tie for tie in tied if name in str(tied[tie]))
+                first = next(tie for tie in tied if name in str(tied[tie]))
                 rule = f"names '{name}', which is no parameter of the curve: give it a start"
-                raise InputError(rule, field=f"tied[{place}]", value=tied[place])
+                raise InputError(rule, field=f"tied[{first}]", value=tied[first])
     constant = formula.names == (formula.text,)
     missing = {*formula.names} - {*start, *fixed}
     for name in sorted(missing):
@@ -82,22 +82,22 @@ def _refuse_model(name: str, text: str) -> None:
 
 
 def in_time(curve: Any, axis: str, *named: object) -> Any:
-    """A formula without x whose `t`, or word of the name of its axis, no collection in `named`
-    speaks of: as a curve along that; every other curve as it is.
+    """A formula without x whose `t`, or word of the name of its axis, no collection in `named` has:
+    as a curve along that; every other curve as it is.
     """
     if not isinstance(curve, str) or not curve.strip() or names_only(curve):
         return curve
     formula = read_formula(curve, field="curve")
-    given = {name for names in named if isinstance(names, Mapping) for name in names}
-    words = [word for word in ("t", *axis.split()) if word in formula.names and word not in given]
+    used = {name for names in named if isinstance(names, Mapping) for name in names}
+    words = [word for word in ("t", *axis.split()) if word in formula.names and word not in used]
     return formula.in_terms_of(words[0]) if words and not formula.uses_x else curve
 
 
 def with_defaults(
-    curve: object, start: Mapping[str, float] | None, *held: Collection[str] | None
+    curve: object, start: Mapping[str, float] | None, *excluded: Collection[str] | None
 ) -> Mapping[str, float] | None:
     """The starts that were given; where none was, those of the numbers by default of a function of
-    Python, but for the arguments `held`.  If any start was given, an argument with a default
+    Python, but for the arguments `excluded`.  If any start was given, an argument with a default
     value is held at it.
     """
     if not callable(curve) or start:
@@ -107,7 +107,7 @@ def with_defaults(
         for p in arguments_taken(curve)
         if isinstance(p.default, int | float)
         and not isinstance(p.default, bool)
-        and not any(p.name in names for names in held if names)
+        and not any(p.name in names for names in excluded if names)
     }
     return known or start
 
@@ -146,7 +146,7 @@ def called_by_name(curve: object, *named: Collection[str]) -> ModelSum | None:
 
 
 def provisional(
-    asked: ModelSum,
+    models: ModelSum,
     start: Mapping[str, float],
     bounds: Mapping[str, Limits],
     priors: Collection[str],
@@ -155,38 +155,42 @@ def provisional(
     """Starts, those of the user and others within limits, and limits, those of the user and of the
     models.
     """
-    free = [name for name in asked.parameters if name not in fixed]
+    free = [name for name in models.parameters if name not in fixed]
     limits = {
-        name: ends for name, ends in asked.limits.items() if name in free and name not in priors
+        name: ends for name, ends in models.limits.items() if name in free and name not in priors
     } | dict(bounds)
     return {name: within(limits.get(name)) for name in free} | dict(start), limits
 
 
 def started(
-    posed: CurveProblem, asked: ModelSum, *, held: Collection[str], beside: Sequence[Points] = ()
+    posed: CurveProblem,
+    models: ModelSum,
+    *,
+    user_starts: Collection[str],
+    further_points: Sequence[Points] = (),
 ) -> CurveProblem:
-    """The problem with starts found from its points but for the parameters `held`, whose starts are
-    the user's.  Raises InputError.
+    """The problem with starts found from its points but for the parameters `user_starts`, whose
+    starts are the user's.  Raises InputError.
 
-    beside : x, y and u_y of further points of the same curve with the same parameters.
+    further_points : x, y and u_y of points of the same curve with the same parameters.
     """
     noise, counted = posed.noise, posed.noise.counted
-    x, y, gain = _pooled((posed.x, posed.y, noise.reading_gain()), beside)
-    known = {p.name: p for p in posed.parameters if p.name in asked.parameters}
+    x, y, gain = _pooled((posed.x, posed.y, noise.reading_gain()), further_points)
+    known = {p.name: p for p in posed.parameters if p.name in models.parameters}
     bins = None if counted is None else counted.bins
     width = np.ones(y.size) if bins is None else bins[:, 1] - bins[:, 0]
     near = y if counted is None else _with_neighbours(y, counted)
     limits = {
         name: (number(p.prior.low), number(p.prior.high))
         for name, p in known.items()
-        if name not in held and isinstance(p.prior, Flat)
+        if name not in user_starts and isinstance(p.prior, Flat)
     }
     if not limits:
         return posed
     fixed = {name: p.prior.centre for name, p in known.items() if name not in limits} | dict(
         posed.fixed
     )
-    formula = asked.formula
+    formula = models.formula
     if counted is not None and counted.single:  # the size of a density does not matter
         formula = read_formula(f"{_SIZE}*({formula.text})")
 
@@ -199,14 +203,14 @@ def started(
     if starts.get(_SIZE, 1.0) < 0.0:  # of a negative density
         positive = {**limits, _SIZE: (0.0, None)}
         starts = guess_starts(formula, x, near / width, gain / width, known=fixed, limits=positive)
-    starts = _in_order(asked, starts, limits)
-    begun = {
+    starts = _in_order(models, starts, limits)
+    priors = {
         name: Flat(known[name].prior.low, known[name].prior.high, starts[name], start_stated=False)
         for name in limits
     }
     return replace(
         posed,
-        parameters=tuple(replace(p, prior=begun.get(p.name, p.prior)) for p in posed.parameters),
+        parameters=tuple(replace(p, prior=priors.get(p.name, p.prior)) for p in posed.parameters),
     )
 
 
@@ -214,16 +218,16 @@ def _with_neighbours(y: FloatArray, counted: Counted) -> FloatArray:
     """Counts y (n_obs,) in order of x; shares of few trials each the mean with its neighbours':
     least squares through single ones end at a step.
     """
-    beside = (
+    n_neighbours = (
         round(_ENOUGH / float(np.mean(counted.trials))) if counted.law.ceiling < math.inf else 0
     )
-    window = np.ones(min(2 * beside + 1, y.size))
+    window = np.ones(min(2 * n_neighbours + 1, y.size))
     return np.convolve(y, window, "same") / np.convolve(np.ones(y.size), window, "same")
 
 
-def _pooled(own: Points, beside: Sequence[Points]) -> Points:
+def _pooled(own: Points, further_points: Sequence[Points]) -> Points:
     """The points with further ones, in order of x."""
-    x, y, gain = (np.concatenate(each) for each in zip(own, *beside, strict=True))
+    x, y, gain = (np.concatenate(each) for each in zip(own, *further_points, strict=True))
     order = np.argsort(x, kind="stable")
     return x[order], y[order], gain[order]
 
@@ -231,7 +235,7 @@ def _pooled(own: Points, beside: Sequence[Points]) -> Points:
 def _robust(
     points: Points, formula: Formula, guessed: Callable[[FloatArray], dict[str, float]]
 ) -> dict[str, float]:
-    """Starts that a few readings, however far off, do not decide: those of `guessed` for errors
+    """Starts that a few outliers, however far off, do not decide: those of `guessed` for errors
     (n_obs,) that are as much wider as readings are far from the curve (`errors_widened`).
 
     All readings are equal first, and, for a curve that can meet a single reading, as far off as
@@ -240,48 +244,48 @@ def _robust(
     x, y, gain = points
     smooth = [np.median(y[max(0, i - 2) : i + 3]) for i in range(y.size)]
 
-    def off_from(starts: Mapping[str, float]) -> FloatArray:
+    def residuals_from(starts: Mapping[str, float]) -> FloatArray:
         return np.nan_to_num((y - formula.value(x, starts)[0]) / gain)
 
-    found = [guessed(np.ones(y.size))]
-    for off in (off_from(found[0]), (y - smooth) / gain):
-        wider = errors_widened(off)
+    candidates = [guessed(np.ones(y.size))]
+    for residuals in (residuals_from(candidates[0]), (y - smooth) / gain):
+        wider = errors_widened(residuals)
         with suppress(InputError):  # starts that were found before are kept
             for _ in range(MOST_REWEIGHTED):
-                found.append(guessed(wider))
-                before, wider = wider, errors_widened(off_from(found[-1]))
+                candidates.append(guessed(wider))
+                before, wider = wider, errors_widened(residuals_from(candidates[-1]))
                 if np.allclose(before, wider, rtol=0.1):
                     break
-    far = [off_from(starts) for starts in found]
-    size = min(map(typical_size, far)) or 1.0
-    costs = [float(np.sum(np.log1p(np.square(off / size)))) for off in far]
-    return found[int(np.argmin(costs))]
+    all_residuals = [residuals_from(starts) for starts in candidates]
+    size = min(map(typical_size, all_residuals)) or 1.0
+    costs = [float(np.sum(np.log1p(np.square(residuals / size)))) for residuals in all_residuals]
+    return candidates[int(np.argmin(costs))]
 
 
 def _in_order(
-    asked: ModelSum, starts: Mapping[str, float], limits: Mapping[str, Limits]
+    models: ModelSum, starts: Mapping[str, float], limits: Mapping[str, Limits]
 ) -> dict[str, float]:
-    """Starts whose terms of one model, where nothing else tells them apart, come in the order of
-    their places, rates or frequencies; oscillations have positive amplitudes
+    """Starts whose terms of one model, where nothing else distinguishes them, come in the order of
+    their positions, rates or frequencies; oscillations have positive amplitudes
     and phases within half a turn.
     """
     ordered = dict(starts)
-    for size, turn in ((t.prefix + "amplitude", t.prefix + "phase") for t in asked.terms):
+    for size, turn in ((t.prefix + "amplitude", t.prefix + "phase") for t in models.terms):
         if limits.get(size) == limits.get(turn) == (None, None):
             phase = ordered[turn] + (math.pi if ordered[size] < 0.0 else 0.0)
             ordered |= {size: abs(ordered[size]), turn: math.remainder(phase, 2.0 * math.pi)}
-    for model in {term.model.name: term.model for term in asked.terms}.values():
+    for model in {term.model.name: term.model for term in models.terms}.values():
         names = [
             [term.prefix + name for name in model.parameters]
-            for term in asked.terms
+            for term in models.terms
             if term.model is model
         ]
         ends = [[limits.get(name, "known") for name in own] for own in names]
         if any("known" in own or own != ends[0] for own in ends):
             continue
         values = sorted(([ordered[name] for name in own] for own in names), key=lambda own: own[1:])
-        for own, found in zip(names, values, strict=True):
-            ordered.update(zip(own, found, strict=True))
+        for own, ordered_values in zip(names, values, strict=True):
+            ordered.update(zip(own, ordered_values, strict=True))
     return ordered
 
 

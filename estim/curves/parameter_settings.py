@@ -82,8 +82,8 @@ def fitted_parameters(
 ) -> tuple[Parameter, ...]:
     """Those that are fit, with their limits or priors.  start, fixed, units : as they were read."""
     bounds, priors = settings.bounds, settings.priors
-    for table, given in (("bounds", bounds), ("priors", priors), ("units", units)):
-        for name in given:
+    for table, entries in (("bounds", bounds), ("priors", priors), ("units", units)):
+        for name in entries:
             if name in fixed and table != "units":
                 raise InputError(f"names '{name}', which is fixed", field=table)
             if name not in names and name not in fixed:
@@ -117,7 +117,9 @@ def with_joint_priors(priors: Any) -> Any:
         return priors
     single = {name: prior for name, prior in priors.items() if not isinstance(name, tuple)}
     joint = {name: prior for name, prior in priors.items() if name not in single}
-    ufloats = {name: one for name, one in single.items() if hasattr(one, "error_components")}
+    ufloats = {
+        name: ufloat for name, ufloat in single.items() if hasattr(ufloat, "error_components")
+    }
     if len(ufloats) > 1:
         from uncertainties import covariance_matrix
 
@@ -126,7 +128,7 @@ def with_joint_priors(priors: Any) -> Any:
         together = tuple(compress(ufloats, np.any(across, axis=0)))
         stated = [single.pop(name) for name in together]
         if stated:
-            joint[together] = [one.nominal_value for one in stated], covariance_matrix(stated)
+            joint[together] = [ufloat.nominal_value for ufloat in stated], covariance_matrix(stated)
     for names, prior in joint.items():
         field = f"priors[{', '.join(map(str, names))}]"
         try:
@@ -139,19 +141,19 @@ def with_joint_priors(priors: Any) -> Any:
         if means.shape != (len(names),):
             raise InputError("must have as many means as names", field=field, value=means.size)
         sds = sds_of(cov)
-        correlation = cov / np.outer(sds, sds)  # one for all: it says which go together
-        for place, name in enumerate(names):
+        correlation = cov / np.outer(sds, sds)  # one for all: it shows which go together
+        for index, name in enumerate(names):
             if name in single:
                 raise InputError(f"states '{name}' again, which has a prior", field=field)
             single[name] = JointNormal(
-                float(means[place]), float(sds[place]), correlation=correlation, place=place
+                float(means[index]), float(sds[index]), correlation=correlation, place=index
             )
     return single
 
 
-def stated_prior(prior: object, field: str, *, low: float, held: str = "") -> Prior:
+def stated_prior(prior: object, field: str, *, low: float, hint: str = "") -> Prior:
     """A prior as it is, or the one that text like "9.81(2)", a ufloat or a frozen distribution of
-    scipy stands for, a measured value impossible below `low`; held : what to do with an exact
+    scipy stands for, a measured value impossible below `low`; hint : what to do with an exact
     number.
     """
     stated = prior
@@ -160,22 +162,22 @@ def stated_prior(prior: object, field: str, *, low: float, held: str = "") -> Pr
     prior = of_other_package(prior, field)
     if isinstance(prior, Quantity):
         if prior.exact:
-            held = " (an exact number goes into `fixed`)" if held else ""
+            hint = " (an exact number goes into `fixed`)" if hint else ""
             rule = 'must have an uncertainty, like "9.81(2)"'
-            raise InputError(rule + held, field=field, value=stated)
+            raise InputError(rule + hint, field=field, value=stated)
         return as_prior(prior, low=low)
     if not isinstance(prior, Prior) or isinstance(prior, type):
         rule = 'must be a prior, or text like "9.81(2)"'
         raise InputError(
-            rule + (held if isinstance(prior, int | float) else ""), field=field, value=prior
+            rule + (hint if isinstance(prior, int | float) else ""), field=field, value=prior
         )
     return prior
 
 
 def _prior(name: str, start: float, limits: Limits | None, prior: object) -> Prior:
     if prior is not None:
-        held = f" (an exact value is held by fixed={{'{name}': {prior}}})"
-        return stated_prior(prior, f"priors[{name}]", low=-math.inf, held=held)
+        hint = f" (an exact value is held by fixed={{'{name}': {prior}}})"
+        return stated_prior(prior, f"priors[{name}]", low=-math.inf, hint=hint)
     try:
         low, high = (None, None) if limits is None else limits
         ends = [

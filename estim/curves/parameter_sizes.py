@@ -17,20 +17,20 @@ _Range = tuple[float, float, float]  # from, to, share of the draws
 
 @dataclass(frozen=True)
 class Scale:
-    """What a parameter may be: places between two ends, and sizes of either sign whose logarithm is
-    drawn evenly, each (low, high, share).
+    """What a parameter may be: locations between two ends, and sizes of either sign whose logarithm
+    is drawn evenly, each (low, high, share).
 
     low, high : limits.
     """
 
-    places: _Range | None
+    locations: _Range | None
     sizes: tuple[_Range, ...]
     low: float
     high: float
 
     def draw(self, rng: np.random.Generator, n: int) -> FloatArray:
         shares = [size[2] for size in self.sizes] + (
-            [] if self.places is None else [self.places[2]]
+            [] if self.locations is None else [self.locations[2]]
         )
         kinds = rng.choice(len(shares), n, p=np.array(shares) / sum(shares))
         draws = rng.choice([-1.0, 1.0], n)
@@ -38,9 +38,9 @@ class Scale:
             draws[kinds == k] *= np.exp(
                 rng.uniform(math.log(small), math.log(large), int(np.sum(kinds == k)))
             )
-        if self.places is not None:
+        if self.locations is not None:
             draws[kinds == len(self.sizes)] = rng.uniform(
-                *self.places[:2], int(np.sum(kinds == len(self.sizes)))
+                *self.locations[:2], int(np.sum(kinds == len(self.sizes)))
             )
         return self.inside(draws, rng)
 
@@ -65,15 +65,15 @@ def scale_of(
     low: float,
     high: float,
     *,
-    place: bool,
+    is_location: bool,
 ) -> Scale:
     """What a parameter of a unit may be, times a factor; None: of any unit.
 
-    place : whether the formula adds it to x, or takes it from x.
+    is_location : whether the formula adds it to x, or takes it from x.
     """
-    places, sizes = _ranges(unit, x, y, place=place)
+    locations, sizes = _ranges(unit, x, y, is_location=is_location)
     return Scale(
-        None if places is None else (factor * places[0], factor * places[1], places[2]),
+        None if locations is None else (factor * locations[0], factor * locations[1], locations[2]),
         tuple((factor * small, factor * large, share) for small, large, share in sizes),
         low,
         high,
@@ -81,9 +81,9 @@ def scale_of(
 
 
 def _ranges(
-    unit: Dimension | None, x: FloatArray, y: FloatArray, *, place: bool
+    unit: Dimension | None, x: FloatArray, y: FloatArray, *, is_location: bool
 ) -> tuple[_Range | None, tuple[_Range, ...]]:
-    """Places and sizes of a parameter of a unit."""
+    """Locations and sizes of a parameter of a unit."""
     length = float(np.ptp(x)) or abs(float(x[0])) or 1.0
     step, far = length / max(1, x.size - 1), max(length, max_abs(x))
     within = float(x.min()) - 0.2 * length, float(x.max()) + 0.2 * length
@@ -96,7 +96,7 @@ def _ranges(
         return (-math.pi, math.pi, 1.0), ((0.05, 20.0, 1.0),)
     if power == 1.0 and power_y == 0.0:
         lengths = (0.5 * step, 5.0 * length, 1.0), (length, 300.0 * far, 0.3)
-        return (*within, 4.0) if place else None, lengths
+        return (*within, 4.0) if is_location else None, lengths
     if power == 0.0 and power_y == 1.0:
         around = float(y.min()) - height, float(y.max()) + height, 1.0
         return around, ((1e-3 * height, 100.0 * height, 1.0),)
@@ -105,7 +105,7 @@ def _ranges(
     return None, ((along[0] * up[0], along[1] * up[1], 1.0),)
 
 
-def places_of(formula: Formula) -> set[str]:
+def location_parameters(formula: Formula) -> set[str]:
     """Parameters that the formula adds to x, or takes from x."""
     sums = [
         node

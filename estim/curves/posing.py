@@ -1,5 +1,5 @@
-"""From points and the settings of parameters to a problem, whose starts are found where nobody gave
-any: for `fit_curve`, each data set of `fit_curves` and each run of a campaign.
+"""From points and the settings of parameters to a problem, whose starts are found where nobody
+stated any: for `fit_curve`, each data set of `fit_curves` and each run of a campaign.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ def pose_points(
     deviation: float = 0.0,
     correlated: ArrayLike | bool = False,
     level: str = "",
-    found: Collection[str] = (),
-    beside: Sequence[Points] = (),
+    inherited: Collection[str] = (),
+    further_points: Sequence[Points] = (),
 ) -> CurveProblem:
     """The problem of one data set, with starts found from its points where none is given.
 
-    found : parameters whose starts come from the points of other data sets.
-    beside : x, y and u_y of other data sets of the same curve, that help to find starts.
+    inherited : parameters whose starts come from the points of other data sets.
+    further_points : x, y and u_y of other data sets of the same curve, that help to find starts.
     settings : of the parameters of its curve.
     level : behind the names of what is unknown of its errors.  Raises InputError.
     """
@@ -73,7 +73,7 @@ def pose_points(
         errors,
         deviation=deviation,
         correlated=correlated,
-        chosen={*begin} - {*start} | {*found},
+        chosen={*begin} - {*start} | {*inherited},
         level=level,
     )
     if named is None:
@@ -81,41 +81,47 @@ def pose_points(
     if posed.counted is not None and posed.counted.noise.own_density:
         rule = "must give each parameter of a log density its starting value, like {'a': 1.0}"
         raise InputError(rule, field="start")
-    return started(replace(posed, called=named.text), named, held=start, beside=beside)
+    return started(
+        replace(posed, called=named.text), named, user_starts=start, further_points=further_points
+    )
 
 
 def pose_sets(
     sets: Mapping[str, DataSet],
     settings: Mapping[str, ParameterSettings],
-    taken: Mapping[str, Collection[str]],
+    arguments: Mapping[str, Collection[str]],
     own: Mapping[str, Collection[str]],
     pose: Callable[..., CurveProblem],
-    begun: Mapping[str, float] | None,
+    known_starts: Mapping[str, float] | None,
 ) -> dict[str, CurveProblem]:
     """Name -> problem of its data set.
 
-    settings : data set -> those of its parameters.  taken : the parameters of its curve; own :
+    settings : data set -> those of its parameters.  arguments : the parameters of its curve; own :
         those of them that no other data set shares.
-    pose : makes the problem of one data set from its name, settings, `found` and `beside`.
-    begun : parameter -> start that is known already.  A shared parameter then starts where the
-        first data set put it, as it does where all points are pooled.  None: each data set finds
-        its own starts.
+    pose : makes the problem of one data set from its name, settings, `inherited` and
+        `further_points`.
+    known_starts : parameter -> start that is known already.  A shared parameter then starts where
+        the first data set put it, as it does where all points are pooled.  None: each data set
+        finds its own starts.
     """
     parts: dict[str, CurveProblem] = {}
     points = _pooled(sets, settings, own)
-    begun = {} if begun is None and points else begun
+    known_starts = {} if known_starts is None and points else known_starts
     for name in sets:
         of_set = settings[name]
         known = {*of_set.start, *of_set.fixed, *of_set.tied, *own[name]}
-        missing = {*taken[name]} - known
-        found = {one: start for one, start in (begun or {}).items() if one in missing}
-        beside = [others for other, others in points.items() if other != name]
+        missing = {*arguments[name]} - known
+        inherited = {key: start for key, start in (known_starts or {}).items() if key in missing}
+        further_points = [others for other, others in points.items() if other != name]
         parts[name] = pose(
-            name, replace(of_set, start={**of_set.start, **found}), found=found, beside=beside
+            name,
+            replace(of_set, start={**of_set.start, **inherited}),
+            inherited=inherited,
+            further_points=further_points,
         )
-        if begun is not None:
+        if known_starts is not None:
             shared = (p for p in parts[name].parameters if p.name not in own[name])
-            begun = {**{p.name: p.prior.centre for p in shared}, **begun}
+            known_starts = {**{p.name: p.prior.centre for p in shared}, **known_starts}
     return parts
 
 
@@ -132,21 +138,21 @@ def _pooled(
     curve, *curves = (getattr(points.curve, "text", points.curve) for points in sets.values())
     if (
         any(own.values())
-        or any(one != curve for one in curves)
-        or any(one.fixed != first.fixed or one.tied != first.tied for one in others)
+        or any(other != curve for other in curves)
+        or any(other.fixed != first.fixed or other.tied != first.tied for other in others)
     ):
         return {}
-    found: dict[str, Points] = {}
+    points_of: dict[str, Points] = {}
     known = {points.u_y is None for points in sets.values()}
     for name, points in sets.items():
-        given: list[Any] = [points.x, points.y, 1.0 if points.u_y is None else points.u_y]
-        if len(known) > 1 or points.noise or any(hasattr(column, "units") for column in given):
+        raw: list[Any] = [points.x, points.y, 1.0 if points.u_y is None else points.u_y]
+        if len(known) > 1 or points.noise or any(hasattr(column, "units") for column in raw):
             return {}
         try:
-            columns = np.asarray(np.broadcast_arrays(*given), dtype=np.float64)
-        except (TypeError, ValueError):  # other errors than u_y; what is wrong is told elsewhere
+            columns = np.asarray(np.broadcast_arrays(*raw), dtype=np.float64)
+        except (TypeError, ValueError):  # other errors than u_y; an error is raised elsewhere
             return {}
-        if columns.ndim != 2 or np.iscomplexobj(given[1]) or not all_finite(columns):
+        if columns.ndim != 2 or np.iscomplexobj(raw[1]) or not all_finite(columns):
             return {}
-        found[name] = columns[0], columns[1], columns[2]
-    return found
+        points_of[name] = columns[0], columns[1], columns[2]
+    return points_of

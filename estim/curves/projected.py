@@ -18,7 +18,7 @@ from estim.curves.dimensions import dimensions_of
 from estim.curves.dual_numbers import Dual, plain
 from estim.curves.formula import Formula, evaluate, names_in
 from estim.curves.models import Limits
-from estim.curves.parameter_sizes import Scale, places_of, scale_of
+from estim.curves.parameter_sizes import Scale, location_parameters, scale_of
 from estim.levenberg_marquardt import LeastSquares
 
 
@@ -39,22 +39,22 @@ def linear_in(formula: Formula, names: Collection[str]) -> tuple[str, ...]:
         )
         middle = {key: 0.5 * (first[key] + second[key]) for key in tried}
         with np.errstate(all="ignore"):  # an origin far off may make a curve overflow here
-            one, other, between, zero = (
+            at_first, at_second, at_middle, at_zero = (
                 formula.local(x, {**others, **at})
                 for at in (first, second, middle, dict.fromkeys(tried, 0.0))
             )
-            pairs = [(0.5 * (one.value + other.value), between.value)]
+            pairs = [(0.5 * (at_first.value + at_second.value), at_middle.value)]
             pairs += [
-                (at.gradient[key], between.gradient[key])
-                for at in (one, other, zero)
+                (at.gradient[key], at_middle.gradient[key])
+                for at in (at_first, at_second, at_zero)
                 for key in tried
             ]
-        if all(_alike(*pair) for pair in pairs) and np.any(between.gradient[name]):
+        if all(_close(*pair) for pair in pairs) and np.any(at_middle.gradient[name]):
             linear.append(name)
     return tuple(linear)
 
 
-def _alike(a: FloatArray, b: FloatArray) -> bool:
+def _close(a: FloatArray, b: FloatArray) -> bool:
     return all_finite(b) and np.allclose(a, b, rtol=1e-10, atol=1e-12 * max_abs(b))
 
 
@@ -63,7 +63,7 @@ class ProjectedCurve:
     """x, y, weight : (n_obs,), y weighted.
     linear, nonlinear : names of the parameters that are solved for and drawn.
 
-    scales, blocks : of those drawn; which of them stand in one term of the formula.
+    scales, blocks : of those drawn; which of them occur in one term of the formula.
     """
 
     formula: Formula
@@ -80,7 +80,7 @@ class ProjectedCurve:
     def function(self) -> LeastSquares:
         """The sum of squares as a function of the drawn parameters, which descents minimise."""
         return LeastSquares(
-            lambda points, _which: self.left(points),
+            lambda points, _which: self.residuals(points),
             np.array([scale.low for scale in self.scales]),
             np.array([scale.high for scale in self.scales]),
             np.array([scale.sizes[0][0] for scale in self.scales]),
@@ -94,8 +94,8 @@ class ProjectedCurve:
     def rounding(self) -> float:
         return 1e-20 * float(self.y @ self.y)
 
-    def whole(self, nonlinear: FloatArray) -> dict[str, float]:
-        """Name -> value of the parameters that are sought; those solved for within their limits."""
+    def parameters_at(self, nonlinear: FloatArray) -> dict[str, float]:
+        """Name -> value of the parameters that are fit; those solved for within their limits."""
         rest, columns = self._parts(nonlinear[None, :])
         with np.errstate(over="ignore"):  # inf: such a parameter is 0
             size = positive_or(np.linalg.norm(columns[:, 0], axis=1), 1.0)
@@ -112,21 +112,21 @@ class ProjectedCurve:
             )
         )
 
-    def left(self, nonlinear: FloatArray) -> FloatArray:
+    def residuals(self, nonlinear: FloatArray) -> FloatArray:
         """(n, n_obs) what the curves at nonlinear (n, n_nonlinear) leave of y; not finite where the
         curve is not.
         """
         rest, columns = self._parts(nonlinear)
-        taken: list[FloatArray] = []
+        basis: list[FloatArray] = []
         with np.errstate(all="ignore"):
             for column in columns:
                 column /= np.sqrt(_dot(column, column))
-                for earlier in taken * 2:
+                for earlier in basis * 2:
                     column -= _dot(column, earlier) * earlier
                 size = np.sqrt(_dot(column, column))
                 # share of a column that must be left where those before it are taken out
                 column *= np.where(size > 1e-9, 1.0 / size, 0.0)
-                taken.append(column)
+                basis.append(column)
                 rest -= _dot(column, rest) * column
         return rest
 
@@ -165,25 +165,23 @@ def projected(
     u: FloatArray,
     known: Mapping[str, float],
     limits: Mapping[str, Limits],
-    sought: Sequence[str],
+    names: Sequence[str],
 ) -> ProjectedCurve:
     """The curve at the points x, y with relative errors u (n_obs,), or some of them if there are
-    many; `sought`: all names but the known ones.
+    many; `names`: all but the known ones.
     """
     # points at which a search looks
     every = max(1, -(-x.size // 1000))
     x, y, weight = x[::every], y[::every], float(np.median(u)) / u[::every]
     ends = {}
-    for name in sought:
+    for name in names:
         low, high = limits.get(name, (None, None))
         ends[name] = -math.inf if low is None else low, math.inf if high is None else high
-    linear = linear_in(
-        formula, [name for name in sought if not any(map(math.isfinite, ends[name]))]
-    )
-    nonlinear = tuple(name for name in sought if name not in linear)
-    (units, factors), places = dimensions_of(formula), places_of(formula)
+    linear = linear_in(formula, [name for name in names if not any(map(math.isfinite, ends[name]))])
+    nonlinear = tuple(name for name in names if name not in linear)
+    (units, factors), locations = dimensions_of(formula), location_parameters(formula)
     scales = tuple(
-        scale_of(units.get(name), factors[name], x, y, *ends[name], place=name in places)
+        scale_of(units.get(name), factors[name], x, y, *ends[name], is_location=name in locations)
         for name in nonlinear
     )
     return ProjectedCurve(

@@ -36,21 +36,21 @@ def without_units(
     x, x_unit = _base(points.x)
     y, y_unit = _base(points.y)
     u_x, u_y = _size("u_x", points.u_x, x_unit), _size("u_y", points.u_y, y_unit)
-    plain: dict[str, dict[str, Any]] = {"start": {}, "fixed": {}, "units": dict(settings.units)}
+    converted: dict[str, dict[str, Any]] = {"start": {}, "fixed": {}, "units": dict(settings.units)}
     for field in ("start", "fixed"):
         for name, value in getattr(settings, field).items():
-            plain[field][name], unit = _base(value)
+            converted[field][name], unit = _base(value)
             if unit is not None:
-                plain["units"][name] = unit
-    plain["bounds"] = {
-        name: tuple(_same(name, end, plain["units"].get(name)) for end in ends)
+                converted["units"][name] = unit
+    converted["bounds"] = {
+        name: tuple(_same(name, end, converted["units"].get(name)) for end in ends)
         if _is_pair(ends)
         else ends
         for name, ends in settings.bounds.items()
     }
     axes = points.axes or AxisNames()
     axes = replace(axes, x_unit=x_unit or axes.x_unit, y_unit=y_unit or axes.y_unit)
-    return replace(points, x=x, y=y, u_x=u_x, u_y=u_y, axes=axes), replace(settings, **plain)
+    return replace(points, x=x, y=y, u_x=u_x, u_y=u_y, axes=axes), replace(settings, **converted)
 
 
 def _all(points: DataSet, settings: ParameterSettings) -> Iterator[Any]:
@@ -80,11 +80,11 @@ def _base(value: Any) -> tuple[Any, str | None]:
     return converted.magnitude, "1" if name in _PLAIN else name
 
 
-def refuse_quantities(**given: object) -> None:
+def refuse_quantities(**arguments: object) -> None:
     """Raises InputError for quantities where only plain numbers are taken, which would lose their
     unit.
     """
-    for field, value in given.items():
+    for field, value in arguments.items():
         if _is_quantity(value):
             raise InputError(
                 "must be plain numbers, in SI base units where x and y have units",

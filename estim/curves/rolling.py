@@ -1,9 +1,9 @@
 """The motion of a rolling body as curves to fit: speed against position, and position against time.
 
 Arguments are the quantities of a campaign; with `angular` positions are angles turned since
-release, in rad.  Beside weight and plain rolling resistance they may say more: a start with a push,
-drag, moments, a ramp that is not straight (`estim.model.forces`), errors of the length scale, the
-clock and the image (`estim.model.readings`).  What they do not say costs nothing.
+release, in rad.  Beside weight and plain rolling resistance they may state more: a start with a
+push, drag, moments, a ramp that is not straight (`estim.model.forces`), errors of the length scale,
+the clock and the image (`estim.model.readings`).  What they do not state costs nothing.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ _PHASES = PhraseTable(
 
 
 def body_of(arguments: Named) -> tuple[Body, dict[str, Any]]:
-    """The body, and the keywords that say how it moves; zero errors of the angles are added to
+    """The body, and the keywords that describe its motion; zero errors of the angles are added to
     them.
     """
     motion: dict[str, Any] = {name: arguments[name] for name in _MOTION}
@@ -125,8 +125,8 @@ def footing_of(along: FloatArray, contact: ContactForces) -> Footing:
     along, normal, needed = np.broadcast_arrays(
         along, np.atleast_2d(contact.normal), np.atleast_2d(needed_friction(contact))
     )
-    there = np.isfinite(normal)
-    over = np.logical_or.accumulate(np.logical_or.accumulate(there, axis=1) & ~there, axis=1)
+    defined = np.isfinite(normal)
+    over = np.logical_or.accumulate(np.logical_or.accumulate(defined, axis=1) & ~defined, axis=1)
     return Footing(along, np.where(over, np.nan, normal), np.where(over, np.nan, needed))
 
 
@@ -154,7 +154,7 @@ class Setting:
 
 @dataclass(frozen=True, eq=False)
 class _Known:
-    """What the arguments say.  motion : phi (rad, at release), theta0, rolling_resistance, g.
+    """What the arguments state.  motion : phi (rad, at release), theta0, rolling_resistance, g.
 
     energy : at release, weights x R; speed : there, m/s; each None where the arguments hold
         neither.
@@ -186,15 +186,15 @@ def _known(arguments: Named, setting: Setting) -> _Known:
         acting["moment"] = moment_ratio(arguments["moment"], setting.mass, body.radius, motion["g"])
     read = {field: arguments[name] for name, field in _READINGS.items() if name in arguments}
     at_release = {name: motion[name] for name in ("phi", "theta0", "g")}
-    energy_there, speed = arguments.get("release_energy"), arguments.get("release_speed")
-    if energy_there is not None:
-        speed = release_speed(energy_there, body, **at_release)
+    energy_at_release, speed = arguments.get("release_energy"), arguments.get("release_speed")
+    if energy_at_release is not None:
+        speed = release_speed(energy_at_release, body, **at_release)
     elif speed is not None:
-        energy_there = release_energy(speed, body, **at_release)
+        energy_at_release = release_energy(speed, body, **at_release)
     return _Known(
         body,
         motion,
-        energy_there,
+        energy_at_release,
         speed,
         Forces(**acting) if acting else None,
         Readings(**read, length=setting.picture.length, start=setting.picture.start),
@@ -273,17 +273,17 @@ class PhaseCurve:
 
 
 def _as_read(
-    found: FloatArray, squares: list[FloatArray], order: int, readings: Readings, x: FloatArray
+    derivative: FloatArray, squares: list[FloatArray], order: int, readings: Readings, x: FloatArray
 ) -> FloatArray:
     """Time derivative of order 2 or 4 of the speed that is read, from that of the true speed
-    (`found`), by Leibniz of x_read = a x - k x^2.
+    (`derivative`), by Leibniz of x_read = a x - k x^2.
     """
     v, a = np.sqrt(np.maximum(squares[0], 0.0)), [0.5 * f for f in squares[1:]]
     if order == 2:
         rest = 6.0 * v * a[0]
     else:  # the derivatives of x are v, a, a' v, a'' v^2 + a a'
         rest = 10.0 * v * (a[2] * v**2 + a[0] * a[1]) + 20.0 * a[0] * a[1] * v
-    return (found * readings.stretch(x) - readings.parabola()[1] * rest) / (
+    return (derivative * readings.stretch(x) - readings.parabola()[1] * rest) / (
         1.0 + np.asarray(readings.scale_t)
     ) ** (order + 1)
 
@@ -343,13 +343,13 @@ class RollingMotion:
     """What is known of a rolling body beside its curve.
 
     angular : positions are angles turned since release.
-    mass : kg, or None where the campaign does not say.
+    mass : kg, or None where the campaign does not state it.
     in_time : whether positions were measured against time, so that the abscissa is a time, which
         has no end.
     setting : what is exact.  reach : how far the body was seen, in the unit of its positions; its
         end under forces is looked for up to twice that.
     grip : coefficient of static friction as stated.
-    full : the curve with everything that a campaign may state beside; None where nobody asks for
+    full : the curve with everything that a campaign may state beside; None where nobody needs
         it.
     ramp_length : m, of the ramp that may sag in that curve.
     """
@@ -380,37 +380,37 @@ class RollingMotion:
 
     def footing(self, farthest: float, arguments: Named) -> Footing:
         known = _known(arguments, self.setting)
-        along, way = self._way(farthest, arguments)
-        true = known.readings.true_position(way)
+        along, distance = self._distances(farthest, arguments)
+        true = known.readings.true_position(distance)
         contact = contact_forces(
             true if self.angular else true / known.body.radius, known.body, **known.acting
         )
         return footing_of(along, contact)
 
-    def _way(self, farthest: float, arguments: Named) -> tuple[FloatArray, FloatArray]:
+    def _distances(self, farthest: float, arguments: Named) -> tuple[FloatArray, FloatArray]:
         """Readings from the release to `farthest`, and how far they are from the release, (n_draw,
         n) each.
         """
         zero = np.atleast_2d(arguments.get("offset", 0.0))
-        way = np.maximum(farthest - zero, 0.0) * np.linspace(0.0, 1.0, 96)
-        return zero + way, way
+        distance = np.maximum(farthest - zero, 0.0) * np.linspace(0.0, 1.0, 96)
+        return zero + distance, distance
 
     def energies(
         self, x: FloatArray, v: FloatArray, arguments: Named
     ) -> tuple[FloatArray, FloatArray]:
         known = _known(arguments, self.setting)
         length = known.body.radius if self.angular else 1.0
-        place: dict[str, Any] = {
+        surroundings: dict[str, Any] = {
             "phi": known.motion["phi"],
             "theta0": known.motion["theta0"],
             "forces": known.forces,
         }
         true = known.readings.true_position(from_release(x, arguments))
         kinetic = energy.kinetic_energy(
-            length * true, length * v / known.readings.speed(1.0, true), known.body, **place
+            length * true, length * v / known.readings.speed(1.0, true), known.body, **surroundings
         )
         return kinetic, energy.potential_energy(
-            length * true, known.body, **place, g=known.motion["g"]
+            length * true, known.body, **surroundings, g=known.motion["g"]
         )
 
     def derived(self, arguments: Named) -> Mapping[str, Derived]:
@@ -473,8 +473,8 @@ class RollingMotion:
         far = 2.0 * self.reach / (1.0 if self.angular else float(np.min(radius))) + np.pi
         angle = phase_curve.turning_angle(known.body, **acting, far=far)
         true = angle if self.angular else radius * angle
-        turns = np.isfinite(true)
-        return np.where(turns, known.readings.position(np.where(turns, true, 0.0)), true)
+        stops = np.isfinite(true)
+        return np.where(stops, known.readings.position(np.where(stops, true, 0.0)), true)
 
     def words(self) -> Wording:
         """How the measured numbers are called."""
@@ -507,10 +507,10 @@ def _of_forces(known: _Known, arguments: Named, rolling: Derived | None) -> dict
             "1", slope, phrase("effective slope sin φ + c_rr cos φ + Q/(M g R)"), Notation("s")
         )
         if rolling is not None:
-            whole = rolling.values + arguments["moment"]
+            total = rolling.values + arguments["moment"]
             quantities["resisting_moment"] = _derived(
                 "N m",
-                whole,
+                total,
                 phrase("total resisting moment, c_rr M g R cos φ + Q"),
                 Notation("Q_all"),
             )

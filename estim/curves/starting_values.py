@@ -1,6 +1,6 @@
 """Starting values of a formula's parameters, from the points alone.
 
-The formula says in which unit each parameter must be (`dimensions`), and the points say how large
+The formula says in which unit each parameter must be (`dimensions`), and the points show how large
 such a thing may be: a place or a length along x, a rate or a frequency up to half a turn from one
 point to the next, a pure number (`scales`).  The linear parameters are solved for (`projected`), so
 only the others are drawn, thousands of times.  The best trials go down to their optima, and each
@@ -31,7 +31,7 @@ _ROUGH, _FINE = 12, 100  # steps of a descent
 # at most; parameters that are drawn, from which on three searches are made at least
 _SEARCHES, _MANY = 6, 4
 _AGREE = 1e-3  # of the squares
-_FINELY = 20  # places for each point, at which curves through the points are told apart
+_FINELY = 20  # abscissas for each point, at which curves through the points are compared
 _SAME = 1e-6  # of the squares: minima in noise differ by more
 
 End = tuple[FloatArray, float]  # values (n_bent,) of the drawn parameters, and the squares left
@@ -52,8 +52,8 @@ def guess_starts(
     known : values that are held.  limits : the search keeps within them.  Raises InputError naming
         the parameters where several searches did not end at one place.
     """
-    sought = [name for name in formula.names if name not in known]
-    search = projected(formula, x, y, u, known, limits, sought)
+    unknown = [name for name in formula.names if name not in known]
+    search = projected(formula, x, y, u, known, limits, unknown)
     ends: list[End] = []
     for seed in range(_SEARCHES if search.nonlinear else 1):
         end, sure = _searched(search, np.random.default_rng(seed + 1))
@@ -65,8 +65,8 @@ def guess_starts(
             len(ends) > (1 if len(search.nonlinear) < _MANY else 2)
             and ends[1][1] <= ends[0][1] * (1.0 + _AGREE) + search.rounding
         ):
-            return {**search.whole(_plainest(search, ends)[0]), **known}
-    names = search.nonlinear or sought
+            return {**search.parameters_at(_plainest(search, ends)[0]), **known}
+    names = search.nonlinear or unknown
     why = (
         "from the points"
         if math.isfinite(ends[0][1])
@@ -115,7 +115,7 @@ def _plainest(search: ProjectedCurve, ends: Sequence[End]) -> End:
     with np.errstate(all="ignore"):
         rough = [
             float(np.sum(np.abs(np.diff(search.formula.value(x, values)[0]))))
-            for values in ({**search.whole(end[0]), **search.known} for end in equal)
+            for values in ({**search.parameters_at(end[0]), **search.known} for end in equal)
         ]
     smooth = [end for end, r in zip(equal, rough, strict=True) if not r > 1.05 * min(rough)]
     return min(smooth, key=lambda end: int(np.sum(end[0] < 0.0)))

@@ -6,7 +6,7 @@ Which to choose:
 - `scale_y`: it reads (1 + d) y, with d known to be 0 within u (a fraction: 0.01 is 1 %).
 - `zero_x`, `scale_x`: the same of x.
 
-`scale_errors_of` says how a fit accounts for scales that nobody stated.
+`scale_errors_of` tells how a fit accounts for scales that nobody stated.
 
 d is a parameter with a normal prior of mean 0 and standard deviation u.  It is fit and sampled with
 the others, so that its uncertainty and its correlations reach every result, and the data may narrow
@@ -101,7 +101,9 @@ def covariance_in_groups(errors: Sequence[Component], n_obs: int) -> FloatArray:
     total = np.zeros((n_obs, n_obs))
     for component in errors:
         field, labels = f"errors[{component.parameter_name}]", np.asarray(component.groups)
-        missing = any(one is None or one != one for one in np.ravel(component.groups).tolist())
+        missing = any(
+            group is None or group != group for group in np.ravel(component.groups).tolist()
+        )
         if labels.shape != (n_obs,):
             rule = f"must have as many groups as values of x ({n_obs})"
             raise InputError(rule, field=field, value=labels.shape)
@@ -114,7 +116,7 @@ def covariance_in_groups(errors: Sequence[Component], n_obs: int) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class DistortedCurve:
-    """A curve as seen through instruments with shared errors; its arguments are those of `curve`
+    """A curve as read by instruments with shared errors; its arguments are those of `curve`
     and one for each component.
 
     `curve` must take x that differs from draw to draw, (n_draw, n_obs), as formulas and functions

@@ -87,11 +87,11 @@ def contradiction(
     density: bool | None,
     number: object = None,
 ) -> str | None:
-    """The rule that the unit stated for a parameter breaks, since the axes and the formula say
+    """The rule that the unit stated for a parameter breaks, since the axes and the formula imply
     another; None where nothing shows that.
 
-    number : what was stated in that unit.  An axis in "1" may have a unit that nobody told: nothing
-        follows from it, unless y are counts in bins.
+    number : what was stated in that unit.  An axis in "1" may have a unit that nobody stated:
+        nothing follows from it, unless y are counts in bins.
     """
     if stated is None or not isinstance(curve, Formula):
         return None
@@ -102,8 +102,10 @@ def contradiction(
     if follows is None:
         return None
     of_y = (axes.y_unit, "1") if counts else (axes.y_unit,)
-    alike = [same_unit(stated, _product((axes.x_unit, power_x), (unit, power_y))) for unit in of_y]
-    if True in alike or False not in alike:
+    agreement = [
+        same_unit(stated, _product((axes.x_unit, power_x), (unit, power_y))) for unit in of_y
+    ]
+    if True in agreement or False not in agreement:
         return None
     follows = "rad" if follows == "1" and is_angle(stated) else follows
     what = "a pure number" if follows == "1" else f"in {follows}"
@@ -161,7 +163,7 @@ def check_units(
 
 def refuse_degrees(curve: object, axes: AxisNames) -> None:
     """Raises InputError for the sine, cosine or tangent of an angle in degrees, or an arctangent
-    that gives them, as the axes say.
+    that gives them, as the axes state.
     """
     if not isinstance(curve, Formula):
         return
@@ -206,8 +208,8 @@ class _Written(ast.NodeTransformer):
     """Whole numbers without a point, and a power written as such."""
 
     def visit_Constant(self, node: ast.Constant) -> ast.Constant:
-        whole = isinstance(node.value, float) and node.value.is_integer()
-        return ast.Constant(int(node.value)) if whole else node  # type: ignore[arg-type]
+        is_integer = isinstance(node.value, float) and node.value.is_integer()
+        return ast.Constant(int(node.value)) if is_integer else node  # type: ignore[arg-type]
 
     def visit_Call(self, node: ast.Call) -> ast.expr:
         self.generic_visit(node)

@@ -32,9 +32,9 @@ from estim.fitting.least_squares import (
     at_mode,
     chi2_p,
     fit_least_squares,
-    led_here,
+    starts_message,
     refit,
-    settled,
+    converged_message,
 )
 from estim.fitting.multistart import N_START
 from estim.fitting.unbounded_sides import open_sides
@@ -45,7 +45,7 @@ from estim.fitting.optimum import (
     fit_optimum,
     with_other_modes,
 )
-from estim.fitting.degrees_of_freedom import ErrorSizes, error_sizes, held
+from estim.fitting.degrees_of_freedom import ErrorSizes, error_sizes, fixed_size
 from estim.fitting.profile import Contour, ProfileInterval, contour, profile_intervals
 from estim.levenberg_marquardt import Start, minima
 from estim.fitting.profile_search import ProfileSearch, search_of

@@ -1,7 +1,7 @@
 """Least squares of many runs: each depends on a few parameters that runs share and on a few of its
 own.
 
-No run is widened to the parameters of all others: what it says is added where it belongs, to the
+No run is widened to the parameters of all others: its information is added where it belongs, to the
 information of all, or goes as a triangle (QR) of its own into a root of it.
 
 Use it for more than `MANY_RUNS` independent groups of runs; fewer are fit by lmfit.
@@ -46,7 +46,7 @@ def spreads_by_runs(
     squares of all, between the parameters `columns` that it uses.
 
     roots : of each group (n, n_used), in units of the standard deviation.  pulls : (n_par, n_par)
-        rows of the priors.  A parameter of which nothing is said has no covariance.
+        rows of the priors.  A parameter without information has no covariance.
     """
     rows = [pulls]
     for root, used in zip(roots, columns, strict=True):
@@ -56,8 +56,8 @@ def spreads_by_runs(
     design = np.linalg.qr(np.vstack(rows), mode="r")
     scale = positive_or(np.linalg.norm(design, axis=0), 1.0)
     design /= scale
-    whole = np.min(np.abs(np.diag(design)), initial=1.0) > _NOTHING
-    spread = np.linalg.inv(design) if whole else np.linalg.pinv(design, rcond=_NOTHING)
+    full_rank = np.min(np.abs(np.diag(design)), initial=1.0) > _NOTHING
+    spread = np.linalg.inv(design) if full_rank else np.linalg.pinv(design, rcond=_NOTHING)
     spread /= scale[:, None]
     return [np.transpose(np.linalg.qr(spread[used].T, mode="r")) for used in columns]
 
@@ -96,7 +96,7 @@ def descend_by_runs(
             damping = max(_FACTOR * damping, _FIRST_DAMPING)
             if damping > _MOST_DAMPING:
                 return values
-        # the sum of squares has no say any more: on while the steps get shorter
+        # the sum of squares does not decide any more: on while the steps get shorter
         if promise < _ROUNDING * height:
             # what a step promises, of the step before
             if not (promise < 0.1 * before and math.isfinite(reached)):

@@ -3,7 +3,7 @@
 - Where the size of the errors was stated: value ± z s, with z of the normal distribution.
 - Where it was estimated from the residuals: value ± t s with Student's t.  For one degree of
   freedom value ± s holds the true value in 50 % of all experiments, and ± 1.82 s in 68 %.  A prior
-  shares the work with the data, so that s is known better than they alone say: the degrees of
+  shares the work with the data, so that s is known better than from them alone: the degrees of
   freedom are dof/share^2 where `share` of s^2 is proportional to the estimated variance
   (Welch-Satterthwaite, JCGM 100:2008, G.4.1).
 - Where that size is one of the parameters (a jitter, `sigma_y` of robust errors): profiles, with
@@ -17,8 +17,8 @@
   (`estim.fitting.profile`) with the same quantiles.  An interval then ends at the edge.  A side
   without an edge that nothing closes has no end, and the parameter no interval: a flat prior leaves
   the posterior improper (`estim.fitting.unbounded_sides`).  The quantile stays the two-sided one
-  there, so that intervals hold at least what they say wherever the truth lies (a one-sided one
-  beside edges only would cover less: Feldman and Cousins, Phys. Rev. D 57 (1998) 3873).
+  there, so that intervals have at least their stated coverage wherever the truth lies (a one-sided
+  one beside edges only would cover less: Feldman and Cousins, Phys. Rev. D 57 (1998) 3873).
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ from estim.common import (
     phrase,
 )
 from estim.distributions import student_quantile, student_tail
-from estim.fitting.degrees_of_freedom import ErrorSizes, held
+from estim.fitting.degrees_of_freedom import ErrorSizes, fixed_size
 from estim.fitting.derived import LOPSIDED
 from estim.fitting.least_squares import Fit
 from estim.fitting.optimum import Optimum
 from estim.fitting.prior_limits import edge_of
 from estim.fitting.profile import profile_intervals
-from estim.fitting.unbounded_sides import bending, side_left_open, vague
+from estim.fitting.unbounded_sides import bending, open_side_finding, vague
 from estim.problem import Observations
 
 Ends = Mapping[float, tuple[float, float]]
@@ -76,7 +76,7 @@ class Spread:
 
 def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool) -> Spread:
     """fixed : the fit with errors of a fixed size.  scale : of its covariance.  unknown : whether
-    nothing tells that size.
+    nothing determines that size.
     """
     cov, names, nothing = best.cov * scale**2, fixed.names, (math.nan, math.nan)
     missing = {name: dict.fromkeys(PROBABILITIES, nothing) for name in names}
@@ -104,15 +104,15 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     )
     # an edge lies inside their 95 % intervals
     half = _quantile(_WIDEST, dofs) * np.where(best.at_bound, fixed.scale, sds_of(cov))
-    beside = fixed.problem.room(fixed.values) < half
+    near_edge = fixed.problem.room(fixed.values) < half
     symmetric = _symmetric(names, best.values, sds, dofs)
     bent = vague(fixed, sds)
     curved = bent | (bending(fixed) >= _CURVED)
-    if not (np.any(beside) or skewed or np.any(curved)):
+    if not (np.any(near_edge) or skewed or np.any(curved)):
         return Spread(cov, sds, symmetric, (), ())
-    everything = skewed or bool(np.any(beside))
-    asked = np.ones_like(curved) if everything or np.any(bent) else curved
-    profiles, left_open = profiled(fixed, held(float(np.min(dofs))), np.flatnonzero(asked))
+    everything = skewed or bool(np.any(near_edge))
+    selected = np.ones_like(curved) if everything or np.any(bent) else curved
+    profiles, left_open = profiled(fixed, fixed_size(float(np.min(dofs))), np.flatnonzero(selected))
     intervals = {**symmetric, **profiles}
     notes: list[Finding] = []
     room = fixed.problem.room(best.values)
@@ -124,25 +124,27 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
         edge = edge_of(parameter.prior, float(best.values[i]))
         if best.at_bound[i] or room[i] < sds[i]:
             # and not anywhere, hidden by another one on its limit
-            there = best.at_bound[i] and room[i] <= _THERE * np.ptp(intervals[name][_WIDEST])
+            on_limit = best.at_bound[i] and room[i] <= _THERE * np.ptp(intervals[name][_WIDEST])
             notes.append(
                 Finding(
-                    Kind.AT_LIMIT if there else Kind.NEAR_LIMIT, parameters=(Amount(name, edge),)
+                    Kind.AT_LIMIT if on_limit else Kind.NEAR_LIMIT, parameters=(Amount(name, edge),)
                 )
             )
             sds[i] = np.nan
         elif (
-            np.any(beside) or ended or (bent[i] and _one_sign(intervals[name], symmetric[name]))
+            np.any(near_edge)
+            or ended
+            or (bent[i] and _has_one_sign(intervals[name], symmetric[name]))
         ) and _lopsided(intervals[name], float(best.values[i]), float(sds[i]), float(dofs[i])):
             notes.append(
                 Finding(
                     Kind.CUT_BY_LIMIT
-                    if np.any(beside)
+                    if np.any(near_edge)
                     else Kind.CUT_BY_NONE
                     if ended
                     else Kind.LOPSIDED,
                     parameters=(Amount(name),),
-                    names=tuple(np.array(names)[beside].tolist()),
+                    names=tuple(np.array(names)[near_edge].tolist()),
                 )
             )
             sds[i] = np.nan
@@ -199,7 +201,7 @@ def profiled(
     )
     for i, interval in zip(chosen, profiles, strict=True):
         parameter = fit.problem.parameters[i]
-        unheld = side_left_open(interval, parameter)
+        unheld = open_side_finding(interval, parameter)
         left_open += unheld
         intervals[parameter.name] = {
             p: (math.nan, math.nan) if unheld else (interval.low[p], interval.high[p])
@@ -216,13 +218,13 @@ def profiled(
     return intervals, left_open
 
 
-def _one_sign(ends: Ends, symmetric: Ends) -> bool:
+def _has_one_sign(ends: Ends, symmetric: Ends) -> bool:
     """Whether the 95 % interval has one sign where value ± sd has not."""
     return math.prod(ends[_WIDEST]) > 0.0 > math.prod(symmetric[_WIDEST])
 
 
 def _lopsided(ends: Ends, value: float, sd: float, dof: float) -> bool:
-    """Whether value ± sd would say something else than the 68 % interval does."""
+    """Whether value ± sd would state something else than the 68 % interval does."""
     half = _quantile(PROBABILITIES[0], np.array([dof]))[0] * sd
     low, high = ends[PROBABILITIES[0]]
     return not max(abs(value - low - half), abs(high - value - half)) <= LOPSIDED * half
@@ -245,12 +247,12 @@ def shown_value(
     ok : whether the status allows a value with an uncertainty.
     """
     low, high = ends[_WIDEST]
-    behind = f" {unit}" if unit else ""
+    unit_text = f" {unit}" if unit else ""
     if math.isnan(low) or math.isnan(high):
-        return "=", f"{format_quantity(value)}{behind} ({phrase('no uncertainty')})"
+        return "=", f"{format_quantity(value)}{unit_text} ({phrase('no uncertainty')})"
     closed = [low != edges[0] and math.isfinite(low), high != edges[1] and math.isfinite(high)]
     if not any(closed):
-        return "", phrase("anywhere in {range}", range=f"[{low:.6g}, {high:.6g}]{behind}")
+        return "", phrase("anywhere in {range}", range=f"[{low:.6g}, {high:.6g}]{unit_text}")
     level = "95 %" if ok else phrase("95 %, if the curve and the errors were right")
     size = (
         sd
@@ -260,15 +262,15 @@ def shown_value(
         else 0.25 * abs((high if closed[1] else low) - value)
     )
     if not all(closed):
-        return "", f"< {format_rounded(high, size)}{behind} ({level})" if closed[
+        return "", f"< {format_rounded(high, size)}{unit_text} ({level})" if closed[
             1
-        ] else f"> {format_rounded(low, size)}{behind} ({level})"
+        ] else f"> {format_rounded(low, size)}{unit_text} ({level})"
 
-    def end(place: float) -> str:
+    def end(end_value: float) -> str:
         # of an interval that may reach over decades, each end by its own size
-        one_sign = low > 0.0 or high < 0.0
-        own = min(size, 0.1 * abs(place)) if one_sign and not math.isfinite(sd) else size
-        return format_rounded(place, own)
+        same_sign = low > 0.0 or high < 0.0
+        own = min(size, 0.1 * abs(end_value)) if same_sign and not math.isfinite(sd) else size
+        return format_rounded(end_value, own)
 
     spans = {p: f"[{end(a)}, {end(b)}]" for p, (a, b) in ends.items()}
     intervals = ", ".join(
@@ -277,18 +279,18 @@ def shown_value(
     if not ok:
         return "", phrase(
             "in {interval} ({level})",
-            interval=f"[{format_rounded(low, size)}, {format_rounded(high, size)}]{behind}",
+            interval=f"[{format_rounded(low, size)}, {format_rounded(high, size)}]{unit_text}",
             level=level,
         )
     if not math.isfinite(sd):
-        return "=", f"{end(value)}{behind}, {intervals}"
+        return "=", f"{end(value)}{unit_text}, {intervals}"
     if few:
         return (
             "=",
-            f"{format_rounded(value, sd)}{behind} ({phrase('standard error')} "
+            f"{format_rounded(value, sd)}{unit_text} ({phrase('standard error')} "
             f"{format_rounded(sd, sd)}), {intervals}",
         )
-    return "=", f"{format_quantity(value, sd)}{behind}, {intervals}"
+    return "=", f"{format_quantity(value, sd)}{unit_text}, {intervals}"
 
 
 def _quantile(probability: float, dofs: FloatArray) -> FloatArray:

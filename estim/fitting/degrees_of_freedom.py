@@ -60,12 +60,12 @@ class ErrorSizes:
         return of_groups.sum(axis=1) + by_priors * t2[:, 0]
 
 
-def held(dof: float) -> ErrorSizes:
-    """One size that is held, from `dof` degrees of freedom."""
+def fixed_size(dof: float) -> ErrorSizes:
+    """One size that is fixed, from `dof` degrees of freedom."""
     return ErrorSizes(np.array([dof]), np.array([np.inf]))
 
 
-STATED = held(np.inf)
+STATED = fixed_size(np.inf)
 
 
 def error_sizes(fit: Fit) -> ErrorSizes:
@@ -86,7 +86,7 @@ def error_sizes(fit: Fit) -> ErrorSizes:
     n_par = np.einsum("ij,gji->g", cov, informations)
     dof = np.where(inferred, np.maximum(n_obs - n_par, 1.0), np.inf)
     parts = cov @ informations @ cov
-    # what is unknown of the errors is told by the groups that have it
+    # what is unknown of the errors is determined by the groups that have it
     for i in set(range(len(fit.names))) - set(of_curve):
         name = fit.names[i]
         having = [any(name in run.noise.parameters for run in group.runs) for group in groups]

@@ -33,7 +33,7 @@ class LinearDerived:
     """One quantity.
 
     gradient : (n_par,).
-    sd : nan where ± would mislead, or there is none; `interval` then says more, if it is not nan
+    sd : nan where ± would mislead, or there is none; `interval` then tells more, if it is not nan
         itself.
     interval : probability (0.68, 0.95) -> its ends.
     """
@@ -93,26 +93,26 @@ def linear_derived(
         (dof,) = sizes.degrees_of_freedom(sizes.shares(gradients[q][None]))
         k68, k95 = (student_quantile(0.5 + 0.5 * p, dof) for p in PROBABILITIES)
         reach = np.array([-k95, -k68, -1.0, 1.0, k68, k95])
-        interval, plain = dict.fromkeys(PROBABILITIES, (np.nan, np.nan)), np.nan
+        interval, symmetric_sd = dict.fromkeys(PROBABILITIES, (np.nan, np.nan)), np.nan
         moving = np.flatnonzero(gradients[q])
         alone = names[moving[0]] if moving.size == 1 and all_finite(gradients[q]) else ""
         known = sd > 0.0 and not np.any(gradients[q][np.isin(names, list(unknown))])
         if alone in intervals or (np.isfinite(sd) and known):
-            places = np.tile(values, (reach.size, 1))
+            points = np.tile(values, (reach.size, 1))
             if alone in intervals:
                 (low68, high68), (low95, high95) = (intervals[alone][p] for p in PROBABILITIES)
-                places[:, moving[0]] += reach * sds[moving[0]]
-                places[[0, 1, 4, 5], moving[0]] = low95, low68, high68, high95
-                places = places[:: int(np.sign(gradients[q][moving[0]]))]
+                points[:, moving[0]] += reach * sds[moving[0]]
+                points[[0, 1, 4, 5], moving[0]] = low95, low68, high68, high95
+                points = points[:: int(np.sign(gradients[q][moving[0]]))]
             else:
-                places += reach[:, None] * along / sd
+                points += reach[:, None] * along / sd
             low95, low68, below, above, high68, high95 = (
-                _at(run, names, places)[q].values[:, 0].tolist()
+                _at(run, names, points)[q].values[:, 0].tolist()
             )
             # else it has no value there, or turns back
             if low95 <= low68 <= centre <= high68 <= high95:
                 interval = dict(zip(PROBABILITIES, ((low68, high68), (low95, high95)), strict=True))
-                plain = (
+                symmetric_sd = (
                     sd
                     if known
                     and max(abs(above - centre - sd), abs(centre - below - sd)) <= LOPSIDED * sd
@@ -126,7 +126,7 @@ def linear_derived(
                 derived.label,
                 centre,
                 gradients[q],
-                plain,
+                symmetric_sd,
                 interval,
             )
         )

@@ -37,17 +37,17 @@ def fit_discrepancy(white: Fit) -> Fit:
 
 
 def sds_near_limits(
-    found: FoundDeviation, problem: Problem
+    deviation: FoundDeviation, problem: Problem
 ) -> tuple[FloatArray, tuple[Finding, ...]]:
     """Standard deviations (n_par,) of the linearised posterior, nan for a parameter less than one
     from a limit, and why.
     """
-    sds = sds_of(found.cov)
-    near = problem.room(found.mean) < sds
+    sds = sds_of(deviation.cov)
+    near = problem.room(deviation.mean) < sds
     edges = [
         Amount(p.name, edge_of(p.prior, float(mean)))
-        for p, mean, beside in zip(problem.parameters, found.mean, near, strict=True)
-        if beside
+        for p, mean, is_near in zip(problem.parameters, deviation.mean, near, strict=True)
+        if is_near
     ]
     notes = tuple(Finding(Kind.NEAR_LIMIT, parameters=(edge,)) for edge in edges)
     return np.where(near, np.nan, sds), notes

@@ -38,13 +38,13 @@ _EXACT, _ROUNDED = 1e-9, 0.01  # of the distance between two points: from its ev
 _ASIDE = 0.382  # of the distance: no simple share, at which other aliases meet again
 _WIDER = 3.0  # in log share: an optimum that is not the lowest, but holds far more
 _AS_GOOD = 4.5  # in log likelihood: three standard deviations
-# places at which curves that do not repeat are told at a glance, by so much of their size
+# abscissas at which curves that do not repeat are recognised at a glance, by so much of their size
 _GLANCED, _GLANCE = 16, 1e-3
 # root mean square of the difference between curves through nearly the same points, of the scatter;
 # times that, between the points
 _NEARLY, _APART = 0.7, 5.0
-_UNFELT = 0.01  # of the scatter, by which curves through the same points differ
-# ratio of singular values from which a normal distribution says what an optimum holds
+_SCATTER_SHARE = 0.01  # of the scatter, by which curves through the same points differ
+# ratio of singular values from which a normal distribution gives the probability of an optimum
 _SOUND = 1e-6
 
 
@@ -74,7 +74,7 @@ def is_at(end: FloatArray, values: FloatArray, spread: FloatArray, symmetry: Sym
 def distinct_ends(
     search: SeparableSearch, best: End, ends: list[End], symmetry: Symmetry
 ) -> list[End]:
-    """Ends that are not much worse than the best, each place once, labels aside; the best first."""
+    """Ends that are not much worse than the best, each point once, labels apart; the best first."""
     distinct: list[End] = []
     spreads: list[FloatArray] = []
     limit = chi2_limit(search, best)
@@ -94,35 +94,37 @@ def choose(
     search: SeparableSearch, distinct: list[End], symmetry: Symmetry, start: FloatArray
 ) -> tuple[FloatArray, FloatArray, tuple[Finding, ...]]:
     """The lowest optimum, or one with a far larger share of the posterior, the other solutions
-    (n_other, n_par), and what was left aside.
+    (n_other, n_par), and findings about those left out.
 
-    Other numbers that draw the same curve everywhere are one solution with it, given as it is
-    usually `written`, but not by numbers that hold next to nothing of the posterior.  Of curves
+    Other numbers that draw the same curve everywhere are one solution with it, given in `canonical`
+    form, but not by numbers that hold next to nothing of the posterior.  Of curves
     through the same points or nearly so (a frequency plus the rate of sampling; through points that
-    only rounded times tell apart, too) the one closest to the start is taken, or the smoothest
+    only rounded times distinguish, too) the one closest to the start is taken, or the smoothest
     where none was stated, or where ratios and differences do not agree on which that is.  Their
     weights do not count: they depend on how the curve is written.  Where the user gave no range
-    that holds the others and the one taken is the smoothest of all, the others are left aside and
-    no solutions.  A worse end from which the next step would still lead away is no optimum: a
+    that holds the others and the one taken is the smoothest of all, the others are left out and no
+    solutions.  A worse end from which the next step would still lead away is no optimum: a
     parameter on its way to infinity has any share.
     """
     if len(distinct) == 1:
-        return written(search, [distinct[0][0]], symmetry, start), np.zeros((0, start.size)), ()
+        return canonical(search, [distinct[0][0]], symmetry, start), np.zeros((0, start.size)), ()
     solutions: list[list[End]] = []
     for end in distinct[:1] + [end for end in distinct[1:] if _is_optimum(search, end)]:
-        known = next((ends for ends in solutions if is_one(search, end, ends[0])), None)
+        known = next((ends for ends in solutions if is_same(search, end, ends[0])), None)
         if known is None:
             solutions.append([end])
         else:
             known.append(end)
     named, shares = [], []
-    for found in solutions:
-        weights = [_log_share(search, end) for end in found]
+    for members in solutions:
+        weights = [_log_share(search, end) for end in members]
         shares.append(max(weights))
         heavy = [w >= shares[-1] - WITHIN_REACH for w in weights]
-        alike = [values for (values, _), is_heavy in zip(found, heavy, strict=True) if is_heavy]
-        named.append(written(search, alike, symmetry, start))
-    ends = [(values, found[0][1]) for values, found in zip(named, solutions, strict=True)]
+        same_curve = [
+            values for (values, _), is_heavy in zip(members, heavy, strict=True) if is_heavy
+        ]
+        named.append(canonical(search, same_curve, symmetry, start))
+    ends = [(values, members[0][1]) for values, members in zip(named, solutions, strict=True)]
     widest = int(np.argmax(shares))
     best = ends[widest if math.isfinite(shares[0]) and shares[widest] > shares[0] + _WIDER else 0]
     through = [
@@ -130,22 +132,22 @@ def choose(
         for i, end in enumerate(ends)
         if end is best or _is_alias(search, end, best) or _as_good(search, end, best, between=False)
     ]
-    apart = np.ptp([named[i] for i in through], axis=0)
+    ranges = np.ptp([named[i] for i in through], axis=0)
     steady = np.array(
         [i for i in search.nonlinear if not math.isfinite(symmetry.period[i])], dtype=np.int64
     )
     spread = spread_at(search, best)
-    moved = steady[apart[steady] > spread[steady]]
+    moved = steady[ranges[steady] > spread[steady]]
     chosen, findings = through[0], list[Finding]()
     if moved.size:
-        begun = written(search, [start], symmetry, start)
+        reference = canonical(search, [start], symmetry, start)
         alone = np.isin(np.arange(start.size), moved)
 
         def by_ratio(i: int) -> float:
-            return float(distance(search, np.where(alone, named[i], begun), begun))
+            return float(distance(search, np.where(alone, named[i], reference), reference))
 
         def by_difference(i: int) -> float:
-            return float(np.sum(((named[i] - begun)[moved] / apart[moved]) ** 2))
+            return float(np.sum(((named[i] - reference)[moved] / ranges[moved]) ** 2))
 
         chosen, parameters = min(through, key=by_ratio), search.posterior.problem.parameters
         if chosen != min(through, key=by_difference) or not any(
@@ -153,7 +155,7 @@ def choose(
         ):  # far from all of them, or from nowhere
             chosen = min(through, key=lambda i: _roughness(search, named[i]))
 
-    def told(kind: Kind, others: list[FloatArray], which: IntArray) -> None:
+    def report(kind: Kind, others: list[FloatArray], which: IntArray) -> None:
         names = search.posterior.problem.names
         parts = tuple(
             Finding(Kind.VALUES, parameters=tuple(Amount(names[k], float(other[k])) for k in which))
@@ -162,32 +164,37 @@ def choose(
         if parts and which.size:
             findings.append(Finding(kind, parts=parts))
 
-    alike = [written(search, [values], symmetry, start) for values, _ in solutions[chosen]]
-    differ = np.max(np.abs(np.array(alike) - named[chosen]), axis=0) > spread
-    alike = [values for values in alike if not is_close(values, named[chosen], spread, PLACE)]
-    told_of = steady[differ[steady]]
-    told(Kind.OTHER_NUMBERS, alike, told_of if told_of.size else np.flatnonzero(differ))
-    aside = [
+    same_curve = [canonical(search, [values], symmetry, start) for values, _ in solutions[chosen]]
+    differ = np.max(np.abs(np.array(same_curve) - named[chosen]), axis=0) > spread
+    same_curve = [
+        values for values in same_curve if not is_close(values, named[chosen], spread, PLACE)
+    ]
+    differing = steady[differ[steady]]
+    report(Kind.OTHER_NUMBERS, same_curve, differing if differing.size else np.flatnonzero(differ))
+    aliases = [
         i
         for i, end in enumerate(ends)
         if i != chosen and (i in through or _is_alias(search, ends[chosen], end))
     ]
     if np.all(_has_range(search, moved)) or any(
-        _roughness(search, named[i]) < _roughness(search, named[chosen]) for i in aside
+        _roughness(search, named[i]) < _roughness(search, named[chosen]) for i in aliases
     ):
-        aside = []
-    told(Kind.FASTER_CURVES, [named[i] for i in aside], moved)
-    rest = [named[i] for i in range(len(named)) if i != chosen and i not in aside]
+        aliases = []
+    report(Kind.FASTER_CURVES, [named[i] for i in aliases], moved)
+    rest = [named[i] for i in range(len(named)) if i != chosen and i not in aliases]
     return named[chosen], np.array(rest).reshape(-1, start.size), tuple(findings)
 
 
-def written(
-    search: SeparableSearch, alike: Sequence[FloatArray], symmetry: Symmetry, start: FloatArray
+def canonical(
+    search: SeparableSearch,
+    equivalents: Sequence[FloatArray],
+    symmetry: Symmetry,
+    start: FloatArray,
 ) -> FloatArray:
-    """Of the values `alike` that draw the same curve, and of their images, those closest to the
-    starts that were stated; of these those with positive frequencies and widths, then with positive
-    amplitudes, with phases within half a turn, and closest to starts that were found from the
-    points.
+    """Of the values `equivalents` that draw the same curve, and of their images, those closest to
+    the starts that were stated; of these those with positive frequencies and widths, then with
+    positive amplitudes, with phases within half a turn, and closest to starts that were found from
+    the points.
     """
     stated = np.array([p.prior.start_stated for p in search.posterior.problem.parameters])
     near = np.where(~stated & np.isfinite(symmetry.period), 0.0, start)
@@ -208,8 +215,8 @@ def written(
             float(distance(search, image, start, symmetry.period)),
         )
 
-    images = [image for values in alike for image in symmetry.within(values, near)]
-    return min(images, key=order, default=alike[0])
+    images = [image for values in equivalents for image in symmetry.within(values, near)]
+    return min(images, key=order, default=equivalents[0])
 
 
 def _is_optimum(search: SeparableSearch, end: End) -> bool:
@@ -233,7 +240,7 @@ def _moving(search: SeparableSearch, end: End) -> IntArray:
 
 def _log_share(search: SeparableSearch, end: End) -> float:
     """Log of what an optimum holds of the posterior, by the normal distribution there and, of
-    parameters pressed onto a limit, by how fast the density falls; -inf where that says nothing.
+    parameters pressed onto a limit, by how fast the density falls; -inf where that tells nothing.
     """
     (jacobian, residuals), moving = search.posterior.scoring(end[0]), _moving(search, end)
     if not all_finite(jacobian[:, search.free]):
@@ -259,14 +266,14 @@ def _height(search: SeparableSearch, chi2: float) -> float:
     return -0.5 * chi2
 
 
-def is_one(search: SeparableSearch, end: End, other: End) -> bool:
+def is_same(search: SeparableSearch, end: End, other: End) -> bool:
     """Whether two ends draw the same curve everywhere; not where a range holds both of the only
-    nonlinear parameter in which they differ: it says that both are meant.
+    nonlinear parameter in which they differ: it shows that both are meant.
     """
     if not _as_good(search, end, other, between=True):
         return False
-    apart = np.abs(end[0] - other[0]) > PLACE * spread_at(search, other)
-    moved = search.nonlinear[apart[search.nonlinear]]
+    differs = np.abs(end[0] - other[0]) > PLACE * spread_at(search, other)
+    moved = search.nonlinear[differs[search.nonlinear]]
     return moved.size > 1 or not bool(np.all(_has_range(search, moved)))
 
 
@@ -277,7 +284,7 @@ def _has_range(search: SeparableSearch, which: IntArray) -> BoolArray:
 def _as_good(search: SeparableSearch, end: End, other: End, *, between: bool) -> bool:
     """Whether two ends draw the same curves (`_same_curve`) and their priors are as good."""
     return abs(end[1] - other[1]) <= SAME * other[1] + search.rounding and _same_curve(
-        search, end[0], other[0], between=between, unfelt=_UNFELT
+        search, end[0], other[0], between=between, scatter_share=_SCATTER_SHARE
     )
 
 
@@ -287,19 +294,19 @@ def _same_curve(
     other: FloatArray,
     *,
     between: bool,
-    unfelt: float = 0.0,
+    scatter_share: float = 0.0,
 ) -> bool:
     """Whether two sets of values draw the same curves at the points, or, `between`, at places
-    between them as well.  unfelt : times the scatter about the curve, of two ends of searches that
-    may differ by so much.
+    between them as well.  scatter_share : times the scatter about the curve, of two ends of
+    searches that may differ by so much.
     """
     problem = search.posterior.problem
     named = problem.named(other)
     for run in problem.runs:
         x = np.linspace(run.x.min(), run.x.max(), 3 * run.n_obs + 7) if between else run.x
         a, b = (run.drawn(point, x) for point in (problem.named(values), named))
-        scatter = root_mean_square(run.y - run.drawn(named)) if unfelt else 0.0
-        tolerance = max(1e-5 * max_abs(a), unfelt * scatter, 1e-305)
+        scatter = root_mean_square(run.y - run.drawn(named)) if scatter_share else 0.0
+        tolerance = max(1e-5 * max_abs(a), scatter_share * scatter, 1e-305)
         if not np.max(np.abs(a - b)) <= tolerance:
             return False
     return True
@@ -320,10 +327,10 @@ def repeats(search: SeparableSearch, values: FloatArray, period: FloatArray) -> 
         if math.isfinite(period[i]) or math.isfinite(problem.parameters[i].prior.sd):
             continue
         unit = np.eye(values.size)[i]
-        places = problem.named(values + np.multiply.outer([0.0, *tried], unit))
+        shifted = problem.named(values + np.multiply.outer([0.0, *tried], unit))
         same = np.ones(len(tried), dtype=bool)
         for run, x in zip(problem.runs, glances, strict=True):
-            curves = np.broadcast_to(run.curve.value(x, run.bind(places)), (1 + same.size, x.size))
+            curves = np.broadcast_to(run.curve.value(x, run.bind(shifted)), (1 + same.size, x.size))
             same &= ~(np.max(np.abs(curves[1:] - curves[0]), axis=1) > _GLANCE * max_abs(curves))
         for step in np.array(tried)[same].tolist():
             if all(
@@ -340,7 +347,7 @@ def _is_alias(search: SeparableSearch, end: End, other: End) -> bool:
     nearly the same there, and between them far from it.  Points that are evenly spaced but for
     rounding are moved to where they would be.
     """
-    problem, apart, moved = search.posterior.problem, False, False
+    problem, is_far, moved = search.posterior.problem, False, False
     named, others = problem.named(end[0]), problem.named(other[0])
     for run in problem.runs:
         number = np.arange(run.n_obs) - 0.5 * (run.n_obs - 1)
@@ -357,8 +364,8 @@ def _is_alias(search: SeparableSearch, end: End, other: End) -> bool:
         if not at_points <= _NEARLY * scatter:
             return False
         moved |= rounded
-        apart |= between > _APART * max(at_points, _UNFELT * scatter)
-    return apart and (moved or _height(search, end[1]) >= _height(search, other[1]) - _AS_GOOD)
+        is_far |= between > _APART * max(at_points, _SCATTER_SHARE * scatter)
+    return is_far and (moved or _height(search, end[1]) >= _height(search, other[1]) - _AS_GOOD)
 
 
 def _roughness(search: SeparableSearch, values: FloatArray) -> float:
@@ -366,7 +373,7 @@ def _roughness(search: SeparableSearch, values: FloatArray) -> float:
     named = search.posterior.problem.named(values)
     total = 0.0
     for run in search.posterior.problem.runs:
-        # places at which curves through the same points are told apart
+        # abscissas at which curves through the same points are compared
         x = np.linspace(run.x.min(), run.x.max(), 400 * (1 + run.n_obs // 20))
         total += float(np.sum(np.abs(np.diff(run.drawn(named, x)))))
     return total
@@ -379,7 +386,7 @@ def distance(
     period: FloatArray | float = math.inf,
 ) -> FloatArray:
     """(...) how far points (..., n_par) are from another (n_par,): changes of sign, then factors,
-    of the nonlinear parameters, or turns of those with a `period`, whose 0 is a place like any
+    of the nonlinear parameters, or turns of those with a `period`, whose 0 is a value like any
     other; signs of the linear ones.
     """
     a, b = values[..., search.nonlinear], other[search.nonlinear]
@@ -390,7 +397,7 @@ def distance(
             np.minimum(np.abs(a), 10.0),
             np.log(np.maximum(np.abs(a / np.where(b == 0.0, 1.0, b)), 1e-6)),
         )
-        apart = np.where(a * b < 0.0, 100.0, 0.0) + factors**2
-        apart = np.where(np.isfinite(turn), ((a - b) / turn) ** 2, apart)
+        squares = np.where(a * b < 0.0, 100.0, 0.0) + factors**2
+        squares = np.where(np.isfinite(turn), ((a - b) / turn) ** 2, squares)
     signs = np.sum(values[..., search.linear] * other[search.linear] < 0.0, axis=-1)
-    return np.sum(apart, axis=-1) + 30.0 * signs
+    return np.sum(squares, axis=-1) + 30.0 * signs

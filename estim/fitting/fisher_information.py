@@ -1,5 +1,5 @@
-"""Fisher information: what data and priors together know at a point, and in which units to compare
-it.
+"""Fisher information: what data and priors together determine at a point, and in which units to
+compare it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def information(posterior: Posterior, values: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class DataInformation:
-    """What the data tell about the parameters at a point.
+    """The information of the data about the parameters at a point.
 
     matrix : (n_par, n_par) the Fisher information without priors; of those that `inside` moves, and
         of what they hide, that inside.
@@ -56,7 +56,7 @@ def on_limit(problem: Problem, values: FloatArray, matrix: FloatArray) -> BoolAr
 
 
 def known_from_data(posterior: Posterior, values: FloatArray) -> DataInformation:
-    """What the data tell about the parameters at `values` (n_par,)."""
+    """The information of the data about the parameters at `values` (n_par,)."""
     problem, matrix = posterior.problem, posterior.information(values)
     full = matrix + problem.prior_information(values)
     at_limit = on_limit(problem, values, full)
@@ -65,8 +65,8 @@ def known_from_data(posterior: Posterior, values: FloatArray) -> DataInformation
     if np.any(moved):
         matrix[moved], matrix[:, moved] = 0.0, 0.0
         alone = np.diag(matrix)
-        beside = np.diag(posterior.information(inside))
-        own = np.where(alone <= _SILENT * beside, beside, alone)
+        diagonal_inside = np.diag(posterior.information(inside))
+        own = np.where(alone <= _SILENT * diagonal_inside, diagonal_inside, alone)
         np.fill_diagonal(matrix, own)
     return DataInformation(matrix, at_limit, inside)
 
@@ -84,13 +84,13 @@ def _beside_limits(
         reach = min(room, 1.0 / known[i] if known[i] > 0.0 else np.inf)
         anywhere = max(1.0, abs(values[i])) * _ANYWHERE
         steps = reach * _FALLING if reach < anywhere[0] else anywhere
-        places = np.tile(values, (1 + steps.size, 1))
-        places[1:, i] += steps if below else -steps
+        points = np.tile(values, (1 + steps.size, 1))
+        points[1:, i] += steps if below else -steps
         with np.errstate(all="ignore"):
-            heights = posterior.log_density(places)
+            heights = posterior.log_density(points)
         fallen = heights[0] - heights[1:] > 0.5
         if (silent or heights[0] - heights[1] > _MUCH) and not np.all(fallen):
-            inside[i] = places[1 + np.argmin(fallen), i]
+            inside[i] = points[1 + np.argmin(fallen), i]
     return inside
 
 

@@ -1,5 +1,5 @@
-"""A search for further optima: each nonlinear parameter is led through its whole range, and every
-dip on the way is descended into.
+"""A search for further optima: each nonlinear parameter is scanned through its whole range, and
+every dip on the way is descended into.
 
 At each place of a scan all other parameters are fit to first order (their tangents are projected
 out: for a frequency with amplitude and phase that is the least-squares periodogram), so one
@@ -61,7 +61,7 @@ def _beyond_folds(search: SeparableSearch, values: FloatArray) -> FloatArray:
     """(n_point, n_par) where, to second order, the curve is as at `values` again while a nonlinear
     parameter goes and the others follow it: it turns back where its derivatives are no longer
     independent, as those of R/(x - b) - a/x^2 at b = 0, and its optima on both sides may be nearer
-    to each other than the places of a scan.
+    to each other than the points of a scan.
     """
     residuals, columns = (
         part[0]
@@ -74,29 +74,29 @@ def _beyond_folds(search: SeparableSearch, values: FloatArray) -> FloatArray:
     for k in np.flatnonzero(np.isin(search.free, search.nonlinear)):
         others = np.delete(columns, k, axis=1)
         following = -np.linalg.pinv(others)
-        ahead = np.insert(following @ columns[:, k], k, 1.0)
+        tangent = np.insert(following @ columns[:, k], k, 1.0)
         step, moved = np.zeros(values.size), np.zeros(values.size)
         with np.errstate(all="ignore"):
-            step[search.free] = ahead / np.linalg.norm(columns @ ahead) / unit
+            step[search.free] = tangent / np.linalg.norm(columns @ tangent) / unit
             ends = search.squares.residuals(values + np.array([step, -step]), np.arange(2))
             slope, bend = 0.5 * (ends[0] - ends[1]), ends[0] + ends[1] - 2.0 * residuals
-            back = following @ bend
-            moved[search.free] = np.insert(back, k, 0.0) / unit
-            bend += others @ back
+            correction = following @ bend
+            moved[search.free] = np.insert(correction, k, 0.0) / unit
+            bend += others @ correction
             far = -2.0 * (slope @ bend) / (bend @ bend) * _BEYOND
             points.append(values + far[:, None] * step + 0.5 * np.square(far)[:, None] * moved)
-    found = np.array(points).reshape(-1, values.size)
-    return np.clip(found[np.all(np.isfinite(found), axis=1)], search.low, search.high)
+    candidates = np.array(points).reshape(-1, values.size)
+    return np.clip(candidates[np.all(np.isfinite(candidates), axis=1)], search.low, search.high)
 
 
-def far_places(
+def far_points(
     search: SeparableSearch, values: FloatArray, spread: FloatArray, period: FloatArray
 ) -> dict[int, tuple[FloatArray, FloatArray]]:
-    """Nonlinear parameter without a limit -> places (n, n_par) where it is far from `values`
+    """Nonlinear parameter without a limit -> points (n, n_par) where it is far from `values`
     (n_par,) and the other parameters are as good as can be, and the sums of squares (n,) there.
 
     spread : (n_par,) standard deviations.  Looked at are two reaches to each side: too far out,
-        terms cancel.  Of the places in one the median is given, for a frequency meets an alias here
+        terms cancel.  Of the points in one the median is given, for a frequency meets an alias here
         and there.
     """
     far: dict[int, tuple[FloatArray, FloatArray]] = {}
@@ -115,10 +115,10 @@ def far_places(
             if not math.isfinite(end)
             for reach in reaches
         ]
-        held = replace(search, nonlinear=search.nonlinear[search.nonlinear != i])
+        fixed = replace(search, nonlinear=search.nonlinear[search.nonlinear != i])
         points = np.repeat(values[None, :], _FAR.size * len(sides), axis=0)
         points[:, i] = np.concatenate([np.zeros(0), *sides])
-        ends, heights, _ = held.squares.descend(points, ftol=_SETTLED, max_steps=_N_STEP)
+        ends, heights, _ = fixed.squares.descend(points, ftol=_SETTLED, max_steps=_N_STEP)
         middle = np.argsort(heights.reshape(len(sides), _FAR.size))[:, _FAR.size // 2]
         chosen = np.arange(len(sides)) * _FAR.size + middle
         far[i] = ends[chosen], heights[chosen]
@@ -131,7 +131,7 @@ def _informed(search: SeparableSearch, i: int) -> bool:
 
 def _ends(search: SeparableSearch, i: int) -> tuple[float, float]:
     """The range of parameter i that is looked at."""
-    prior, at = search.posterior.problem.parameters[i].prior, float(search.held[i])
+    prior, at = search.posterior.problem.parameters[i].prior, float(search.start_values[i])
     low, high = float(search.low[i]), float(search.high[i])
     if _informed(search, i) and not (
         math.isfinite(low) and math.isfinite(high) and high - low < 2.0 * _PRIOR_SDS * prior.sd
@@ -158,13 +158,13 @@ def _dips(search: SeparableSearch, values: FloatArray, i: int) -> FloatArray:
     n_par, n_obs = search.free.size, search.posterior.problem.n_obs
     others = search.free[search.free != i]
     most = min(6000, _MOST_NUMBERS // ((1 + n_par) * max(1, n_obs)))
-    places = _places(search, values, i, low, high, most)
-    if places.size < 3:
+    grid = _grid(search, values, i, low, high, most)
+    if grid.size < 3:
         return np.zeros((0, values.size))
-    points = np.repeat(values[None, :], places.size, axis=0)
-    points[:, i] = places
+    points = np.repeat(values[None, :], grid.size, axis=0)
+    points[:, i] = grid
     squares = search.squares
-    moved, heights = squares.solved_for(others, points, np.arange(places.size), squares.step)
+    moved, heights = squares.solved_for(others, points, np.arange(grid.size), squares.step)
     padded = np.concatenate([[np.inf], heights, [np.inf]])
     dips = np.flatnonzero((heights <= padded[:-2]) & (heights <= padded[2:]) & np.isfinite(heights))
     dips = dips[np.argsort(heights[dips])][:_MOST_DIPS]
@@ -182,19 +182,21 @@ def _bending(
     points = np.repeat(values[None, :], coarse.size, axis=0)
     points[:, i] = coarse
     step = _WIDE * np.maximum(np.abs(coarse), search.squares.size[i])
-    beside = points.copy()
-    beside[:, i] += np.where(coarse + step > high, -step, step)
-    _, here = search.squares.tangents(points, search.free, _WIDE)
-    _, there = search.squares.tangents(beside, search.free, _WIDE)
+    neighbours = points.copy()
+    neighbours[:, i] += np.where(coarse + step > high, -step, step)
+    _, tangents = search.squares.tangents(points, search.free, _WIDE)
+    _, changes = search.squares.tangents(neighbours, search.free, _WIDE)
     with np.errstate(all="ignore"):
-        there -= here
-        there -= here @ solve(here, there, 1e-9)
-        squares = [np.einsum("kij,kij->kj", part, part) for part in (there, here)]
-        relative = np.sqrt(squares[0] / squares[1]) / np.abs(beside[:, i] - points[:, i])[:, None]
+        changes -= tangents
+        changes -= tangents @ solve(tangents, changes, 1e-9)
+        squares = [np.einsum("kij,kij->kj", part, part) for part in (changes, tangents)]
+        relative = (
+            np.sqrt(squares[0] / squares[1]) / np.abs(neighbours[:, i] - points[:, i])[:, None]
+        )
     return np.max(finite_or(relative, 0.0), axis=1)
 
 
-def _places(
+def _grid(
     search: SeparableSearch, values: FloatArray, i: int, low: float, high: float, most: int
 ) -> FloatArray:
     """Values of parameter i from low to high, spaced by the change of the curve's shape."""
@@ -211,14 +213,17 @@ def _places(
     length = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(coarse))])
     if not (math.isfinite(length[-1]) and length[-1] > _SPACING):
         return np.zeros(0)
-    # without a limit no further than the data can tell, as many changes of shape as there are
+    # without a limit no further than the data can resolve, as many changes of shape as there are
     # points; but as far as the slow end of a frequency or a period, where a factor changes less
-    at = float(np.interp(search.held[i], coarse, length))
+    at = float(np.interp(search.start_values[i], coarse, length))
     reach = float(search.posterior.problem.n_obs)
-    felt = rate[[0, -1]] * np.abs(coarse[[0, -1]])
-    whole = low == search.low[i] or felt[0] <= felt[1], high == search.high[i] or felt[1] < felt[0]
-    first = 0.0 if whole[0] else max(0.0, at - reach)
-    last = length[-1] if whole[1] else min(length[-1], at + reach)
+    log_rate = rate[[0, -1]] * np.abs(coarse[[0, -1]])
+    to_end = (
+        low == search.low[i] or log_rate[0] <= log_rate[1],
+        high == search.high[i] or log_rate[1] < log_rate[0],
+    )
+    first = 0.0 if to_end[0] else max(0.0, at - reach)
+    last = length[-1] if to_end[1] else min(length[-1], at + reach)
     n = int(min(max(12, (last - first) / _SPACING), max(3, most)))
     return np.interp(np.linspace(first, last, n), length, coarse)
 

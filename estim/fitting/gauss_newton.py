@@ -25,20 +25,20 @@ def descended(search: SeparableSearch, starts: FloatArray) -> list[End]:
     """Where least squares from starts (n, n_par) end: the minima, and what is lower than all of
     them.
     """
-    points, chi2, settled = search.squares.descend(
+    points, chi2, converged = search.squares.descend(
         starts, ftol=_ROUGHLY if search.creeps else _CLOSELY, max_steps=_MOST_STEPS
     )
     # one exact step gives the digits that numerical derivatives leave out; a search with errors of
     # x ends by up to ten steps of Fisher scoring
     most = 10 if search.creeps else 1
-    lowest = np.flatnonzero(np.isfinite(chi2) & (settled | (chi2 <= np.min(chi2))))
+    lowest = np.flatnonzero(np.isfinite(chi2) & (converged | (chi2 <= np.min(chi2))))
     if not lowest.size:
         return []
 
     def finished(k: int) -> End:
         return stepped(search, points[k], most=most)[:2]
 
-    # of the lowest the first, which may have started where the user said
+    # of the lowest the first, which may have started where the user stated
     first = int(lowest[chi2[lowest] <= np.min(chi2[lowest]) * (1.0 + _EQUAL)][0])
     best = finished(first)
     spread = spread_at(search, best)
@@ -116,7 +116,7 @@ def step_between(
     step = np.linalg.lstsq(scaled, -aim, rcond=silent)[0] / scale
     if np.all((step >= low) & (step <= high)):
         return step
-    # what the data are silent about stays where it is
+    # what the data do not constrain stays where it is
     still = silent * np.linalg.norm(scaled, 2) * np.eye(scale.size)
     result = lsq_linear(
         np.vstack([scaled, still]),
@@ -146,7 +146,7 @@ def near_bound(
     nothing = _NO_STEP * math.sqrt(chi2 / max(1, residual.size - search.free.size))
     slack = nothing * moves
     # nanometres may be written in metres
-    unit = np.where(search.held != 0.0, np.minimum(np.abs(search.held), 1.0), 1.0)
+    unit = np.where(search.start_values != 0.0, np.minimum(np.abs(search.start_values), 1.0), 1.0)
     margin = 1e-8 * (unit + np.abs(values))
     with np.errstate(invalid="ignore", divide="ignore"):
         # and a start may lie on the bound but for rounding

@@ -18,12 +18,12 @@ about the fit; its curvature, some (u/reading)^2, does not grow with the number 
 Where the data of some runs are counts, the same holds for parameters of single runs that have no
 stated prior (an amplitude of each run beside a common lifetime): their priors are flat.
 
-One prior for all runs says how true values are distributed, and is integrated as it is.  Where
+One prior for all runs states how true values are distributed, and is integrated as it is.  Where
 nothing is shared, m = 1.
 
 Where what the runs share is sampled by itself, Jeffreys' prior of unstated parameters
-(`estim.fitting.jeffreys`), which asks the same of them, is taken as linear too; the weights of the
-draws make up for the difference.
+(`estim.fitting.jeffreys`), which is a measure of the same parameters, is taken as linear too; the
+weights of the draws make up for the difference.
 
 Source: Neyman and Scott, Econometrica 16 (1948) 1 (many incidental parameters); Cox and Reid, J. R.
 Stat. Soc. B 49 (1987) 1 and Berger, Liseo and Wolpert, Stat. Sci. 14 (1999) 1 (which of their
@@ -64,27 +64,27 @@ def measure_of(
     if still.any():
         cov = cov - cov[:, still] @ np.linalg.solve(cov[np.ix_(still, still)], cov[still])
     root = np.linalg.cholesky(cov[np.ix_(shared, shared)])
-    held = [
+    of_noise = [
         i for i, p in enumerate(problem.parameters) if p.between or p.name in problem.noise_names
     ]
     # (n_par, n_shared): where all parameters follow one sd along each column of root
     along = np.linalg.solve(root, cov[shared]).T
-    along[held], along[still] = 0.0, 0.0
+    along[of_noise], along[still] = 0.0, 0.0
     steps = np.vstack([along.T, -along.T])
     # a step ends where it meets a limit; cut off in one parameter alone it would leave the ridge
     # along which the others follow
     limits = np.where(steps > 0.0, high, low)
-    ahead = np.divide(limits - values, steps, out=np.ones_like(steps), where=steps != 0.0)
-    tried = values + np.minimum(np.min(ahead, axis=1), 1.0)[:, None] * steps
-    off = np.linalg.solve(root, (tried[:, shared] - values[shared]).T).T
+    fractions = np.divide(limits - values, steps, out=np.ones_like(steps), where=steps != 0.0)
+    tried = values + np.minimum(np.min(fractions, axis=1), 1.0)[:, None] * steps
+    standardised = np.linalg.solve(root, (tried[:, shared] - values[shared]).T).T
     points = np.vstack([values, tried])
     rooms = np.zeros(len(points))
     if incidental:
         rooms += [_log_room(posterior, point, incidental) for point in points]
     if jeffreys is not None:
         rooms -= jeffreys.exact(problem.named(points))
-    seen = np.isfinite(rooms[1:])
-    slope = np.linalg.lstsq(off[seen], rooms[0] - rooms[1:][seen], rcond=None)[0]
+    finite = np.isfinite(rooms[1:])
+    slope = np.linalg.lstsq(standardised[finite], rooms[0] - rooms[1:][finite], rcond=None)[0]
     influence = np.max(np.abs(root @ slope) / np.linalg.norm(root, axis=1))
     return Measure(
         shared,

@@ -27,12 +27,12 @@ from estim.problem import (
     Posterior,
     Problem,
     ResponseSurface,
-    made_up_for,
+    compensated,
 )
 
 _RADIUS = 5.0  # standard deviations, within which the places lie
 _MANY = 20  # parameters, beyond which a polynomial has too many terms
-_LEAST = 0.01  # weight of a place that counts
+_LEAST = 0.01  # weight of a point that counts
 _ROUGH = 0.05  # of the logarithm, by which the polynomial may miss it
 
 
@@ -79,7 +79,7 @@ def _around_the_fit(
     """`prior` with its ceiling and, where one is good enough, a polynomial: in the parameters, or
     in the logarithms of those that are hardly known.
 
-    Places count by the fourth root of the density.
+    Points count by the fourth root of the density.
     """
     columns = np.array(posterior.problem.of_curve)
     few = columns.size <= _MANY
@@ -87,9 +87,9 @@ def _around_the_fit(
     surfaces = [
         _around(values, cov, columns, by_size) for by_size in _in_logarithms(values, cov, columns)
     ]
-    rng, n_place = np.random.default_rng(1), 3 * n_term + 20 if few else 5 * columns.size
+    rng, n_point = np.random.default_rng(1), 3 * n_term + 20 if few else 5 * columns.size
     draws = np.concatenate(
-        [_places(each, posterior.problem, values, n_place, rng) for each in surfaces]
+        [_points_around(each, posterior.problem, values, n_point, rng) for each in surfaces]
     )
     heights = posterior.log_density(np.vstack([values, draws]))
     weights = np.exp(np.minimum(0.25 * (heights[1:] - heights[0]), 0.0))
@@ -112,9 +112,13 @@ def _in_logarithms(values: FloatArray, cov: FloatArray, columns: IntArray) -> li
     """
     of_curve = np.isin(np.arange(values.size), columns)
     wide = of_curve & (sds_of(cov) > WIDE * np.abs(values)) & (values != 0.0)
-    tied = of_curve & made_up_for(values, cov)
+    tied = of_curve & compensated(values, cov)
     choices = [wide, tied, np.zeros_like(wide)]
-    return [one for i, one in enumerate(choices) if not any(np.all(one == o) for o in choices[:i])]
+    return [
+        choice
+        for i, choice in enumerate(choices)
+        if not any(np.all(choice == o) for o in choices[:i])
+    ]
 
 
 def _around(
@@ -127,7 +131,7 @@ def _around(
     return ResponseSurface(columns, coordinates, np.linalg.inv(root), np.zeros(0))
 
 
-def _places(
+def _points_around(
     surface: ResponseSurface, problem: Problem, values: FloatArray, n: int, rng: np.random.Generator
 ) -> FloatArray:
     """(at most n, n_par) values around the fit within the limits, evenly spread over the distance
@@ -135,9 +139,9 @@ def _places(
     """
     z = rng.standard_normal((8 * n, surface.columns.size))
     z *= _RADIUS * rng.random((8 * n, 1)) / np.linalg.norm(z, axis=1, keepdims=True)
-    places = np.tile(surface.coordinates.of(values), (8 * n, 1))
-    places[:, surface.columns] += np.linalg.solve(surface.whitener, z.T).T
-    draws = surface.coordinates.values(places)
+    points = np.tile(surface.coordinates.of(values), (8 * n, 1))
+    points[:, surface.columns] += np.linalg.solve(surface.whitener, z.T).T
+    draws = surface.coordinates.values(points)
     low, high = problem.support()
     return draws[np.all((draws > low) & (draws < high), axis=1)][:n]
 
@@ -147,8 +151,8 @@ def _fitted(
 ) -> tuple[float, ResponseSurface]:
     """By how much the polynomial through `logs` (n_draw,) misses them, and it."""
     with np.errstate(all="ignore"):
-        rows = surface.terms(surface.place(draws))
-    if not all_finite(rows):  # draws of a sign that it does not know, or too far for their squares
+        rows = surface.terms(surface.standardised(draws))
+    if not all_finite(rows):  # draws of a sign that it does not have, or too far for their squares
         return math.inf, surface
     root = np.sqrt(weights)
     coefficients = np.linalg.lstsq(rows * root[:, None], logs * root, rcond=None)[0]

@@ -71,17 +71,17 @@ class Fit:
         priors; of a log density -2 log L in place of the data's.
     dof : their number minus the fitted parameters of the curve that lie on no limit.
         p_value : P(chi2 or more); nan where the size of the noise was inferred or its tails are
-            heavy (it proves nothing), or y was counted (simulations say it).
+            heavy (it proves nothing), or y was counted (simulations give it).
     n_start, n_same : starts tried, and how many of them led to the best optimum.
     others : (n_other, n_par) other optima not much worse than the best, far from it and from each
         other.
-    symmetry : what else draws the same curves, None where that was not asked.
+    symmetry : what else draws the same curves, None where it was not searched for.
     aliases : other curves through the same points.
     singular : whether some combination of parameters is not determined at all, not even by the
         priors.
-    forces, deviations : what the curve of each run lacks, where that was asked
+    forces, deviations : what the curve of each run lacks, where that was inferred
         (`estim.discrepancy`).
-    success, message : whether the search settled, in words.
+    success, message : whether the search converged, in words.
     moved : standard deviations that its last round still moved a parameter.
     parts : of a joint fit with forces, the normal distributions that the linearised posterior is
         made of.
@@ -240,18 +240,20 @@ def fit_least_squares(
         )
     drawn = (problem.prior_draw(rng) for _ in range(n_start - 1))
     starts = np.vstack([problem.start() if start is None else start, *drawn])
-    begun = [(start, problem.linearised(start)) for start in starts]
-    begun = [
-        (start, posterior) for start, posterior in begun if all_finite(posterior.residuals(start))
+    prepared = [(start, problem.linearised(start)) for start in starts]
+    prepared = [
+        (start, posterior)
+        for start, posterior in prepared
+        if all_finite(posterior.residuals(start))
     ]
-    if not begun:
+    if not prepared:
         raise NumericalError(
             "the fit cannot start: the curve is not defined at the starting values, nor at "
             "draws of the priors"
         )
-    rough = _rough_ends(begun)
+    rough = _rough_ends(prepared)
     if not rough:
-        raise _no_curvature(*begun[0])
+        raise _no_curvature(*prepared[0])
     objective = np.array([-posterior.height(values) for values, posterior, *_ in rough])
     best = int(np.nanargmin(objective))
     values, posterior, *_ = rough[best]
@@ -320,22 +322,24 @@ def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
     """Where each start leads in a few rounds, without those that meet no curvature; starts that the
     first round leads together go on as one.
     """
-    places: list[tuple[FloatArray, _End]] = []
+    first_ends: list[tuple[FloatArray, _End]] = []
     ends = []
-    for start, begun in starts:
-        first = _settle(start, begun, max_rounds=1, tolerance=_ROUGH)
+    for start, posterior_at_start in starts:
+        first = _settle(start, posterior_at_start, max_rounds=1, tolerance=_ROUGH)
         values, posterior, moved, scale = first
         if scale is None:
             continue
         # standard deviations, after one round: nearer ends go on as one
-        near = (end for place, end in places if float(np.max(np.abs(values - place) / scale)) < 0.2)
+        near = (
+            end for place, end in first_ends if float(np.max(np.abs(values - place) / scale)) < 0.2
+        )
         twin = next(near, None)
         if twin is None:
             twin = first
             if moved >= SETTLED:
                 more = 3
                 twin = _settle(values, posterior, max_rounds=more, hasty=True, tolerance=_ROUGH)
-            places.append((values, twin))
+            first_ends.append((values, twin))
         ends.append(twin)
     return [end for end in ends if not math.isnan(end[2])]
 
@@ -350,7 +354,7 @@ def _best(
 
 
 def _curved(posterior: Posterior, values: FloatArray) -> FloatArray | None:
-    """(n_par,) standard deviations at the values, inf for what the information says nothing of;
+    """(n_par,) standard deviations at the values, inf for what the information does not determine;
     None where the curve has no finite derivatives.
     """
     matrix = information(posterior, values)
@@ -433,7 +437,7 @@ def _fit_curve(
 
     def jacobian(parameters: Parameters) -> FloatArray:
         columns = posterior.jacobian(filled(parameters))[:, free]
-        # a point beside the edge of where the curve is defined has no say in the step
+        # a point beside the edge of where the curve is defined does not count in the step
         return finite_or(columns, 0.0)
 
     creeps = any(run.creeps for run in posterior.likelihoods)
@@ -472,7 +476,7 @@ def _inside(value: float, low: float, high: float) -> float:
     return min(max(value, low + 1e-6 * span), high - 1e-6 * span)
 
 
-def led_here(n_same: int, n_start: int) -> str:
+def starts_message(n_same: int, n_start: int) -> str:
     """How many starts ended at the optimum, in words."""
     if n_same == n_start == 1:
         return phrase("the starting values led to this optimum")
@@ -485,13 +489,13 @@ def led_here(n_same: int, n_start: int) -> str:
     )
 
 
-def settled(led: str) -> str:
-    """What a fit says that settled, with the words of `led_here`."""
-    return phrase("converged; {led}", led=led)
+def converged_message(origin: str) -> str:
+    """The message of a fit that converged, with that of `starts_message`."""
+    return phrase("converged; {led}", led=origin)
 
 
-def unsettled(sds: float) -> str:
-    """What a fit says whose last round still moved a parameter by some standard deviations."""
+def unconverged_message(sds: float) -> str:
+    """The message of a fit whose last round still moved a parameter by some standard deviations."""
     return phrase(
         "did not converge: its last iteration still shifted a parameter by {sds:.2g} "
         "standard deviations",
@@ -499,7 +503,7 @@ def unsettled(sds: float) -> str:
     )
 
 
-def far_apart(values: FloatArray, ends: list[FloatArray], sds: FloatArray) -> FloatArray:
+def distinct_from(values: FloatArray, ends: list[FloatArray], sds: FloatArray) -> FloatArray:
     """(n_other, n_par) those of `ends` that lie more than some standard deviations `sds` (n_par,)
     from `values` and from each other.
     """
@@ -532,7 +536,7 @@ def _describe(
     sds = np.full(problem.n_par, np.nan) if singular else curvature.copy()
     sds[problem.room(values) < curvature] = np.nan
     curve = problem.of_curve
-    # what lies on a limit is held there, and so is what its prior says
+    # what lies on a limit is held there, and so is the pull of its prior
     pulls = [i for i in curve if problem.parameters[i].prior.informative and not known.on_limit[i]]
     of_data = (
         -2.0 * posterior.log_likelihood(values[None, :])[0]
@@ -544,7 +548,11 @@ def _describe(
     unlike = problem.robust or problem.counted
     near = [np.max(np.abs(end - values) / positive_or(curvature, np.inf)) < 1.5 for end in same]
     n_same = len(same) if singular else int(np.sum(near))
-    message = settled(led_here(n_same, n_start)) if moved < SETTLED else unsettled(moved)
+    message = (
+        converged_message(starts_message(n_same, n_start))
+        if moved < SETTLED
+        else unconverged_message(moved)
+    )
     if singular and moved < SETTLED:
         message = phrase(
             "converged, but some combination of the parameters is not determined, so there "
@@ -564,7 +572,7 @@ def _describe(
         else math.nan,
         n_start=n_start,
         n_same=n_same,
-        others=far_apart(values, ends, curvature),
+        others=distinct_from(values, ends, curvature),
         singular=singular,
         success=moved < SETTLED,
         moved=moved,

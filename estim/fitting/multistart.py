@@ -18,7 +18,7 @@ _N_SCREENED = 200
 def starts_around(
     search: SeparableSearch, start: FloatArray, rng: np.random.Generator, n: int
 ) -> list[FloatArray]:
-    """The best `n` of many points around the start, no two of them alike."""
+    """The best `n` of many points around the start, no two of them close."""
     scattered = _scattered(search, start, rng, _N_SCREENED)
     points, heights = search.squares.evaluate(scattered, np.arange(_N_SCREENED))
     points = points[np.argsort(heights, kind="stable")[: np.isfinite(heights).sum()]]

@@ -26,15 +26,17 @@ def fit_noise(posterior: Posterior, values: FloatArray) -> FloatArray:
     coordinates = Coordinates(known, np.zeros_like(squared), np.where(squared, known, 0.0))
     scale = np.where(squared, 1.0, sds)
 
-    def filled(places: FloatArray) -> FloatArray:
+    def filled(coordinates_scaled: FloatArray) -> FloatArray:
         full = values.copy()
-        full[free] = coordinates.values(places * scale)
+        full[free] = coordinates.values(coordinates_scaled * scale)
         return full
 
-    def objective(places: FloatArray) -> tuple[float, FloatArray]:
-        full = filled(places)
-        off = posterior.prior_residuals(full)[free]
-        minus = 0.5 * float(off @ off) - float(posterior.log_likelihood(full[None, :])[0])
+    def objective(coordinates_scaled: FloatArray) -> tuple[float, FloatArray]:
+        full = filled(coordinates_scaled)
+        residuals = posterior.prior_residuals(full)[free]
+        minus = 0.5 * float(residuals @ residuals) - float(
+            posterior.log_likelihood(full[None, :])[0]
+        )
         slopes = (
             problem.prior_gradient(full)[free] - posterior.log_density_noise_gradient(full)[free]
         )

@@ -6,7 +6,7 @@ search runs in the others alone.  It starts from the user's values and from the 
 around them, because a frequency or a rate has many local optima.  The winner is polished by
 Gauss-Newton steps with a QR decomposition until they are at rounding error.
 
-From the best point every nonlinear parameter is then led through its whole range
+From the best point every nonlinear parameter is then scanned through its whole range
 (`estim.fitting.further_optima`), so that other optima are met, better ones or equal ones.  Values
 that draw the same curve everywhere (two exponentials can change places) are one optimum, given with
 the labels closest to the user's start, whether a map of all parameters leads from one to the other
@@ -34,11 +34,11 @@ from estim.fitting.distinct_optima import (
     distinct_ends,
     equal_to,
     is_at,
-    is_one,
+    is_same,
     repeats,
 )
 from estim.fitting.fisher_information import known_from_data
-from estim.fitting.further_optima import far_places, further_optima
+from estim.fitting.further_optima import far_points, further_optima
 from estim.fitting.gauss_newton import (
     End,
     descended,
@@ -53,16 +53,16 @@ from estim.fitting.least_squares import (
     WITHIN_REACH,
     Fit,
     at_mode,
-    far_apart,
-    led_here,
+    converged_message,
+    distinct_from,
     refit,
-    settled,
-    unsettled,
+    starts_message,
+    unconverged_message,
 )
 from estim.fitting.multistart import ALIKE, N_START, starts_around
 from estim.fitting.noise_fit import fit_noise
 from estim.fitting.profile_search import search_of
-from estim.fitting.separable import RESOLVED, SeparableSearch, set_apart
+from estim.fitting.separable import RESOLVED, SeparableSearch, separated
 from estim.fitting.symmetry_search import find_symmetry
 from estim.levenberg_marquardt import Start, minima
 from estim.problem import (
@@ -106,7 +106,7 @@ class Optimum:
         errors may leave of it.
     mover : the parameter that it moved most.
     condition : smallest / largest singular value, columns of unit length; resolved : what it must
-        exceed to be told from zero.
+        exceed to be distinguished from zero.
     at_bound : (n_par,) which parameters lie on a bound.
     n_start, n_same : searches run, and how many ended here.
     others : (n_other, n_par) other optima that are not much worse, best first; not those that only
@@ -161,7 +161,7 @@ def find_optimum(
     (n_par,).
 
     n_start : 1 goes down from `start` alone and looks for nothing else.
-    unstated : whether only the residuals say how large the errors are.
+    unstated : whether only the residuals show how large the errors are.
 
     Raises InputError where the curve is not finite at the start nor at any point around it.
     """
@@ -171,34 +171,36 @@ def find_optimum(
             try:
                 afar = find_optimum(simpler, start, rng=rng, n_start=n_start, unstated=True)
             except InputError:  # single trials look like a step, which they need not be
-                search = set_apart(problem, start, rng, unstated=unstated)
-                # of counts, profiles tell what they leave open
-                return replace(_found(search, start, rng, n_start), unheld=None)
+                search = separated(problem, start, rng, unstated=unstated)
+                # of counts, profiles report what they leave open
+                return replace(_optimum_of(search, start, rng, n_start), unheld=None)
             # what is known of outliers is in the values of the simpler problem alone
             start = afar.values if problem.robust else start
-            search = set_apart(problem, start, rng, unstated=unstated)
-            return _found_near(search, start, afar, rng)
+            search = separated(problem, start, rng, unstated=unstated)
+            return _optimum_near(search, start, afar, rng)
         if not problem.robust:
-            return _found(set_apart(problem, start, rng, unstated=unstated), start, rng, n_start)
+            return _optimum_of(
+                separated(problem, start, rng, unstated=unstated), start, rng, n_start
+            )
         starts = _reweighted(problem, start, rng, n_start) if n_start > 1 else [start]
         # what is an outlier depends on the size of the errors, and that on the curve
-        ends = [end for place in starts for end in _with_errors(problem, place)]
+        ends = [end for point in starts for end in _with_errors(problem, point)]
         most = max(share for _, share in ends)
         # of the same curve at the points the one that is nearest to the start comes first
-        start = next(place for place, share in ends if share > most - _LEVEL)
-        return _found(set_apart(problem, start, rng, unstated=unstated), start, rng, n_start)
+        start = next(point for point, share in ends if share > most - _LEVEL)
+        return _optimum_of(separated(problem, start, rng, unstated=unstated), start, rng, n_start)
 
 
-def _with_errors(problem: Problem, place: FloatArray) -> Iterator[End]:
-    """`place` (n_par,) with what is unknown of the errors fit to its curve, from errors as large as
+def _with_errors(problem: Problem, point: FloatArray) -> Iterator[End]:
+    """`point` (n_par,) with what is unknown of the errors fit to its curve, from errors as large as
     there and from smaller ones; and the log of about what that holds of the posterior, whose width
     goes with the size of the errors.  A few of few readings may lie on a curve by chance: the
     density is high there, and narrow.
     """
     sizes = np.array([name in problem.sizes_of_errors for name in problem.names])
-    posterior = problem.linearised(place)
+    posterior = problem.linearised(point)
     for share in (1.0, 0.2, 0.04):
-        fitted = fit_noise(posterior, np.where(sizes, share * place, place))
+        fitted = fit_noise(posterior, np.where(sizes, share * point, point))
         named = dict(zip(problem.names, fitted.tolist(), strict=True))
         width = np.mean([_log_sd(run, named) for run in problem.runs if run.noise.robust])
         height = posterior.height(fitted)
@@ -215,36 +217,36 @@ def _reweighted(
     problem: Problem, start: FloatArray, rng: np.random.Generator, n_start: int
 ) -> list[FloatArray]:
     """(n_par,) each, optima under normal errors that are as much wider as readings are far from the
-    curve (`errors_widened`): places that a few of them, however far off, do not decide.
+    curve (`errors_widened`): points that a few of them, however far off, do not decide.
 
     One begins with the curve at the start, one with errors as they are stated.
     """
     stated = [np.ones(run.n_obs) for run in problem.runs]
     bounds = np.cumsum([run.n_obs for run in problem.runs])[:-1]
 
-    def seen_from(place: FloatArray, wider: list[FloatArray]) -> list[FloatArray]:
-        residuals = problem.with_normal_errors(wider).linearised(place).residuals(place)
+    def errors_at(point: FloatArray, wider: list[FloatArray]) -> list[FloatArray]:
+        residuals = problem.with_normal_errors(wider).linearised(point).residuals(point)
         # a start may be where a curve has no value: there no reading is far off
-        found = np.nan_to_num(residuals[: problem.n_obs], posinf=0.0, neginf=0.0)
+        of_readings = np.nan_to_num(residuals[: problem.n_obs], posinf=0.0, neginf=0.0)
         return [
             errors_widened(w * r) if run.noise.robust else w
-            for run, w, r in zip(problem.runs, wider, np.split(found, bounds), strict=True)
+            for run, w, r in zip(problem.runs, wider, np.split(of_readings, bounds), strict=True)
         ]
 
     ends = []
-    for wider in (seen_from(start, stated), stated):
-        place = start
+    for wider in (errors_at(start, stated), stated):
+        point = start
         for _ in range(MOST_REWEIGHTED):
             normal, before = problem.with_normal_errors(wider), wider
-            place = find_optimum(normal, place, rng=rng, n_start=n_start, unstated=True).values
-            wider = seen_from(place, wider)
+            point = find_optimum(normal, point, rng=rng, n_start=n_start, unstated=True).values
+            wider = errors_at(point, wider)
             if all(np.allclose(a, b, rtol=0.1) for a, b in zip(before, wider, strict=True)):
                 break
-        ends.append(place)
+        ends.append(point)
     return ends
 
 
-def _found(
+def _optimum_of(
     search: SeparableSearch, start: FloatArray, rng: np.random.Generator, n_start: int
 ) -> Optimum:
     searched = bool(search.nonlinear.size) and n_start > 1
@@ -302,14 +304,14 @@ def _chosen(
     values, others, aliases = choose(search, distinct, symmetry, start)
     chosen, spread = (values, search.chi2(values)), spread_at(search, best)
     n_same = sum(
-        is_at(end[0], values, spread, symmetry) or is_one(search, end, chosen) for end in tried
+        is_at(end[0], values, spread, symmetry) or is_same(search, end, chosen) for end in tried
     )
     return _polished(search, values, others, symmetry, aliases, n_start=n_start, n_same=n_same)
 
 
 def _repeated(
     search: SeparableSearch,
-    found: Optimum,
+    optimum: Optimum,
     tried: Sequence[End],
     repeat: FloatArray,
     start: FloatArray,
@@ -319,73 +321,73 @@ def _repeated(
     first.
     """
     stated = np.array([p.prior.start_stated for p in search.posterior.problem.parameters])
-    near, places = np.where(stated, start, 0.0), [found.values]
+    near, points = np.where(stated, start, 0.0), [optimum.values]
     for i in np.flatnonzero(np.isfinite(repeat)):
         half = 0.5 * repeat[i]
-        first = found.values[i] - half * np.round((found.values[i] - near[i]) / half)
-        places += [
-            np.where(np.arange(near.size) == i, first + step, place)
-            for place in places
+        first = optimum.values[i] - half * np.round((optimum.values[i] - near[i]) / half)
+        points += [
+            np.where(np.arange(near.size) == i, first + step, point)
+            for point in points
             for step in (-half, 0.0, half)
         ]
-    limit = equal_to(search, found.chi2)
+    limit = equal_to(search, optimum.chi2)
     images = [
         image
-        for end, chi2 in descended(search, np.array(places))
+        for end, chi2 in descended(search, np.array(points))
         if chi2 <= limit
-        for image in found.symmetry.within(end, near)
+        for image in optimum.symmetry.within(end, near)
     ]
-    period = np.fmin(found.symmetry.period, repeat)
-    signed = found.symmetry.flips | np.isin(np.arange(near.size), search.linear)
+    period = np.fmin(optimum.symmetry.period, repeat)
+    signed = optimum.symmetry.flips | np.isin(np.arange(near.size), search.linear)
 
     def order(image: FloatArray) -> tuple[float, ...]:
         negative = image * np.where(stated, start, 1.0) < 0.0
         far = float(distance(search, np.where(stated, image, start), start, period))
-        away = np.abs(image - near)[np.isfinite(repeat)]
-        return round(far, 9), float(np.sum(negative & signed)), float(np.sum(away))
+        distances = np.abs(image - near)[np.isfinite(repeat)]
+        return round(far, 9), float(np.sum(negative & signed)), float(np.sum(distances))
 
     return _polished(
         search,
-        min(images, key=order, default=found.values),
-        found.others,
-        found.symmetry,
-        tuple(f for f in found.aliases if f.kind is not Kind.OTHER_NUMBERS),
-        n_start=found.n_start,
+        min(images, key=order, default=optimum.values),
+        optimum.others,
+        optimum.symmetry,
+        tuple(f for f in optimum.aliases if f.kind is not Kind.OTHER_NUMBERS),
+        n_start=optimum.n_start,
         n_same=sum(chi2 <= limit for _, chi2 in tried),
     )
 
 
-def _unheld(search: SeparableSearch, found: Optimum, period: FloatArray) -> Finding | None:
+def _unheld(search: SeparableSearch, optimum: Optimum, period: FloatArray) -> Finding | None:
     """The parameter without a limit, if any, far along which the posterior density is not
     negligible.
 
     Its rise there, in -2 log, is that of the density over all linear parameters and the unknown
     sizes of the errors; robust errors are fit anew there.
     """
-    if found.singular or found.chi2 <= found.rounding:
+    if optimum.singular or optimum.chi2 <= optimum.rounding:
         return None
     problem = search.posterior.problem
-    best = found.chi2 + found.rounding
+    best = optimum.chi2 + optimum.rounding
     hardly: list[tuple[float, int]] = []
     # of the squares of n residuals those of n - n_par are left when the others are integrated out
     dof = search.dof
-    spread = spread_at(search, (found.values, found.chi2))
+    spread = spread_at(search, (optimum.values, optimum.chi2))
 
     # the squares of a log density have any height
     scaled = search.unstated and not problem.own_density
 
-    def rises_of(places: FloatArray, squares: FloatArray) -> FloatArray:
+    def rises_of(points: FloatArray, squares: FloatArray) -> FloatArray:
         if not problem.robust:
             return dof * np.log(np.maximum(squares / best, 1.0)) if scaled else squares - best
-        ends = np.array([fit_noise(search.posterior, end) for end in (found.values, *places)])
+        ends = np.array([fit_noise(search.posterior, end) for end in (optimum.values, *points)])
         density = search.posterior.log_density(ends)
         return 2.0 * dof / problem.n_obs * (density[0] - density[1:])
 
-    for i, (places, squares) in far_places(search, found.values, spread, period).items():
-        rises = rises_of(places, squares)
+    for i, (points, squares) in far_points(search, optimum.values, spread, period).items():
+        rises = rises_of(points, squares)
         least = float(np.nanmin(rises, initial=math.inf))
         present = rises < _HELD_WITHOUT_END
-        if least < _HELD or (np.any(present) and not _fades(search, i, places, present)):
+        if least < _HELD or (np.any(present) and not _fades(search, i, points, present)):
             hardly.append((least, i))
     if not hardly:
         return None
@@ -393,19 +395,19 @@ def _unheld(search: SeparableSearch, found: Optimum, period: FloatArray) -> Find
     return Finding(Kind.HARDLY_HELD, size=rise, parameters=(Amount(problem.names[i]),))
 
 
-def _fades(search: SeparableSearch, i: int, places: FloatArray, present: BoolArray) -> bool:
-    """Whether the curve depends less on parameter i at the farther of two places (n, n_par) in
+def _fades(search: SeparableSearch, i: int, points: FloatArray, present: BoolArray) -> bool:
+    """Whether the curve depends less on parameter i at the farther of two points (n, n_par) in
     turn, all others following: Jeffreys' prior then gives its posterior an end.
 
-    present : (n,) whether there is any density at a place.
+    present : (n,) whether there is any density at a point.
     """
     if search.posterior.problem.counted:
         return False
-    sizes = np.zeros(len(places))
-    for k, place in enumerate(places):
-        rows = search.posterior.scoring(place)[0]
+    sizes = np.zeros(len(points))
+    for k, point in enumerate(points):
+        rows = search.posterior.scoring(point)[0]
         if all_finite(rows):
-            own, others = rows[:, i] * place[i], rows[:, search.free[search.free != i]]
+            own, others = rows[:, i] * point[i], rows[:, search.free[search.free != i]]
             along = others @ np.linalg.lstsq(others, own, rcond=None)[0]
             sizes[k] = np.linalg.norm(own - along)
     less = sizes[1::2] <= np.maximum(sizes[::2], _NOTHING)
@@ -443,7 +445,7 @@ def _nowhere_finite(problem: Problem, start: FloatArray) -> InputError:
     )
 
 
-def _found_near(
+def _optimum_near(
     search: SeparableSearch, start: FloatArray, afar: Optimum, rng: np.random.Generator
 ) -> Optimum:
     """The best point of a problem from the optima of the simpler one that a search from afar takes
@@ -462,8 +464,8 @@ def _found_near(
     if not tried:
         raise _nowhere_finite(search.posterior.problem, start)
     best = min(tried, key=lambda end: end[1])
-    found = _chosen(search, start, best, tried, tried, afar.symmetry, n_start=len(starts))
-    return replace(found, aliases=found.aliases or afar.aliases)
+    optimum = _chosen(search, start, best, tried, tried, afar.symmetry, n_start=len(starts))
+    return replace(optimum, aliases=optimum.aliases or afar.aliases)
 
 
 def _scanned(
@@ -505,26 +507,26 @@ def fit_optimum(
     begin = problem.start() if start is None else start
     best = find_optimum(problem, begin, rng=rng, n_start=n_start)
     noisy = bool(problem.noise_names)
-    there = refit(problem, best.values) if noisy else at_mode(problem, best.values)
-    if noisy and not (there.success or there.singular):
+    refitted = refit(problem, best.values) if noisy else at_mode(problem, best.values)
+    if noisy and not (refitted.success or refitted.singular):
         # rounds of curve and noise in turn may creep; steps of both together do not
-        search = search_of(there.posterior, there.values, there.cov, squared=True)
-        (end,) = minima(search, [Start(search.coordinates.of(there.values), tolerance=_FLAT)])
-        there = refit(problem, search.coordinates.values(end.values))
-    fit = with_other_modes(there, best)
+        search = search_of(refitted.posterior, refitted.values, refitted.cov, squared=True)
+        (end,) = minima(search, [Start(search.coordinates.of(refitted.values), tolerance=_FLAT)])
+        refitted = refit(problem, search.coordinates.values(end.values))
+    fit = with_other_modes(refitted, best)
     if not noisy and not np.any(best.at_bound):
         sds = np.where(np.isfinite(fit.sds), sds_of(best.cov), np.nan)
         fit = replace(fit, cov=best.cov, sds=sds, singular=best.frail)
-    words = (
+    text = (
         fit.message
         if fit.singular or not fit.success
-        else settled(led_here(best.n_same, best.n_start))
+        else converged_message(starts_message(best.n_same, best.n_start))
     )
-    fit = replace(fit, n_start=best.n_start, n_same=best.n_same, message=words)
+    fit = replace(fit, n_start=best.n_start, n_same=best.n_same, message=text)
     if best.settled or best.singular or fit.singular:
         return fit
-    words = unsettled(best.step)
-    return replace(fit, success=False, moved=best.step, mover=best.mover, message=words)
+    text = unconverged_message(best.step)
+    return replace(fit, success=False, moved=best.step, mover=best.mover, message=text)
 
 
 def is_resolved(fit: Fit) -> bool:
@@ -543,14 +545,14 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
         return fit
     with np.errstate(all="ignore"):
         simpler = fit.problem.for_search()
-        search = set_apart(simpler, fit.values, rng, unstated=simpler is not fit.problem)
+        search = separated(simpler, fit.values, rng, unstated=simpler is not fit.problem)
         optima = (
             further_optima(search, fit.values)
             if search.nonlinear.size
             else np.zeros((0, fit.values.size))
         )
-        here = fit.values, search.chi2(fit.values)
-        near, limit = [fit.values, *fit.others], chi2_limit(search, here)
+        end = fit.values, search.chi2(fit.values)
+        near, limit = [fit.values, *fit.others], chi2_limit(search, end)
         spread = fit.scale
         fresh: list[FloatArray] = []
         for point, chi2 in zip(optima, search.chi2_at(optima), strict=True):
@@ -560,18 +562,18 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
                 fresh.append(point)
     refitted = [_refitted(fit, point) for point in fresh]
     known = [candidate for candidate in (fit, *refitted) if candidate and candidate.success]
-    places = [*(candidate.values for candidate in known), *fit.others]
-    heights = fit.posterior.log_density(np.array(places).reshape(-1, fit.values.size))
+    modes = [*(candidate.values for candidate in known), *fit.others]
+    heights = fit.posterior.log_density(np.array(modes).reshape(-1, fit.values.size))
     best = int(np.argmax(heights[: len(known)])) if known else 0
     if known and heights[best] > fit.posterior.height(fit.values) + 0.5:
-        words = settled(led_here(0, fit.n_start))
-        fit = replace(known[best], n_start=fit.n_start, n_same=0, message=words)
+        text = converged_message(starts_message(0, fit.n_start))
+        fit = replace(known[best], n_start=fit.n_start, n_same=0, message=text)
     ranked = [
-        places[i]
+        modes[i]
         for i in np.argsort(-heights, kind="stable")
         if heights[i] > np.max(heights) - WITHIN_REACH
     ]
-    return replace(fit, others=far_apart(fit.values, ranked, fit.scale))
+    return replace(fit, others=distinct_from(fit.values, ranked, fit.scale))
 
 
 def _refitted(fit: Fit, start: FloatArray) -> Fit | None:
@@ -606,7 +608,7 @@ def with_other_modes(fit: Fit, best: Optimum) -> Fit:
             modes.append(start)
     return replace(
         fit,
-        others=far_apart(fit.values, modes, fit.scale),
+        others=distinct_from(fit.values, modes, fit.scale),
         symmetry=symmetry,
         aliases=best.aliases,
         unheld=best.unheld,
@@ -622,14 +624,14 @@ def _at_kink(search: SeparableSearch, values: FloatArray, tolerance: float) -> F
     spread = spread_at(search, (values, chi2))
     least = _SMALL * unit_at(search, (values, chi2)) ** 2
     for i in search.nonlinear:
-        held = replace(search, nonlinear=search.nonlinear[search.nonlinear != i])
+        fixed = replace(search, nonlinear=search.nonlinear[search.nonlinear != i])
         ends = []
         for side in (0.0, -_BESIDE, -0.5 * _BESIDE, 0.5 * _BESIDE, _BESIDE):
-            place = values.copy()
-            place[i] += side * spread[i]
-            ends.append(stepped(held, place))
-        whole, half, other_half, other = (end[1] - ends[0][1] for end in ends[1:])
-        sides = (half, whole), (other_half, other)
+            point = values.copy()
+            point[i] += side * spread[i]
+            ends.append(stepped(fixed, point))
+        far_below, near_below, near_above, far_above = (end[1] - ends[0][1] for end in ends[1:])
+        sides = (near_below, far_below), (near_above, far_above)
         if ends[0][2] < tolerance and all(
             0.375 * far < near and 0.0 < far < least for near, far in sides
         ):
@@ -656,8 +658,8 @@ def _polished(
     jacobian, residual = search.posterior.scoring(values)
     if not all_finite(jacobian, residual):
         names = search.posterior.problem.names
-        lost = [names[i] for i in free if not all_finite(jacobian[:, i])]
-        where = " and ".join(lost) or "any parameter"
+        undefined = [names[i] for i in free if not all_finite(jacobian[:, i])]
+        where = " and ".join(undefined) or "any parameter"
         raise InputError(
             f"leads the search to where it has no finite derivatives in {where}, as a step "
             "with a width of 0: set limits, or try other starting values",
@@ -673,17 +675,17 @@ def _polished(
     if np.any(near):
         at_limit = np.where(values - search.low < search.high - values, search.low, search.high)
         on_limit = np.where(near, at_limit, values)
-        there = search.posterior.scoring(on_limit)[0]
-        silent = ~np.any(there, axis=0) & np.isin(np.arange(values.size), free)
-        if all_finite(there) and np.any(silent):
+        jacobian_at_limit = search.posterior.scoring(on_limit)[0]
+        silent = ~np.any(jacobian_at_limit, axis=0) & np.isin(np.arange(values.size), free)
+        if all_finite(jacobian_at_limit) and np.any(silent):
             # what another parameter hides on its limit lies anywhere: where it started
             inside = known_from_data(search.posterior, on_limit).inside
-            beside = search.posterior.scoring(inside)[0]
-            hidden = silent & np.any(beside, axis=0)
-            begun = np.where(hidden, search.held, on_limit)
+            jacobian_inside = search.posterior.scoring(inside)[0]
+            hidden = silent & np.any(jacobian_inside, axis=0)
+            restarted = np.where(hidden, search.start_values, on_limit)
             # not where it is the product of a factor and of one next to 0 that counts
-            if search.chi2(begun) <= equal_to(search, chi2):
-                values, jacobian, near = begun, there, near | hidden
+            if search.chi2(restarted) <= equal_to(search, chi2):
+                values, jacobian, near = restarted, jacobian_at_limit, near | hidden
     moving = free[~near[free]]
     cov, condition = inverse_information(jacobian[:, moving], resolved)
     full = np.zeros((values.size, values.size))

@@ -82,9 +82,14 @@ def _far_off(run: Observations) -> str:
     """What to do about the reading of a curve that lies far from all others; "" where none does, or
     the noise has room for it.
     """
-    off = np.abs(run.y - np.median(run.y))
-    i = int(np.argmax(off))
-    if run.motion or run.noise.robust or run.noise.counted or off[i] <= _FAR * np.sort(off)[-2:][0]:
+    deviations = np.abs(run.y - np.median(run.y))
+    i = int(np.argmax(deviations))
+    if (
+        run.motion
+        or run.noise.robust
+        or run.noise.counted
+        or deviations[i] <= _FAR * np.sort(deviations)[-2:][0]
+    ):
         return ""
     choice = "robust: mixture" if at_commands() else 'robust="mixture"'
     return (
@@ -147,9 +152,11 @@ def _require_determined(fit: Fit) -> None:
     flat = [p.name for p in fit.problem.parameters if not math.isfinite(p.prior.sd)]
     # not the standard deviations, which a parameter beside a limit does not have
     curvature = fit.scale
-    held = np.isfinite(curvature) & (curvature > 0.0) & (not fit.singular)
+    determined = np.isfinite(curvature) & (curvature > 0.0) & (not fit.singular)
     unheld = [
-        name for name, known in zip(fit.names, held, strict=True) if name in flat and not known
+        name
+        for name, known in zip(fit.names, determined, strict=True)
+        if name in flat and not known
     ]
     if not unheld:
         return
@@ -165,8 +172,8 @@ def _require_determined(fit: Fit) -> None:
     if silent and not loose:  # held by their limits, which is found of them by name
         return
     first, *others = loose or unheld
-    begun = any(p.name in flat and p.prior.start_stated for p in fit.problem.parameters)
-    far = "; if a start that was stated is far off, give another" if begun else ""
+    start_stated = any(p.name in flat and p.prior.start_stated for p in fit.problem.parameters)
+    far = "; if a start that was stated is far off, give another" if start_stated else ""
     if not others:
         raise InputError(
             f"is not determined by the data: give it limits (low and high), or a prior{far}",

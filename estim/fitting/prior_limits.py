@@ -1,4 +1,4 @@
-"""Hard edges of priors: least squares around a fit that stay within them, and what to say of a
+"""Hard edges of priors: least squares around a fit that stay within them, and what to report of a
 parameter that lies on one.
 
 A posterior that is highest at an edge is a limit: [edge, limit] holds the true value with its
@@ -61,11 +61,11 @@ class Quadratic:
     high: FloatArray
     scale: FloatArray
 
-    def least(self, pull_rows: FloatArray, off: FloatArray) -> tuple[FloatArray, float]:
+    def least(self, pull_rows: FloatArray, residuals: FloatArray) -> tuple[FloatArray, float]:
         """The step (n_curve,) within the edges to the least sum of the data's chi^2 and |pull_rows
-        . step + off|^2, and that sum.
+        . step + residuals|^2, and that sum.
         """
-        rows, aim = np.vstack([self.rows, pull_rows]) * self.scale, np.append(self.aim, -off)
+        rows, aim = np.vstack([self.rows, pull_rows]) * self.scale, np.append(self.aim, -residuals)
         step = step_between(rows, -aim, self.low / self.scale, self.high / self.scale, silent=ALONE)
         return step * self.scale, float(np.sum((rows @ step - aim) ** 2))
 
@@ -79,24 +79,24 @@ def around(fit: Fit) -> Quadratic:
     """
     problem, curve = fit.problem, fit.problem.of_curve
     scale = positive_or(fit.scale[curve], 1.0)
-    whole = fit.forces or fit.deviations
-    if whole:
-        told, score = whole[0].told
-        slope = told[:, curve] @ (fit.values - whole[0].about)[curve] - score
+    marginal = fit.forces or fit.deviations
+    if marginal:
+        information_matrix, score = marginal[0].told
+        slope = information_matrix[:, curve] @ (fit.values - marginal[0].about)[curve] - score
     else:
-        told = fit.posterior.information(fit.values)
+        information_matrix = fit.posterior.information(fit.values)
         jacobian, residuals = fit.posterior.scoring(fit.values)
         slope = jacobian.T @ residuals - problem.prior_gradient(fit.values)
-    information = told[np.ix_(curve, curve)] * np.outer(scale, scale)
+    information = information_matrix[np.ix_(curve, curve)] * np.outer(scale, scale)
     gradient = slope[curve] * scale
     spectrum, basis = np.linalg.eigh(information)
     singular, right = np.sqrt(np.maximum(spectrum, 0.0)), basis.T
-    seen = singular > math.sqrt(ALONE) * singular[-1]
-    aim = -(right @ gradient)[seen] / singular[seen]
+    informed = singular > math.sqrt(ALONE) * singular[-1]
+    aim = -(right @ gradient)[informed] / singular[informed]
     edges = [(problem.parameters[i].prior, float(fit.values[i])) for i in curve]
     low = np.array([min(prior.low - value, 0.0) for prior, value in edges])
     high = np.array([max(prior.high - value, 0.0) for prior, value in edges])
-    return Quadratic((singular[:, None] * right)[seen] / scale, aim, low, high, scale)
+    return Quadratic((singular[:, None] * right)[informed] / scale, aim, low, high, scale)
 
 
 def edge_of(prior: Prior, value: float) -> float:
@@ -116,8 +116,8 @@ def pressed(fit: Fit, *, estimated: bool = False) -> Mapping[str, float]:
         return {}
     model = around(fit)
     pull_rows = fit.prior_jacobian[np.ix_(curve, curve)]
-    off = fit.posterior.prior_residuals(fit.values)[curve]
-    here = model.least(pull_rows, off)[1]
+    residuals = fit.posterior.prior_residuals(fit.values)[curve]
+    at_edge = model.least(pull_rows, residuals)[1]
     inferred = estimated or bool(problem.noise_names)
     dof = max(1, problem.n_obs - len(curve))
     squares = float(np.sum(fit.posterior.size_residuals(fit.values) ** 2))
@@ -129,7 +129,7 @@ def pressed(fit: Fit, *, estimated: bool = False) -> Mapping[str, float]:
             passed.low[k] = -math.inf
         else:
             passed.high[k] = math.inf
-        fall = max(0.0, here - passed.least(pull_rows, off)[1])
+        fall = max(0.0, at_edge - passed.least(pull_rows, residuals)[1])
         if inferred:  # the size of the noise was taken from residuals that the edge has made larger
             # no squares, nothing to fall
             fall *= dof / max(squares - fall, 1e-9 * squares) if fall > 0.0 else 0.0

@@ -7,7 +7,7 @@ interval of probability P is where q rises by no more than the chi-squared quant
 degree of freedom above its minimum (1.00 for 68.3 %, 3.84 for 95 %): exact where the posterior is
 Gaussian in some transform of the parameter, good to the order 1/n_obs otherwise.  Use it where a
 fit is asymmetric, at a bound, or weakly determined: a side on which q does not rise enough before
-the edge of the prior is *open*, and says so.
+the edge of the prior is *open*, and this is stated.
 
 The covariances of the noise are held at the fit, as everywhere in the posterior.  A search that
 fails is a sentence in the record, never an exception.
@@ -34,7 +34,7 @@ from estim.common import (
 from estim.distributions import student_quantile
 from estim.fitting.degrees_of_freedom import STATED, ErrorSizes
 from estim.fitting.least_squares import Fit
-from estim.fitting.profile_paths import crossing, dips, returns, walk
+from estim.fitting.profile_paths import crossing, dips, path, returns
 from estim.fitting.profile_search import ProfileSearch, search_of
 from estim.given_numbers import check_probability
 from estim.levenberg_marquardt import End, Start, minima, run_descents
@@ -44,7 +44,8 @@ _MODE_SETTLED = 1e-9  # fall still promised at the mode
 _HIDDEN = 1e-6  # difference of the objective
 _LITTLE = 1e-4  # standard deviations of a parameter, the others held
 _MOST_VALLEYS = 3
-# part of a rise, and standard deviations, by which a point belongs to an interval that lacks it
+# part of a rise, and standard deviations, by which a point belongs to an interval that does not
+# contain it
 _SURELY, _FARTHER = 0.98, 0.01
 
 
@@ -58,7 +59,7 @@ class ProfileInterval:
     open_low, open_high : probability -> whether the objective does not rise enough on that side.
     x, rise : (n_point,) where the profile was computed, increasing, and how far the objective
         stands above its minimum.
-    by_size : whether it was sought in the logarithm of the parameter, whose sign is known.
+    by_size : whether it was computed in the logarithm of the parameter, whose sign is known.
     found_better : how far below the fit's the lowest objective met on the way lies; 0 if the fit's
         is the lowest.
     lowest : (n_par,) the values of all parameters there.
@@ -125,11 +126,11 @@ def profile_intervals(
         for p in _checked(probabilities)
     }
     rises = [{p: float(rise[k]) for p, rise in ends.items()} for k in range(len(indices))]
-    search, mode = _begun(fit, max(max(own.values()) for own in rises))
-    found = [_intervals(fit, search, begun, indices, rises) for begun in _equal(search, mode)]
+    search, mode = _prepared(fit, max(max(own.values()) for own in rises))
+    profiles = [_intervals(fit, search, start, indices, rises) for start in _equal(search, mode)]
     return tuple(
         _with_sentence(_spanning(same), fit.problem.parameters[i])
-        for i, same in zip(indices, zip(*found, strict=True), strict=True)
+        for i, same in zip(indices, zip(*profiles, strict=True), strict=True)
     )
 
 
@@ -161,7 +162,7 @@ def contour(
         r = dof * math.expm1(r / dof) if math.isfinite(dof) else r
         levels[p] = float(sizes.rises(np.array([r]), shares)[0])
     widest = {1.0: 1.1 * max(levels.values())}
-    search, mode = _begun(fit, widest[1.0])
+    search, mode = _prepared(fit, widest[1.0])
     axes = []
     for k, span in zip(
         (i, j), _intervals(fit, search, mode, (i, j), [widest, widest]), strict=True
@@ -177,7 +178,7 @@ def contour(
     return Contour(a, b, x, y, rise, levels, failed)
 
 
-def _begun(fit: Fit, level: float) -> tuple[ProfileSearch, End]:
+def _prepared(fit: Fit, level: float) -> tuple[ProfileSearch, End]:
     """The search for rises up to `level`, and the mode."""
     search = search_of(fit.posterior, fit.values, fit.cov, level, squared=True)
     (mode,) = minima(
@@ -190,8 +191,8 @@ def _equal(search: ProfileSearch, mode: End) -> list[End]:
     """The mode, and the same with each parameter that it hides, as A = 0 does t in A exp(-x/t), at
     either of its limits: from there profiles lead into other valleys.
     """
-    ends, held = [mode], np.isfinite(search.low) & np.isfinite(search.high)
-    for i in np.flatnonzero(held) if math.isfinite(mode.objective) else ():
+    ends, bounded = [mode], np.isfinite(search.low) & np.isfinite(search.high)
+    for i in np.flatnonzero(bounded) if math.isfinite(mode.objective) else ():
         moved = [replace(mode, values=mode.values.copy()) for _ in range(2)]
         moved[0].values[i], moved[1].values[i] = search.low[i], search.high[i]
         heights = search.objectives(np.array([end.values for end in moved]))
@@ -200,9 +201,9 @@ def _equal(search: ProfileSearch, mode: End) -> list[End]:
     return ends
 
 
-def _spanning(found: Sequence[ProfileInterval]) -> ProfileInterval:
+def _spanning(profiles: Sequence[ProfileInterval]) -> ProfileInterval:
     """One record of profiles of one parameter from several equal modes: the outermost ends."""
-    first, *others = found
+    first, *others = profiles
     for other in others:
         low = {p: min(end, other.low[p]) for p, end in first.low.items()}
         high = {p: max(end, other.high[p]) for p, end in first.high.items()}
@@ -236,11 +237,11 @@ def _intervals(
     indices: Sequence[int],
     rises: Sequence[dict[float, float]],
 ) -> list[ProfileInterval]:
-    """Those of the parameters at `indices`, each with rises of its own: both sides of all of them
-    are walked together, and then all their crossings are sought together.
+    """Those of the parameters at `indices`, each with rises of its own: the paths of both sides of
+    all of them are followed together, and then all their crossings are searched together.
 
     What is met on the way of one parameter counts for all: where another one is farther out than
-    its own walk came, in a valley beside that of the mode, a walk goes on from there.
+    its own path came, in a valley beside that of the mode, a path goes on from there.
     """
     if not math.isfinite(mode.objective):
         return [
@@ -249,44 +250,44 @@ def _intervals(
         ]
     sides = [(i, sign, own) for i, own in zip(indices, rises, strict=True) for sign in (-1.0, 1.0)]
     explored = [_Side([mode], {}, []) for _ in sides]
-    begun = dict.fromkeys(range(len(sides)), mode)
+    outward = dict.fromkeys(range(len(sides)), mode)
     for _ in range(_MOST_VALLEYS):
         walks = run_descents(
             search,
             [
-                walk(search, mode, at, i, sign, max(own.values()))
-                for at, (i, sign, own) in ((at, sides[k]) for k, at in begun.items())
+                path(search, mode, at, i, sign, max(own.values()))
+                for at, (i, sign, own) in ((at, sides[k]) for k, at in outward.items())
             ],
         )
-        for k, points in zip(begun, walks, strict=True):
-            explored[k].walk.extend(points)
+        for k, points in zip(outward, walks, strict=True):
+            explored[k].path.extend(points)
         crossed = iter(
             run_descents(
                 search,
                 [
-                    crossing(search, explored[k].walk, sides[k][0], rise)
-                    for k in begun
+                    crossing(search, explored[k].path, sides[k][0], rise)
+                    for k in outward
                     for rise in sides[k][2].values()
                 ],
             )
         )
-        for k in begun:
+        for k in outward:
             explored[k].ends.update({p: next(crossed) for p in sides[k][2]})
             explored[k].valleys[:] = minima(
-                search, [Start(dip.values, (), dip) for dip in dips(explored[k].walk)]
+                search, [Start(dip.values, (), dip) for dip in dips(explored[k].path)]
             )
         if fit.problem.robust:  # whose narrow optima hold next to nothing
             break
         met = [point for side in explored for point in side.points]
-        begun = {}
+        outward = {}
         for k, (i, sign, own) in enumerate(sides):
-            beyond = explored[k].beyond(met, i, sign, own, float(search.scale[i]))
+            outside = explored[k].outside(met, i, sign, own, float(search.scale[i]))
             farther = next(
-                (point for point in beyond if _is_labelled_alike(fit, search, point)), None
+                (point for point in outside if _is_nearest_image(fit, search, point)), None
             )
             if farther is not None:
-                begun[k] = farther
-        if not begun:
+                outward[k] = farther
+        if not outward:
             break
     return [
         _interval(fit, search, i, explored[2 * k : 2 * k + 2], rises[k])
@@ -294,7 +295,7 @@ def _intervals(
     ]
 
 
-def _is_labelled_alike(fit: Fit, search: ProfileSearch, point: End) -> bool:
+def _is_nearest_image(fit: Fit, search: ProfileSearch, point: End) -> bool:
     """Whether a point is no image of one nearer to the fit that draws the same curve."""
     values = search.coordinates.values(point.values)
     if fit.symmetry is None:
@@ -304,44 +305,44 @@ def _is_labelled_alike(fit: Fit, search: ProfileSearch, point: End) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Side:
-    """A walk (first the mode), probability -> its crossing with the points that led there, and the
+    """A path (first the mode), probability -> its crossing with the points that led there, and the
     minima of the valleys beside that of the mode.
     """
 
-    walk: list[End]
+    path: list[End]
     ends: dict[float, tuple[float | None, list[End]]]
     valleys: list[End]
 
     @property
     def points(self) -> list[End]:
         trials = (point for _, points in self.ends.values() for point in points)
-        return [*self.walk, *trials, *self.valleys]
+        return [*self.path, *trials, *self.valleys]
 
-    def beyond(
+    def outside(
         self, met: Sequence[End], i: int, sign: float, rises: dict[float, float], scale: float
     ) -> list[End]:
         """The points that were met that an interval should hold, and does not; the farthest
         first.
         """
-        beyond = [
+        outside = [
             point
             for p, rise in rises.items()
             if (end := self.ends[p][0]) is not None
             for point in met
-            if point.objective - self.walk[0].objective < _SURELY * rise
+            if point.objective - self.path[0].objective < _SURELY * rise
             and sign * (point.values[i] - end) > _FARTHER * scale
         ]
-        return sorted(beyond, key=lambda point: -sign * float(point.values[i]))
+        return sorted(outside, key=lambda point: -sign * float(point.values[i]))
 
 
 def _interval(
     fit: Fit, search: ProfileSearch, i: int, sides: Sequence[_Side], rises: dict[float, float]
 ) -> ProfileInterval:
-    parameter, mode = fit.problem.parameters[i], sides[0].walk[0]
+    parameter, mode = fit.problem.parameters[i], sides[0].path[0]
     points = [
         mode,
         *(point for side in sides for _, trials in side.ends.values() for point in trials),
-        *(p for side in sides for p in side.walk[1:]),
+        *(p for side in sides for p in side.path[1:]),
     ]
     points.sort(key=lambda point: float(point.values[i]))
     finite = [point for point in points if math.isfinite(point.objective)]
@@ -353,10 +354,10 @@ def _interval(
     # fall below the objective of the fit that counts as another, better optimum
     better = fall if fall > 0.02 and _stands(search, best, 0.5 * fall) else 0.0
     low, high = (
-        dict(zip(side.ends, search.coordinates.values_of(i, places).tolist(), strict=True))
+        dict(zip(side.ends, search.coordinates.values_of(i, ends_of).tolist(), strict=True))
         for side in sides
-        for places in (
-            [side.walk[-1].values[i] if end is None else end for end, _ in side.ends.values()],
+        for ends_of in (
+            [side.path[-1].values[i] if end is None else end for end, _ in side.ends.values()],
         )
     )
     open_low, open_high = ({p: end is None for p, (end, _) in side.ends.items()} for side in sides)
@@ -375,7 +376,7 @@ def _interval(
         n_failed=sum(not point.converged for point in points),
         pieces=tuple(
             sorted(
-                p for p, rise in rises.items() if any(returns(side.walk, rise) for side in sides)
+                p for p, rise in rises.items() if any(returns(side.path, rise) for side in sides)
             )
         ),
         sentence="",
@@ -391,9 +392,9 @@ def _stands(search: ProfileSearch, point: End, most: float) -> bool:
     steps = _LITTLE * np.diag(search.conditional)
     by_value = np.where(squared, 0.0, steps * at.slopes(at.centre))
     by_place = np.where(squared, steps, 0.0)
-    places = at.values(point.values) + np.vstack([by_value, -by_value])
+    ends_of = at.values(point.values) + np.vstack([by_value, -by_value])
     inside = np.clip(
-        at.of(np.clip(places, *search.posterior.problem.support()))
+        at.of(np.clip(ends_of, *search.posterior.problem.support()))
         + np.vstack([by_place, -by_place]),
         search.low,
         search.high,
@@ -442,27 +443,27 @@ _ABOVE = (
 )
 
 
-def _with_sentence(found: ProfileInterval, parameter: Parameter) -> ProfileInterval:
-    if found.sentence:
-        return found
+def _with_sentence(interval: ProfileInterval, parameter: Parameter) -> ProfileInterval:
+    if interval.sentence:
+        return interval
     label = parameter.label
     unit = behind(label.unit)
     intervals = [
-        f"{percentage(p)} [{found.low[p] * label.factor:.4g}, "
-        f"{found.high[p] * label.factor:.4g}]{unit}"
-        for p in found.low
+        f"{percentage(p)} [{interval.low[p] * label.factor:.4g}, "
+        f"{interval.high[p] * label.factor:.4g}]{unit}"
+        for p in interval.low
     ]
     clauses = ["; ".join(intervals)]
     prior = parameter.prior
     for words, opened, ends, edge in (
-        (_BELOW, found.open_low, found.low, prior.low),
-        (_ABOVE, found.open_high, found.high, prior.high),
+        (_BELOW, interval.open_low, interval.low, prior.low),
+        (_ABOVE, interval.open_high, interval.high, prior.high),
     ):
         which = [p for p in opened if opened[p]]
         if not which:
             continue
         end = ends[which[0]]
-        place = f"{end * label.factor:.3g}{unit}"
+        end_text = f"{end * label.factor:.3g}{unit}"
         size = (
             ""
             if len(which) == len(opened)
@@ -471,33 +472,35 @@ def _with_sentence(found: ProfileInterval, parameter: Parameter) -> ProfileInter
             )
         )
         if end != edge:
-            clauses.append(phrase(words[0], size=size, place=place))
-        elif abs(found.value - edge) < 1e-3 * (max(found.high.values()) - min(found.low.values())):
-            clauses.append(phrase(words[1], size=size, place=place))
+            clauses.append(phrase(words[0], size=size, place=end_text))
+        elif abs(interval.value - edge) < 1e-3 * (
+            max(interval.high.values()) - min(interval.low.values())
+        ):
+            clauses.append(phrase(words[1], size=size, place=end_text))
         else:
-            clauses.append(phrase(words[2], size=size, place=place))
+            clauses.append(phrase(words[2], size=size, place=end_text))
     clauses += [
         phrase(
             "the {p} region consists of several separate pieces; the interval spans them",
             p=percentage(p),
         )
-        for p in found.pieces
+        for p in interval.pieces
     ]
-    if found.found_better:
+    if interval.found_better:
         better = phrase(
             "the search found a better point than the fit (minus twice the log density is "
             "lower by {by:.2g})",
-            by=found.found_better,
+            by=interval.found_better,
         )
         clauses.append(better)
-    if found.n_failed:
+    if interval.n_failed:
         clauses.append(
             phrase(
                 "the search over the other parameters did not converge at {n} points",
-                n=found.n_failed,
+                n=interval.n_failed,
             )
         )
-    return replace(found, sentence=f"{label.symbol}: " + "; ".join(clauses))
+    return replace(interval, sentence=f"{label.symbol}: " + "; ".join(clauses))
 
 
 def _grid(

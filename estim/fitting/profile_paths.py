@@ -1,4 +1,4 @@
-"""One side of a profile: the walk outward from the mode, where it crosses a level, and the valleys
+"""One side of a profile: the path outward from the mode, where it crosses a level, and the valleys
 beside it.  Tasks of `run_descents`.
 """
 
@@ -22,23 +22,23 @@ _FAR, _DECADES, _JUMP, _NOWHERE = 100.0, math.log(1e8), 0.1, 1e6
 _SETTLED = 1e-6  # of a height: a point on the level
 
 
-def walk(
-    search: ProfileSearch, mode: End, begun: End, i: int, sign: float, rise: float
+def path(
+    search: ProfileSearch, mode: End, first: End, i: int, sign: float, rise: float
 ) -> Task[list[End]]:
-    """Points outward from `begun`, the mode or a point beside it, until the objective has risen by
+    """Points outward from `first`, the mode or a point beside it, until the objective has risen by
     `rise` above that of the mode, to the edge of the prior, or out of reach.
     """
     edge = float(search.high[i] if sign > 0.0 else search.low[i])
     # prior standard deviations beyond which nothing is looked for
     far = float(mode.values[i]) + sign * 40.0 * float(search.prior_sd[i])
     end = min(edge, far) if sign > 0.0 else max(edge, far)
-    points, step = [begun], 0.5 * float(search.scale[i])
+    points, step = [first], 0.5 * float(search.scale[i])
     while len(points) < 60 and points[-1].values[i] != end:
-        here = float(points[-1].values[i])
-        target = here + sign * step
+        current = float(points[-1].values[i])
+        target = current + sign * step
         if sign * (end - target) < 0.1 * step:
             target = end
-        point = yield _ahead(search, points, i, target)
+        point = yield _predicted(search, points, i, target)
         points.append(point)
         if not point.objective - mode.objective < rise:
             break
@@ -47,10 +47,10 @@ def walk(
         )
         if gained < 0.25:
             step *= 1.6
-    return points if begun is not mode else points[1:]
+    return points if first is not mode else points[1:]
 
 
-def _ahead(search: ProfileSearch, points: Sequence[End], i: int, target: float) -> Start:
+def _predicted(search: ProfileSearch, points: Sequence[End], i: int, target: float) -> Start:
     """A start where the other parameters should be when parameter i is at `target`: on the line
     through the last two points.
     """
@@ -67,7 +67,7 @@ def _ahead(search: ProfileSearch, points: Sequence[End], i: int, target: float) 
 def crossing(
     search: ProfileSearch, points: Sequence[End], i: int, rise: float
 ) -> Task[tuple[float | None, list[End]]]:
-    """Where the objective passes `rise` for the last time on a walk (None: it does not), and the
+    """Where the objective passes `rise` for the last time on a path (None: it does not), and the
     points computed to find it.
 
     False position, the height of an end that stays halved (Illinois).
@@ -77,47 +77,48 @@ def crossing(
     outer = max(inside, default=0) + 1
     if outer >= len(points):
         return None, []
-    inner, beyond = points[outer - 1], points[outer]
-    below, above = _height(inner, mode, rise), _height(beyond, mode, rise)
+    inner, outer_point = points[outer - 1], points[outer]
+    below, above = _height(inner, mode, rise), _height(outer_point, mode, rise)
     cuts: list[End] = []
     before = 0.0
     while (
-        len(cuts) < 100 and abs(float(beyond.values[i] - inner.values[i])) > 1e-8 * search.scale[i]
+        len(cuts) < 100
+        and abs(float(outer_point.values[i] - inner.values[i])) > 1e-8 * search.scale[i]
     ):
         share = below / (below - above)
-        values = inner.values + share * (beyond.values - inner.values)
+        values = inner.values + share * (outer_point.values - inner.values)
         # far above the level the others may be anywhere, as those of a power law with a < 0
-        lost = not beyond.objective - mode.objective < _LOST * rise
-        if lost:
+        unbounded = not outer_point.objective - mode.objective < _LOST * rise
+        if unbounded:
             values = _with(inner.values, i, float(values[i]))
-        near = inner if share < 0.5 or lost else beyond
+        near = inner if share < 0.5 or unbounded else outer_point
         point = yield Start(values, (i,), near, instead=_with(inner.values, i, float(values[i])))
         cuts.append(point)
         height = _height(point, mode, rise)
         if height < 0.0:
             inner, below, above = point, height, above * (0.5 if before < 0.0 else 1.0)
         else:
-            beyond, above, below = point, height, below * (0.5 if before > 0.0 else 1.0)
+            outer_point, above, below = point, height, below * (0.5 if before > 0.0 else 1.0)
         before = height
         # of the square root of the objective: the line through the two last points does the rest
         if abs(height) < _SETTLED:
             break
     unsettled = any(
-        math.isfinite(point.objective) and not point.converged for point in (inner, beyond)
+        math.isfinite(point.objective) and not point.converged for point in (inner, outer_point)
     )
-    below, above = _height(inner, mode, rise), _height(beyond, mode, rise)
-    away = abs(float(inner.values[i] - mode.values[i]))
+    below, above = _height(inner, mode, rise), _height(outer_point, mode, rise)
+    distance = abs(float(inner.values[i] - mode.values[i]))
     # where a point on the level was found there is none, however far the bracket's other end is
     jump = above - below > _JUMP and min(above, -below) > _SETTLED
     if search.coordinates.by_size[i]:
-        lost = unsettled or (jump and away > _DECADES)
+        unbounded = unsettled or (jump and distance > _DECADES)
     else:
-        lost = away > (_FAR if jump else _NOWHERE) * search.scale[i]
-    if lost:
+        unbounded = distance > (_FAR if jump else _NOWHERE) * search.scale[i]
+    if unbounded:
         # the others may make up for any size
         return None, cuts
     share = below / (below - above)
-    return float(inner.values[i] + share * (beyond.values[i] - inner.values[i])), cuts
+    return float(inner.values[i] + share * (outer_point.values[i] - inner.values[i])), cuts
 
 
 def _with(values: FloatArray, i: int, value: float) -> FloatArray:
@@ -141,12 +142,12 @@ def returns(points: Sequence[End], rise: float) -> bool:
 
 
 def dips(points: Sequence[End]) -> list[End]:
-    """Points of a walk that lie lower than the point before and not higher than the one after:
+    """Points of a path that lie lower than the point before and not higher than the one after:
     valleys beside that of the mode.
     """
     triples = zip(points, points[1:], [*points[2:], points[-1]], strict=False)
     return [
-        here
-        for before, here, after in triples
-        if here.objective < before.objective - 1e-6 and here.objective <= after.objective
+        point
+        for before, point, after in triples
+        if point.objective < before.objective - 1e-6 and point.objective <= after.objective
     ]

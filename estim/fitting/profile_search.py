@@ -1,4 +1,4 @@
-"""What a profile asks of a posterior: -2 log density and its derivatives, at many points in one
+"""What a profile needs of a posterior: -2 log density and its derivatives, at many points in one
 call.
 
 Only the log density decides; it is differentiated by differences, so any likelihood will do.  Runs
@@ -18,7 +18,7 @@ import numpy as np
 from estim.arrays import BoolArray, FloatArray, IntArray, all_finite, sds_of
 from estim.fitting.fisher_information import information, known_from_data, prior_sds
 from estim.levenberg_marquardt import Start, minima
-from estim.problem import Coordinates, Likelihood, Posterior, made_up_for
+from estim.problem import Coordinates, Likelihood, Posterior, compensated
 
 # of a conditional standard deviation, for differences: their error moves an optimum by 1e-6 sd
 _STEP = 1e-3
@@ -63,7 +63,7 @@ class ProfileSearch:
         return float(self.objectives(point[None, :])[0])
 
     def reach(self, points: FloatArray) -> FloatArray:
-        """(n, n_par) beyond which the curvature at points says nothing: the farther from the fit,
+        """(n, n_par) beyond which the curvature at points is of no use: the farther from the fit,
         the longer.
         """
         return 5.0 * self.scale + np.abs(points - self.coordinates.of(self.coordinates.centre))
@@ -101,7 +101,7 @@ class ProfileSearch:
         up, down = np.minimum(points + step, self.high), np.maximum(points - step, self.low)
         up = np.where(up > points, up, np.maximum(points - 0.5 * step, self.low))
         down = np.where(down < points, down, np.minimum(points + 0.5 * step, self.high))
-        values = self.coordinates.beside_zero(self.coordinates.values(points))
+        values = self.coordinates.away_from_zero(self.coordinates.values(points))
         with np.errstate(all="ignore"):
             slopes = 2.0 * self.posterior.problem.prior_gradient(values)
         slopes *= self.coordinates.slopes(values)
@@ -125,7 +125,7 @@ class ProfileSearch:
         """(n_par, n_par) the second derivatives that the Fisher information expects at a point, in
         standard deviations.
         """
-        values = self.coordinates.beside_zero(self.coordinates.values(point))
+        values = self.coordinates.away_from_zero(self.coordinates.values(point))
         units = self.coordinates.slopes(values) * self.scale
         with np.errstate(all="ignore"):
             return 2.0 * information(self.posterior, values) * np.outer(units, units)
@@ -155,7 +155,7 @@ def _minus_twice(log_density: FloatArray) -> FloatArray:
 
 def _quotients(
     above: FloatArray,
-    here: FloatArray,
+    centre: FloatArray,
     below: FloatArray,
     up: FloatArray,
     at: FloatArray,
@@ -166,14 +166,14 @@ def _quotients(
     """
     known_up, known_down = np.isfinite(above) & (up != at), np.isfinite(below) & (down != at)
     far, near = up - at, down - at
-    right, left = (
-        np.divide(height - here, step, out=np.zeros(up.shape), where=known)
+    from_above, from_below = (
+        np.divide(height - centre, step, out=np.zeros(up.shape), where=known)
         for height, step, known in ((above, far, known_up), (below, near, known_down))
     )
     bent = np.divide(
-        right * near - left * far, near - far, out=np.zeros(up.shape), where=near != far
+        from_above * near - from_below * far, near - far, out=np.zeros(up.shape), where=near != far
     )
-    return np.where(known_up & known_down, bent, np.where(known_up, right, left))
+    return np.where(known_up & known_down, bent, np.where(known_up, from_above, from_below))
 
 
 def search_of(
@@ -187,7 +187,7 @@ def search_of(
     """The search around the fit `values` (n_par,) of covariance `cov`, with the scales of the
     Gaussian there.
 
-    level : the highest rise of the objective that is asked for: where it rises by more towards 0,
+    level : the highest rise of the objective that is needed: where it rises by more towards 0,
         a parameter has one sign.
     squared : whether sizes of errors go by their squares: of the density itself, for no point has
         a volume then.
@@ -198,10 +198,10 @@ def search_of(
     nothing = np.zeros(sds.size, dtype=bool)
     coordinates = Coordinates(values, nothing, np.where(sizes, sds, 0.0))
     with np.errstate(all="ignore"):
-        told = known_from_data(posterior, values)
-        slopes = coordinates.slopes(told.inside)  # where the data are asked
+        data = known_from_data(posterior, values)
+        slopes = coordinates.slopes(data.inside)  # where the information is taken
         sds = np.where(sizes, 1.0, sds)
-        whitened = told.matrix * np.outer(slopes * sds, slopes * sds)
+        whitened = data.matrix * np.outer(slopes * sds, slopes * sds)
     if not all_finite(whitened):
         whitened = np.zeros_like(whitened)
     # its eigenvalues are positive: terms that all but cancel leave rounding errors for some
@@ -210,10 +210,10 @@ def search_of(
     cov = (basis / precision) @ basis.T * np.outer(sds, sds)
     conditional = sds / np.sqrt(np.square(basis) @ precision)
     low, high = (coordinates.of(end) for end in problem.support())
-    plain = ProfileSearch(posterior, coordinates, low, high, sds_of(cov), conditional, sds, cov)
-    by_size = _known_by_size(plain, values, level, told.on_limit)
+    linear = ProfileSearch(posterior, coordinates, low, high, sds_of(cov), conditional, sds, cov)
+    by_size = _known_by_size(linear, values, level, data.on_limit)
     if not np.any(by_size):
-        return plain
+        return linear
     coordinates = replace(coordinates, by_size=by_size)
     unit = np.where(by_size, coordinates.slopes(values), 1.0)
     low, high = (coordinates.of(end) for end in problem.support())
@@ -222,7 +222,7 @@ def search_of(
         coordinates,
         np.where(by_size, np.maximum(low, -_FARTHEST), low),
         np.where(by_size, np.minimum(high, _FARTHEST), high),
-        plain.scale / unit,
+        linear.scale / unit,
         conditional / unit,
         sds / unit,
         cov / np.outer(unit, unit),
@@ -232,13 +232,13 @@ def search_of(
 def _known_by_size(
     search: ProfileSearch, values: FloatArray, level: float, at_limit: BoolArray
 ) -> BoolArray:
-    """(n_par,) which parameters others go with, so that the data tell little of their size, and
+    """(n_par,) which parameters others go with, so that the data determine their size poorly, and
     which are not 0: without them, the objective is higher by more than `level`.
     """
     known = np.zeros(values.size, dtype=bool)
     if not level < np.inf or values.size > _MANY:
         return known
-    tied = made_up_for(values, search.cov)
+    tied = compensated(values, search.cov)
     squared = search.coordinates.squared
     candidates = np.flatnonzero(tied & ~squared & ~at_limit)
     at, starts = search.coordinates.of(values), []

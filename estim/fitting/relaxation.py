@@ -6,7 +6,7 @@ curve again.  Near a turning point this map can swing for ever, or have no place
 slope of the curve is infinite there.  Among hundreds of runs there are a few like that.  The own
 parameters of such a run go a share of their step, found from two steps (Aitken's relaxation).  If
 that does not help, its covariance is held at the best place that it has been, and the fit is one
-with that covariance; the record says how far off the place is.
+with that covariance; the record states how far off that point is.
 
 Source: Irons and Tuck, Int. J. Numer. Methods Eng. 1 (1969) 275 (relaxation from two steps).
 """
@@ -41,23 +41,23 @@ class Held:
     runs : names.
     off : how far the mode lies from where the covariance was taken, standard deviations of the
         parameter of its own that is farthest.
-    felt : by how much its swings moved any parameter of another run, or of all, standard
+    influence : by how much its swings moved any parameter of another run, or of all, standard
         deviations.
     """
 
     runs: tuple[str, ...]
     off: float
-    felt: float
+    influence: float
 
 
 @dataclass(eq=False)
 class _Pace:
     """Of one group.
 
-    mine : places of its own parameters.
-    share : of its steps.  since : the round in which it was seen to swing, and `swing`, how far.
+    mine : indices of its own parameters.
+    share : of its steps.  since : the round in which it was found to swing, and `swing`, how far.
     height, place, likelihood : the highest density that it had, where, and with which covariance.
-    felt : see `Held`.  held : whether it is.
+    influence : see `Held`.  held : whether it is.
     """
 
     mine: IntArray
@@ -67,7 +67,7 @@ class _Pace:
     height: float = -math.inf
     place: FloatArray | None = None
     likelihood: Likelihood | None = None
-    felt: float = 0.0
+    influence: float = 0.0
     held: bool = False
 
 
@@ -93,8 +93,8 @@ def settle_by_runs(
     far, scale = np.full(len(paces), math.inf), np.ones(values.size)
     for number in range(MAX_ROUNDS):
         shares = np.ones(values.size)
-        for one in paces:
-            shares[one.mine] = one.share
+        for pace in paces:
+            shares[pace.mine] = pace.share
         step = best(posterior, values) - values
         values = values + shares * step
         posterior = _linearised(problem, values, paces)
@@ -106,36 +106,36 @@ def settle_by_runs(
         moved = float(np.max(np.abs(step), initial=0.0))
         if moved < SETTLED:
             break
-        now = np.array([float(np.max(np.abs(step[one.mine]), initial=0.0)) for one in paces])
+        now = np.array([float(np.max(np.abs(step[pace.mine]), initial=0.0)) for pace in paces])
         # before a swing is taken for one
         if number >= 5:
             _remember(paces, posterior, values)
             swings = (now > 0.5 * far) & (now > _WITH_IT * np.max(now))  # the others only follow
             others = np.ones(values.size, dtype=bool)
-            for i, one in enumerate(paces):
-                _relax(one, step, before, number, now[i], swings=bool(swings[i]))
-                others[one.mine] = one.since is None
+            for i, pace in enumerate(paces):
+                _relax(pace, step, before, number, now[i], swings=bool(swings[i]))
+                others[pace.mine] = pace.since is None
             largest = float(np.max(np.abs(step[others]), initial=0.0))
-            for one in paces:
-                if one.since is not None and not one.held:
-                    one.felt = max(one.felt, largest)
+            for pace in paces:
+                if pace.since is not None and not pace.held:
+                    pace.influence = max(pace.influence, largest)
             worst = _to_hold(
                 paces, now, far, number, tired=number >= _PATIENCE and number - last >= _BETWEEN
             )
-            for one in worst:
-                one.held, one.share, one.felt = True, 1.0, max(one.felt, largest)
-                values[one.mine] = one.place
+            for pace in worst:
+                pace.held, pace.share, pace.influence = True, 1.0, max(pace.influence, largest)
+                values[pace.mine] = pace.place
             if worst:
                 last, posterior = number, _linearised(problem, values, paces)
         before, far = step, now
     held = tuple(
         Held(
             group.run_names,
-            float(np.max(np.abs(values[one.mine] - one.place) / scale[one.mine], initial=0.0)),
-            one.felt,
+            float(np.max(np.abs(values[pace.mine] - pace.place) / scale[pace.mine], initial=0.0)),
+            pace.influence,
         )
-        for one, group in zip(paces, problem.groups, strict=True)
-        if one.held and one.place is not None
+        for pace, group in zip(paces, problem.groups, strict=True)
+        if pace.held and pace.place is not None
     )
     return values, posterior, moved, held
 
@@ -169,19 +169,21 @@ def _remember(paces: list[_Pace], posterior: Posterior, values: FloatArray) -> N
 
 
 def _relax(
-    one: _Pace, step: FloatArray, before: FloatArray, number: int, now: float, *, swings: bool
+    pace: _Pace, step: FloatArray, before: FloatArray, number: int, now: float, *, swings: bool
 ) -> None:
     """The share of its next step; `step` and `before` (n_par,) are the whole steps of this round
     and the one before.
     """
-    if one.held or (one.since is None and not (swings and step[one.mine] @ before[one.mine] < 0.0)):
+    if pace.held or (
+        pace.since is None and not (swings and step[pace.mine] @ before[pace.mine] < 0.0)
+    ):
         return
-    if one.since is None:
-        one.since, one.swing = number, now
-    turn = step[one.mine] - before[one.mine]
+    if pace.since is None:
+        pace.since, pace.swing = number, now
+    turn = step[pace.mine] - before[pace.mine]
     size = float(turn @ turn)
-    share = -one.share * float(before[one.mine] @ turn) / size if size > 0.0 else one.share
-    one.share = min(max(share, LEAST_SHARE), 1.0)
+    share = -pace.share * float(before[pace.mine] @ turn) / size if size > 0.0 else pace.share
+    pace.share = min(max(share, LEAST_SHARE), 1.0)
 
 
 def _to_hold(
@@ -193,13 +195,13 @@ def _to_hold(
         for pace, moved, before in zip(paces, now, far, strict=True)
         if not pace.held and pace.place is not None and moved >= SETTLED
     ]
-    lost = [
+    stuck = [
         pace
         for pace, moved, _ in free
         if number - (pace.since or number) >= _TRIED and moved > _HELPS * pace.swing
     ]
-    if lost or not tired or not free:
-        return lost
+    if stuck or not tired or not free:
+        return stuck
     farthest = max(moved for _, moved, _ in free)
     return [
         pace for pace, moved, before in free if moved > _WITH_IT * farthest and moved > 0.5 * before

@@ -1,4 +1,4 @@
-"""Least squares with the linear parameters set apart (separable least squares), for
+"""Least squares with the linear parameters separated (separable least squares), for
 `estim.fitting.optimum`.
 
 A parameter counts as linear where the derivatives of the curve in it do not change when it, and the
@@ -30,12 +30,12 @@ class SeparableSearch:
     """
 
     posterior: Posterior
-    held: FloatArray  # (n_par,) the user's start, and the values of the noise parameters
+    start_values: FloatArray  # (n_par,) the user's start, and the values of the noise parameters
     low: FloatArray
     high: FloatArray
     linear: IntArray
     nonlinear: IntArray
-    unstated: bool = False  # whether only the residuals say how large the errors are
+    unstated: bool = False  # whether only the residuals show how large the errors are
 
     @property
     def free(self) -> IntArray:
@@ -54,7 +54,7 @@ class SeparableSearch:
     @property
     def resolved(self) -> float:
         """Ratio of singular values (columns of unit length) that the rounding errors of the
-        derivatives let be told from zero.
+        derivatives let be distinguished from zero.
         """
         return _SAFETY * max(
             getattr(run.curve, "precision", EXACT) for run in self.posterior.problem.runs
@@ -67,7 +67,7 @@ class SeparableSearch:
         pulling = [i for i in self.free if parameters[i].prior.informative]
         of_prior = np.array([p.prior.sd if math.isfinite(p.prior.sd) else 0.0 for p in parameters])
         # a parameter with a prior is no smaller than this share of its standard deviation
-        size = np.maximum(np.abs(self.held), 1e-3 * of_prior)
+        size = np.maximum(np.abs(self.start_values), 1e-3 * of_prior)
 
         def residuals(points: FloatArray, _which: IntArray) -> FloatArray:
             of_data = self.posterior.residuals_at(points)
@@ -91,7 +91,7 @@ class SeparableSearch:
     def rounding(self) -> float:
         """A sum of squares that rounding errors of the data alone may reach."""
         posterior = self.posterior
-        named = posterior.problem.named(self.held)
+        named = posterior.problem.named(self.start_values)
         groups = zip(posterior.problem.groups, posterior.likelihoods, strict=True)
         sizes = [likelihood.squared_size(group.y, named) for group, likelihood in groups]
         return 1e-28 * float(np.nansum(sizes))  # where counts have no expectation no scatter either
@@ -123,7 +123,7 @@ class SeparableSearch:
         return float(self.chi2_at(values[None, :])[0])
 
 
-def set_apart(
+def separated(
     problem: Problem, start: FloatArray, rng: np.random.Generator, *, unstated: bool = False
 ) -> SeparableSearch:
     """The search of a problem from `start` (n_par,), its linear parameters found by trial moves

@@ -32,7 +32,7 @@ def find_symmetry(
     n_par = values.size
     checker = _Found(problem)
     trials = [_trial(problem, values, rng) for _ in range(3)]
-    # of a narrow peak far from 0 the others may see nothing, wherever it is moved
+    # of a narrow peak far from 0 the others may show nothing, wherever it is moved
     trials.append((values, [run.x for run in problem.runs]))
     period = np.full(n_par, np.inf)
     sources = _free_arguments(problem)
@@ -47,7 +47,7 @@ def find_symmetry(
     maps = list(islice(_maps(list(sources), _turned(problem, sources, period)), most))
     same = (np.eye(n_par), np.zeros(n_par))
     matrices, shifts = zip(*_closed([same, *checker.survivors(maps, trials)], period), strict=True)
-    bare = Symmetry(
+    symmetry = Symmetry(
         np.array(matrices),
         np.array(shifts),
         period,
@@ -55,7 +55,7 @@ def find_symmetry(
         np.ones(n_par),
         np.full(n_par, np.inf),
     )
-    return bare.scaled(np.ones(n_par), bent)
+    return symmetry.scaled(np.ones(n_par), bent)
 
 
 # argument -> (arguments that its value is made of, with factors; shift)
@@ -69,13 +69,15 @@ def _free_arguments(problem: Problem) -> dict[str, None]:
     one argument only.
     """
     free = {a: None for run in problem.runs for a in run.arguments}
-    places: dict[object, set[str]] = {}
+    arguments_of: dict[object, set[str]] = {}
     for run in problem.runs:
         for argument, source in run.arguments.items():
             if not isinstance(source, str):
                 free.pop(argument, None)
-            places.setdefault(source, set()).add(argument)
-    known = [places[run.arguments[a]] for run in problem.runs for a in free if a in run.arguments]
+            arguments_of.setdefault(source, set()).add(argument)
+    known = [
+        arguments_of[run.arguments[a]] for run in problem.runs for a in free if a in run.arguments
+    ]
     return free if all(len(used) == 1 for used in known) else {}
 
 
@@ -175,20 +177,20 @@ class _Found:
         share: float = 1.0,
         limit: float = _SAME,
     ) -> list[bool]:
-        values, places = trial
+        values, abscissas = trial
         named = dict(zip(self.problem.names, values.tolist(), strict=True))
         same = np.ones(len(maps), dtype=bool)
-        for run, x in zip(self.problem.runs, places, strict=True):
-            here = {
+        for run, x in zip(self.problem.runs, abscissas, strict=True):
+            arguments = {
                 a: named[source] if isinstance(source, str) else float(source)
                 for a, source in run.arguments.items()
             }
-            rows = {a: np.full((len(maps) + 1, 1), value) for a, value in here.items()}
+            rows = {a: np.full((len(maps) + 1, 1), value) for a, value in arguments.items()}
             for row, map_ in enumerate(maps, start=1):
-                for a, (combined, shift) in _within(map_, here):
+                for a, (combined, shift) in _within(map_, arguments):
                     # nan: made of what another curve takes
-                    made = sum(k * here.get(b, math.nan) for b, k in combined.items()) + shift
-                    rows[a][row, 0] = (1.0 - share) * here[a] + share * made
+                    image = sum(k * arguments.get(b, math.nan) for b, k in combined.items()) + shift
+                    rows[a][row, 0] = (1.0 - share) * arguments[a] + share * image
             with np.errstate(all="ignore"):
                 curves = np.broadcast_to(
                     run.curve.value(x, own_values(rows)), (len(maps) + 1, x.size)
@@ -210,28 +212,31 @@ class _Found:
         set_to: dict[int, tuple[dict[int, float], float]] = {}
         for run in self.problem.runs:
             for a, (combined, c) in _within(map_, run.arguments):
-                taken = {names.index(str(run.arguments[b])): k for b, k in combined.items()}
-                if set_to.setdefault(names.index(str(run.arguments[a])), (taken, c)) != (taken, c):
+                coefficients = {names.index(str(run.arguments[b])): k for b, k in combined.items()}
+                if set_to.setdefault(names.index(str(run.arguments[a])), (coefficients, c)) != (
+                    coefficients,
+                    c,
+                ):
                     return None
-        for i, (taken, c) in set_to.items():
+        for i, (coefficients, c) in set_to.items():
             matrix[i], shift[i] = 0.0, c
-            for j, k in taken.items():
+            for j, k in coefficients.items():
                 matrix[i, j] = k
         if abs(abs(np.linalg.det(matrix)) - 1.0) > 1e-9:
             return None
         return (
             (matrix, shift)
-            if all(self._same_prior(i, taken, c) for i, (taken, c) in set_to.items())
+            if all(self._same_prior(i, coefficients, c) for i, (coefficients, c) in set_to.items())
             else None
         )
 
-    def _same_prior(self, i: int, taken: dict[int, float], shift: float) -> bool:
+    def _same_prior(self, i: int, coefficients: dict[int, float], shift: float) -> bool:
         """Whether the prior of parameter i is that of j under the map; ranges stated as a prior
         hold several solutions where signs change.
         """
-        if len(taken) > 1:
+        if len(coefficients) > 1:
             return isinstance(self.problem.parameters[i].prior, Flat)
-        ((j, sign),) = taken.items()
+        ((j, sign),) = coefficients.items()
         mine, other = self.problem.parameters[i].prior, self.problem.parameters[j].prior
         if not mine.informative and not other.informative:
             return (sign > 0.0 and shift == 0.0) or (
@@ -250,7 +255,7 @@ def _within(
     map_: Map, arguments: Collection[str]
 ) -> Iterator[tuple[str, tuple[dict[str, float], float]]]:
     """What a map does to the arguments of one curve."""
-    return ((a, made) for a, made in map_.items() if a in arguments)
+    return ((a, image) for a, image in map_.items() if a in arguments)
 
 
 def _closed(elements: list[Lifted], period: FloatArray) -> list[Lifted]:

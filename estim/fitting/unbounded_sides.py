@@ -41,13 +41,13 @@ def open_sides(fit: Fit, sds: FloatArray) -> list[Finding]:
     findings = []
     for i, interval in zip(free, intervals, strict=True):
         parameter, far = fit.problem.parameters[i], _FAR * float(sds[i])
-        found = side_left_open(interval, parameter, float(sds[i]))
+        open_side = open_side_finding(interval, parameter, float(sds[i]))
         ends = interval.low[_PROBABILITY], interval.high[_PROBABILITY]
         flat = fit.jeffreys is None and not (fit.flat is not None and fit.flat.by_size[i])
         # the measure of runs is known about the fit alone
         strained = fit.measure is not None and interval.by_size
         over = flat and (strained or max(abs(end - interval.value) for end in ends) > far)
-        findings += found or ([_open("decades", parameter)] if over else [])
+        findings += open_side or ([_open("decades", parameter)] if over else [])
     return findings
 
 
@@ -69,13 +69,13 @@ def _endless(fit: Fit) -> list[Finding]:
     return [
         _open("counts", p)
         for interval, p in zip(intervals, flat, strict=True)
-        if side_left_open(interval, p)
+        if open_side_finding(interval, p)
     ]
 
 
 def vague(fit: Fit, sds: FloatArray) -> BoolArray:
     """(n_par,) whether one standard deviation of a parameter without a stated value would, alone,
-    move the curve by half the range of the data, and its derivatives do not say what the other
+    move the curve by half the range of the data, and its derivatives do not tell what the other
     parameters make of that.
 
     Of the constant of a power law far from x = 1, value ± 1.96 sds hold 87 % in place of 95 %, the
@@ -95,15 +95,17 @@ def bending(fit: Fit) -> FloatArray:
     where a sixteenth of the step bends them as much, by rounding errors.
     """
     n, steps = len(fit.names), fit.cov / positive_or(fit.scale, 1.0)[:, None]
-    places = np.vstack([np.zeros(n), steps, -steps, steps / 16.0, steps / -16.0])
+    points = np.vstack([np.zeros(n), steps, -steps, steps / 16.0, steps / -16.0])
     with np.errstate(all="ignore"):
-        ends = fit.posterior.residuals_at(np.clip(fit.values + places, *fit.problem.support()))
+        ends = fit.posterior.residuals_at(np.clip(fit.values + points, *fit.problem.support()))
         pairs = ends[1:].reshape(2, 2, n, -1).sum(axis=1) - 2.0 * ends[0]
-        whole, part = np.nan_to_num(np.linalg.norm(pairs, axis=2), nan=np.inf, posinf=np.inf)
-    return np.where(part <= 0.5 * whole, whole, 0.0)
+        full_step, part_step = np.nan_to_num(
+            np.linalg.norm(pairs, axis=2), nan=np.inf, posinf=np.inf
+        )
+    return np.where(part_step <= 0.5 * full_step, full_step, 0.0)
 
 
-def side_left_open(
+def open_side_finding(
     interval: ProfileInterval, parameter: Parameter, sd: float = math.inf
 ) -> list[Finding]:
     """The finding that an interval of any probability has no end on a side without a limit, or none

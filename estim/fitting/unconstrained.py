@@ -23,7 +23,7 @@ def silent_parameters(fit: Fit) -> tuple[str, ...]:
     """
     names = [name for name in fit.names if name not in fit.problem.noise_names]
     columns = fit.posterior.jacobian(fit.values)[:, [fit.names.index(name) for name in names]]
-    # a parameter without a derivative is one that nothing can be said of
+    # a parameter without a derivative is one that nothing is known of
     columns = np.where(np.all(np.isfinite(columns), axis=0), columns, 0.0)
     scale = positive_or(np.linalg.norm(columns, axis=0), 1.0)
     _, singular, right = np.linalg.svd(columns / scale, full_matrices=True)

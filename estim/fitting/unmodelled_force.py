@@ -80,7 +80,7 @@ def fit_with_forces(white: Fit, *, rng: np.random.Generator, scanned: bool = Tru
     fit = refit(problem.with_noises(posed.noises, posed.shared), start)
     fit = scanned_fit(fit, rng=rng) if scanned else fit
     forces = posed.inferred_at(problem, fit.values, fit.cov)
-    return replace(_led_by(white, fit), forces=forces, parts=posed.parts)
+    return replace(_with_starts_of(white, fit), forces=forces, parts=posed.parts)
 
 
 def fit_without_force(white: Fit, *, bad: Mapping[str, BadFrames], rng: np.random.Generator) -> Fit:
@@ -100,11 +100,11 @@ def fit_without_force(white: Fit, *, bad: Mapping[str, BadFrames], rng: np.rando
             replace(run, noise=noises.get(run.name, run.noise), force=0.0) for run in problem.runs
         )
         fit = refit(Problem(problem.parameters, runs, shared), fit.values)
-    return _led_by(white, scanned_fit(fit, rng=rng))
+    return _with_starts_of(white, scanned_fit(fit, rng=rng))
 
 
-def _led_by(white: Fit, fit: Fit) -> Fit:
-    """`fit`, to which the best of the many starts of `white` led."""
+def _with_starts_of(white: Fit, fit: Fit) -> Fit:
+    """`fit`, with the record of the many starts of `white`."""
     message = white.message if fit.success else fit.message
     return replace(
         fit, symmetry=white.symmetry, n_start=white.n_start, n_same=white.n_same, message=message
@@ -185,8 +185,8 @@ def expected_information(
                 f"would take the curve of {run.name} as complete: "
                 f"{'; '.join(run.complete.names) if run.complete else 'no force'}"
             )
-    plain = tuple(run for run in problem.runs if run.name not in sizes)
-    total = information(Problem(problem.parameters, plain).linearised(values), values)
+    without_force = tuple(run for run in problem.runs if run.name not in sizes)
+    total = information(Problem(problem.parameters, without_force).linearised(values), values)
     for runs in sharing_runs([run for run in problem.runs if run.name in sizes]).values():
         size = next(
             (sizes[run.name] for run in runs if sizes[run.name].several), sizes[runs[0].name]

@@ -1,7 +1,7 @@
 """The theta_min line of a campaign by every method: ordinary and weighted least squares, York, and
 a Bayesian line.
 
-gamma is 1/slope; the intercept is read in two ways that the points cannot tell apart, as rolling
+gamma is 1/slope; the intercept is read in two ways that the points cannot distinguish, as rolling
 resistance (c_rr = intercept * gamma) and as a zero error of a scale.
 """
 
@@ -43,8 +43,8 @@ from estim.words import advice_for, tell
 
 @dataclass(frozen=True)
 class Reading:
-    """What one method says: gamma and c_rr with standard uncertainties, and E_n of gamma against
-    the masses.
+    """The result of one method: gamma and c_rr with standard uncertainties, and E_n of gamma
+    against the masses.
 
     e_n is nan where gamma from the masses is unknown; |E_n| <= 1 means agreement at k = 2.
     """
@@ -97,7 +97,7 @@ class LineAnalysis(Judged):
 
     @property
     def disagreement(self) -> str:
-        """What to say where gamma of the line and gamma as stated differ at k = 2; "" where they
+        """The message where gamma of the line and gamma as stated differ at k = 2; "" where they
         agree, or one of them is missing.
 
         The line does not use the stated value, so this is no fault of the line.
@@ -234,8 +234,8 @@ def _read(fit: LineFit, gamma_masses: Quantity | None) -> Reading:
     """gamma = 1/slope and c_rr = intercept/slope by linear propagation with the correlation of
     slope and intercept.
 
-    Uncertainties of a fit whose scale comes from few residuals are widened to what Student's t asks
-    for at 68 %.
+    Uncertainties of a fit whose scale comes from few residuals are widened to what Student's t
+    requires at 68 %.
     """
     from uncertainties import correlated_values
 

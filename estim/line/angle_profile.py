@@ -81,8 +81,8 @@ def line_data(
     if np.any(r != 0.0) and (u_x is None or u_y is None):
         raise InputError("needs both u_x and u_y", field="r_xy")
     if np.any((ux == 0.0) & (uy == 0.0)):
-        place = int(np.argmax((ux == 0.0) & (uy == 0.0)))
-        raise InputError(f"and u_x must not both be 0 (point {place + 1})", field="u_y", value=0.0)
+        index = int(np.argmax((ux == 0.0) & (uy == 0.0)))
+        raise InputError(f"and u_x must not both be 0 (point {index + 1})", field="u_y", value=0.0)
     if np.ptp(x_) == 0.0 and (np.ptp(y_) == 0.0 or not np.any(ux)):
         raise InputError("must not all be equal", field="x", value=float(x_[0]))
     if np.ptp(y_) == 0.0 and not np.any(uy):
@@ -94,10 +94,18 @@ def _correlated_data(x: ArrayLike, y: ArrayLike, cov: ArrayLike) -> LineData:
     n = np.size(x)
     joint = check_joint(real_numbers(cov, "cov"), n)
     u = sds_of(joint)
-    plain = line_data(x, y, u_x=u[:n], u_y=u[n:])
-    size = np.where(plain.u_x * plain.u_y > 0.0, plain.u_x * plain.u_y, 1.0)
+    uncorrelated = line_data(x, y, u_x=u[:n], u_y=u[n:])
+    size = np.where(
+        uncorrelated.u_x * uncorrelated.u_y > 0.0, uncorrelated.u_x * uncorrelated.u_y, 1.0
+    )
     return LineData(
-        plain.x, plain.y, plain.u_x, plain.u_y, np.diag(joint[:n, n:]) / size, "correlated", joint
+        uncorrelated.x,
+        uncorrelated.y,
+        uncorrelated.u_x,
+        uncorrelated.u_y,
+        np.diag(joint[:n, n:]) / size,
+        "correlated",
+        joint,
     )
 
 
@@ -214,9 +222,9 @@ def profile(angle: FloatArray, points: ScaledPoints) -> Profile:
     """S(theta) and the score of the angle.
 
     With d_i = across_i - c and w_i = 1/v_i, the score is sum w_i d_i z_i, where z_i = along_i +
-    (v_i'/2 v_i) d_i is the place along the line of York's adjusted point.  Each d_i is independent
-    of its z_i if theta is true (z is along with its regression on d removed), hence given z the
-    score is exactly normal with variance sum w (z - mean z)^2, however few the points.
+    (v_i'/2 v_i) d_i is the position along the line of York's adjusted point.  Each d_i is
+    independent of its z_i if theta is true (z is along with its regression on d removed), hence
+    given z the score is exactly normal with variance sum w (z - mean z)^2, however few the points.
 
     angle : (n_angle,) or one, rad, in scaled units.  Source: York et al. 2004, eqs. (3)-(5),
         rotated; the score as in Kleibergen 2002, Econometrica 70, 1781.
@@ -237,8 +245,8 @@ def profile(angle: FloatArray, points: ScaledPoints) -> Profile:
     wd = points.solve(variance, d)
     z = c * points.x + s * points.y - points.times(shared, wd)
     centre = (w * z).sum(axis=-1) / total
-    apart = z - centre[..., None]
-    information = (apart * points.solve(variance, apart)).sum(axis=-1)
+    deviations = z - centre[..., None]
+    information = (deviations * points.solve(variance, deviations)).sum(axis=-1)
     return Profile((d * wd).sum(axis=-1), (wd * z).sum(axis=-1), information, offset, total, centre)
 
 

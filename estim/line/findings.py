@@ -42,12 +42,12 @@ def line_findings(fit: LineFit, interval: SlopeInterval, chain: Chain) -> tuple[
     else:
         slope = chain.column("slope")
         u = float(np.hypot(fit.standard_errors[fit.recommended].u_slope, slope.std()))
-        apart = float(slope.mean()) - fit.slope
-        if abs(apart) > u:
+        difference = float(slope.mean()) - fit.slope
+        if abs(difference) > u:
             findings.append(
                 Finding(
                     Kind.SLOPES_DIFFER,
-                    size=apart,
+                    size=difference,
                     numbers={"york": fit.slope, "bayes": float(slope.mean()), "u": u},
                 )
             )
@@ -57,7 +57,7 @@ def line_findings(fit: LineFit, interval: SlopeInterval, chain: Chain) -> tuple[
 
 
 def points_findings(fit: LineFit) -> list[Finding]:
-    """What the residuals say against a line through its points."""
+    """The evidence of the residuals against a line through its points."""
     if not (
         math.isfinite(fit.slope)
         and all(np.isfinite(u) for error in fit.standard_errors.values() for u in error)

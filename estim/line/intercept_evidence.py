@@ -1,5 +1,5 @@
-"""What the points of a line say for or against an intercept: the evidence of the line with one over
-that of the line through the origin.
+"""Evidence for or against an intercept of a line: the evidence of the line with
+one over that of the line through the origin.
 """
 
 from __future__ import annotations

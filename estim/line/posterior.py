@@ -9,9 +9,9 @@ and integrated out.  What to use when:
 - they do not, or none are known for y: ``scatter``, the sd of a half-normal prior on an extra
   normal scatter in y.
 - all readings of an instrument share a zero error: ``u_zero_x``, ``u_zero_y``.  Where it moves
-  all points alike they see only intercept + zero_y - slope zero_x: with a flat intercept they say
-  nothing on the zeros, whose uncertainty then simply widens the intercept.  Where it moves them
-  by different amounts (an angle whose sine is y) it turns the line too.
+  all points equally they determine only intercept + zero_y - slope zero_x: with a flat intercept
+  they do not constrain the zeros, whose uncertainty then simply widens the intercept.  Where it
+  moves them by different amounts (an angle whose sine is y) it turns the line too.
 - the line is known to pass through the origin: ``through_origin``.
 
 Why tau: with d_i = y_i - a - b x_i of variance v_i, and z_i the abscissa with its regression on d_i
@@ -156,11 +156,11 @@ def line_posterior(
         if value is not None and not 0.0 < value < np.inf:
             raise InputError("must be > 0 and finite", field=field, value=value)
     zeros: dict[str, FloatArray] = {}
-    for name, given in (("zero_x", u_zero_x), ("zero_y", u_zero_y)):
-        u = real_numbers(given, f"u_{name}")
+    for name, stated in (("zero_x", u_zero_x), ("zero_y", u_zero_y)):
+        u = real_numbers(stated, f"u_{name}")
         if u.shape not in ((), data.x.shape) or not np.all((u >= 0.0) & np.isfinite(u)):
             rule = "must be >= 0 and finite, one or as many as points"
-            raise InputError(rule, field=f"u_{name}", value=given)
+            raise InputError(rule, field=f"u_{name}", value=stated)
         if np.any(u > 0.0):
             zeros[name] = np.broadcast_to(u, data.x.shape)
     if through_origin and intercept_sd is not None:

@@ -90,7 +90,7 @@ class StandardError(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LineFit(Tabled):
-    """The best line, its standard errors by every convention, and what can be said of the fit.
+    """The best line, its standard errors by every convention, and the diagnostics of the fit.
 
     intercept : unit of y; nan for a vertical line.
     slope : unit of y / unit of x; inf for a vertical line.

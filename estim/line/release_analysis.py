@@ -1,5 +1,5 @@
 """Trials of release analysed: gamma from all trials, from each end alone, and without the release;
-what they tell apart.
+what they distinguish.
 
 `analyse_trials` is the front door.  The headline is a chain with a second computation beside it;
 the others are importance sampling.
@@ -113,7 +113,7 @@ class TrialsAnalysis(Judged):
     thresholds : at each tilt by itself.
     offset : rad, how far ascents begin above asin(sin phi/gamma) at the mean tilt `phi_mean` (rad):
         release and resistance together.
-    told : unknown -> posterior over prior standard deviation, what the trials tell of it.
+    told : unknown -> posterior over prior standard deviation, what the trials tell about it.
     correlation : of c_rr and release, nan where one of them is not free.
     findings : what is wrong; empty means ok.
     """
@@ -144,9 +144,9 @@ class TrialsAnalysis(Judged):
         if self.gamma_masses is not None and abs(both.e_n) > 1.0:
             gammas = (("trials", both.quantity), ("stated", self.gamma_masses))
             findings.append(Finding(Kind.TRIALS_DISAGREE, size=both.e_n, numbers=_numbers(gammas)))
-        apart = self.ends_apart
-        if apart is not None and abs(sds := apart.value / apart.u) > 2.0:
-            numbers = _numbers((("apart", apart),)) | {"sds": sds}
+        difference = self.ends_apart
+        if difference is not None and abs(sds := difference.value / difference.u) > 2.0:
+            numbers = _numbers((("apart", difference),)) | {"sds": sds}
             findings.append(Finding(Kind.ENDS_DISAGREE, size=0.5 * sds, numbers=numbers))
         return tuple(map(tell, findings))
 
@@ -198,7 +198,7 @@ def analyse_trials(
     target: Target | None = None,
     progress: Progress | None = None,
 ) -> TrialsAnalysis:
-    """Everything that trials of release say; the same seed gives the same numbers.
+    """Every result of trials of release; the same seed gives the same numbers.
 
     resistance : prior of c_rr, or its exact value.
     gamma_masses : gamma as stated, to compare with; it does not enter.
@@ -216,8 +216,8 @@ def analyse_trials(
     chain, agreement = certified.chain, certified.comparison
     values = {name: chain.flat[:, i] for i, name in enumerate(chain.names)}
     findings = _findings(trials, posterior, values, chain, agreement)
-    ways = {"both": _way(values["gamma"], gamma_masses, True)}
-    apart = None
+    results = {"both": _result_of(values["gamma"], gamma_masses, True)}
+    difference = None
     if decide(findings).draws_count:
         variants = {end: trials.end(end) for end in trials.ends if len(trials.ends) > 1}
         variants |= {"free": replace(trials, release=0.0)} if trials.release > 0.0 else {}
@@ -225,9 +225,11 @@ def analyse_trials(
             weighted = weigh(
                 release_posterior(variant, resistance), rng=stream(seed, Stream.RELEASE_DRAWS, i)
             )
-            ways[name] = _way(weighted.draws[:, 0], gamma_masses, weighted.reliable)
-        apart = (
-            _ends_apart(trials, resistance, rng=stream(seed, Stream.RELEASE_DRAWS, len(variants)))
+            results[name] = _result_of(weighted.draws[:, 0], gamma_masses, weighted.reliable)
+        difference = (
+            _difference_of_ends(
+                trials, resistance, rng=stream(seed, Stream.RELEASE_DRAWS, len(variants))
+            )
             if len(trials.ends) > 1
             else None
         )
@@ -250,8 +252,8 @@ def analyse_trials(
         posterior,
         chain,
         agreement,
-        ways,
-        apart,
+        results,
+        difference,
         thresholds(trials, values["scatter"]),
         Quantity.of(above),
         phi_mean,
@@ -277,20 +279,20 @@ def rough_start(posterior: ReleasePosterior) -> tuple[FloatArray, FloatArray]:
 
 
 def weigh(posterior: ReleasePosterior, *, rng: np.random.Generator) -> Certificate:
-    """The posterior by importance sampling alone: some tenths of a second; `reliable` says whether
+    """The posterior by importance sampling alone: some tenths of a second; `reliable` tells whether
     to believe it.
     """
     proposal = adapt_proposal(posterior, *rough_start(posterior), rng=rng)
     return certify(posterior, proposal, rng=rng)
 
 
-def _way(gamma: FloatArray, gamma_masses: Quantity | None, reliable: bool) -> Way:
+def _result_of(gamma: FloatArray, gamma_masses: Quantity | None, reliable: bool) -> Way:
     summary = summarise(gamma, unit="1", meaning=phrase(UNKNOWNS["gamma"][1]))
     estimate = Quantity.of(gamma)
     return Way(summary, math.nan if gamma_masses is None else e_n(estimate, gamma_masses), reliable)
 
 
-def _ends_apart(
+def _difference_of_ends(
     trials: Trials, resistance: Prior | float, *, rng: np.random.Generator
 ) -> Quantity | None:
     weighted = weigh(release_posterior(trials, resistance, split=True), rng=rng)

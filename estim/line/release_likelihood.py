@@ -27,8 +27,8 @@ lines are rewarded and gamma comes out too large, as for any line with errors in
 Priors: gamma uniform in (0, 1), or one for each end (`split`); c_rr as the campaign states it;
 release half-normal; scatter log-normal about the stated u_theta, known to a factor of 4 at 95 %.
 With all refusals below all ascents the likelihood has no maximum in the scatter (the smaller, the
-better, down to 0): it is bounded, so the posterior exists, and the prior says how closely an angle
-can be set at all.
+better, down to 0): it is bounded, so the posterior exists, and the prior states how closely an
+angle can be set at all.
 """
 
 from __future__ import annotations

@@ -96,7 +96,7 @@ class StraightLine:
     correlated : what is stated of errors that points share, in words.
     axes : names of x and y, with the units that the header states.
     told : which columns are what, in words.
-    findings : what the residuals say against the line.
+    findings : the evidence of the residuals against the line.
     """
 
     path: Path
@@ -122,11 +122,11 @@ class StraightLine:
 
     @property
     def units(self) -> Mapping[str, str]:
-        """Of "x", "y", "intercept" and "slope"; "1" where the header says none."""
+        """Of "x", "y", "intercept" and "slope"; "1" where the header states none."""
         names = "intercept", "slope"
-        found = units_of(read_formula("intercept + slope*x"), self.axes, names)
+        follows = units_of(read_formula("intercept + slope*x"), self.axes, names)
         own = {"x": self.axes.x_unit, "y": self.axes.y_unit}
-        return own | {name: found.get(name, "1") for name in names}
+        return own | {name: follows.get(name, "1") for name in names}
 
     @property
     def first_step(self) -> str:
@@ -147,7 +147,7 @@ class StraightLine:
     @property
     def message(self) -> str:
         """What a reader must know before using the numbers; "" if nothing."""
-        # which the fit says itself
+        # which the fit states itself
         sentences = (
             tell(finding) for finding in self.findings if finding.kind is not Kind.POINTS_SCATTER
         )
@@ -179,10 +179,10 @@ def straight_line(
     stated = correlated or Correlated()
     layout = read_layout(path, dialect, needed=[name for name in (columns.x, columns.y) if name])
     columns = _with_axes(columns, layout)
-    alike = [name for name in layout.names if columns.x in (name, bare_name(name))]
-    if columns.x == columns.y and len(alike) < 2:
+    candidates = [name for name in layout.names if columns.x in (name, bare_name(name))]
+    if columns.x == columns.y and len(candidates) < 2:
         raise InputError("must name another column than --x", field="--y", value=columns.y)
-    wanted = replace(
+    named_columns = replace(
         columns,
         u_x=columns.u_x or _own_uncertainty(columns.x, layout),
         u_y=columns.u_y or _own_uncertainty(columns.y, layout),
@@ -190,7 +190,7 @@ def straight_line(
     )
     named = [
         name
-        for name in dict.fromkeys(vars(wanted).values())
+        for name in dict.fromkeys(vars(named_columns).values())
         if name is not None
         and _number(name) is None
         and (name in vars(columns).values() or is_column(name, layout.names))
@@ -201,9 +201,9 @@ def straight_line(
         return None if name is None else table.columns.get(name, _number(name))
 
     unread: dict[str, Any] = {
-        key: None for key, name in vars(wanted).items() if column(name) is None
+        key: None for key, name in vars(named_columns).items() if column(name) is None
     }
-    read = _in_their_place(columns, replace(wanted, **unread), stated)
+    read = _without_contained(columns, replace(named_columns, **unread), stated)
     if read.u_x is None or read.u_y is None:
         if columns.r_xy is not None:
             raise InputError(
@@ -275,18 +275,24 @@ def _own_uncertainty(name: str, layout: Layout) -> str | None:
 
 
 def _with_axes(columns: Columns, layout: Layout) -> Columns:
-    """The columns with names of x and y: x and y, where they are called so, or those of the two
+    """The columns with names of x and y: x and y, where they have these names, or those of the two
     columns of values.  Raises InputError.
     """
-    bare = [
+    names = [
         bare_name(name)
         for name in value_columns(layout, (columns.u_x, columns.u_y, columns.r_xy or "r_xy"))
     ]
-    usual = {name for name in ("x", "y") if is_column(name, layout.names)} - {columns.x, columns.y}
-    x, y = columns.x or ("x" if "x" in usual else ""), columns.y or ("y" if "y" in usual else "")
+    defaults = {name for name in ("x", "y") if is_column(name, layout.names)} - {
+        columns.x,
+        columns.y,
+    }
+    x, y = (
+        columns.x or ("x" if "x" in defaults else ""),
+        columns.y or ("y" if "y" in defaults else ""),
+    )
     if not columns.x and not columns.y and not (x and y):
-        x, y = first_and_second(bare) or (x, y)
-    elif len(others := [name for name in bare if name not in (x, y)]) == 1:
+        x, y = first_and_second(names) or (x, y)
+    elif len(others := [name for name in names if name not in (x, y)]) == 1:
         x, y = x or others[0], y or others[0]
     if missing := [option for option, name in (("--x", x), ("--y", y)) if not name]:
         known = listed([column for column in layout.names if column])
@@ -300,20 +306,20 @@ def _with_axes(columns: Columns, layout: Layout) -> Columns:
     return replace(columns, x=x, y=y)
 
 
-def _in_their_place(columns: Columns, read: Columns, stated: Correlated) -> Columns:
+def _without_contained(columns: Columns, read: Columns, stated: Correlated) -> Columns:
     """The columns without those of uncertainties that a matrix holds.  Raises InputError where one
     of these was named.
     """
-    held = [
+    contained = [
         key
         for key, of_axis in (("u_x", stated.cov_x), ("u_y", stated.cov_y))
         if stated.cov is not None or of_axis is not None
     ]
-    if not held:
+    if not contained:
         return read
-    held.append("r_xy")
+    contained.append("r_xy")
     for key, option in (("u_x", "--ux"), ("u_y", "--uy"), ("r_xy", "--correlation")):
-        if key in held and getattr(columns, key) is not None:
+        if key in contained and getattr(columns, key) is not None:
             raise InputError(
                 "cannot be combined with a covariance matrix, which already contains it",
                 field=option,
@@ -324,7 +330,7 @@ def _in_their_place(columns: Columns, read: Columns, stated: Correlated) -> Colu
             "cannot be combined with --cov, which already contains it",
             field="--cov-x" if stated.cov_x is not None else "--cov-y",
         )
-    none: dict[str, Any] = dict.fromkeys(held)
+    none: dict[str, Any] = dict.fromkeys(contained)
     return replace(read, **none)
 
 
@@ -338,13 +344,13 @@ def _number(text: str) -> float | None:
 def _prediction(fit: LineFit, x0: Quantity, k: float) -> PredictedPoint:
     values = line_values(fit, x0.value)
     y, u = float(values.values[0]), math.hypot(float(values.u[0]), fit.slope * x0.u)
-    u_reading = math.hypot(u, _of_one_reading(fit))
+    u_reading = math.hypot(u, _u_of_reading(fit))
     return PredictedPoint(x0.value, x0.u, y, u, y - k * u, y + k * u, u_reading)
 
 
-def _of_one_reading(fit: LineFit) -> float:
+def _u_of_reading(fit: LineFit) -> float:
     """Standard uncertainty of one more reading of y: the scatter of the residuals, or what all
-    points state alike; nan where they differ.
+    points state equally; nan where they differ.
     """
     if fit.method == "correlated":
         return math.nan
@@ -365,7 +371,7 @@ def _inverse(fit: LineFit, y0: Quantity, k: float, probability: float) -> Predic
             field="--inverse",
             value=y0.value,
         )
-    u_y0 = _of_one_reading(fit) if y0.exact else y0.u
+    u_y0 = _u_of_reading(fit) if y0.exact else y0.u
     linear = inverse_prediction(fit, y0.value, u_y0=u_y0, probability=probability)
     error = standard_error(fit)
     above = y0.value - fit.intercept - fit.slope * error.x_pivot
@@ -375,5 +381,5 @@ def _inverse(fit: LineFit, y0: Quantity, k: float, probability: float) -> Predic
         return PredictedPoint(y0.value, u_y0, linear.x0, linear.u_x0, -math.inf, math.inf)
     middle = above * fit.slope / curvature
     half = math.sqrt(max((above * fit.slope) ** 2 - curvature * room, 0.0)) / curvature
-    place = error.x_pivot + middle
-    return PredictedPoint(y0.value, u_y0, linear.x0, linear.u_x0, place - half, place + half)
+    centre = error.x_pivot + middle
+    return PredictedPoint(y0.value, u_y0, linear.x0, linear.u_x0, centre - half, centre + half)

@@ -7,9 +7,9 @@ t uniform between 0 and 90 degrees,
     p(t | trials) = mean over scatter of L(t, scatter)/integral of L(t', scatter) dt'
 
 on a grid of t, over values of the scatter as the fit of all trials gives it: no draws.  A few
-trials cannot tell their own scatter: under a uniform prior of t one ascent among refusals would do
-for a scatter of 20 degrees and a threshold far above.  What comes out is the angle as it is
-measured, with the release in it.
+trials cannot determine their own scatter: under a uniform prior of t one ascent among refusals
+would do for a scatter of 20 degrees and a threshold far above.  What comes out is the angle as it
+is measured, with the release in it.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from estim.problem.curve import (
     plain_words,
 )
 from estim.problem.events import BINOMIAL, POISSON, Counted, Counts, Events, Law, counted_words
-from estim.problem.coordinates import WIDE, Coordinates, made_up_for
+from estim.problem.coordinates import WIDE, Coordinates, compensated
 from estim.problem.differences import used_columns
 from estim.problem.errors_in_x import ROOTED, rooted
 from estim.problem.likelihood import (

@@ -22,8 +22,8 @@ _TIED = 0.95  # correlation
 _LEAST = 1e-6  # of the unit of a square: a smaller value counts as this one
 
 
-def made_up_for(values: FloatArray, cov: FloatArray) -> BoolArray:
-    """(n_par,) which parameters are hardly known, because others make up for them, about a fit
+def compensated(values: FloatArray, cov: FloatArray) -> BoolArray:
+    """(n_par,) which parameters are hardly known, because others compensate for them, about a fit
     `values` (n_par,) of covariance `cov`.
     """
     sds = sds_of(cov)
@@ -47,12 +47,12 @@ class Coordinates:
     by_size: BoolArray
     unit: FloatArray | float = 0.0
 
-    def values(self, places: FloatArray) -> FloatArray:
+    def values(self, coordinates: FloatArray) -> FloatArray:
         """Values (..., n_par) at coordinates."""
         with np.errstate(all="ignore"):
-            sizes = self.centre * np.exp(np.sign(self.centre) * places)
-            roots = np.sqrt(np.maximum(places, 0.0)) * self.unit
-        return np.where(self.by_size, sizes, np.where(self.squared, roots, places))
+            sizes = self.centre * np.exp(np.sign(self.centre) * coordinates)
+            roots = np.sqrt(np.maximum(coordinates, 0.0)) * self.unit
+        return np.where(self.by_size, sizes, np.where(self.squared, roots, coordinates))
 
     def of(self, values: FloatArray) -> FloatArray:
         """Coordinates (..., n_par) of values; infinite where a sign is not that of the centre."""
@@ -61,20 +61,20 @@ class Coordinates:
             squares = np.square(values / self.unit)
         return np.where(self.by_size, logs, np.where(self.squared, squares, values))
 
-    def values_of(self, i: int, places: ArrayLike) -> FloatArray:
+    def values_of(self, i: int, coordinates: ArrayLike) -> FloatArray:
         """Values (n,) of parameter i at coordinates (n,) of it."""
-        rows = np.zeros((np.size(places), self.centre.size))
-        rows[:, i] = places
+        rows = np.zeros((np.size(coordinates), self.centre.size))
+        rows[:, i] = coordinates
         return self.values(rows)[:, i]
 
-    def beside_zero(self, values: FloatArray) -> FloatArray:
+    def away_from_zero(self, values: FloatArray) -> FloatArray:
         """Values (..., n_par) with none so small that its slope has no bound."""
         return np.where(self.squared, np.maximum(values, _LEAST * self.unit), values)
 
     def slopes(self, values: FloatArray) -> FloatArray:
         """Derivatives (..., n_par) of the values in the coordinates."""
         with np.errstate(all="ignore"):
-            roots = 0.5 * np.square(self.unit) / self.beside_zero(values)
+            roots = 0.5 * np.square(self.unit) / self.away_from_zero(values)
         return np.where(self.by_size, np.abs(values), np.where(self.squared, roots, 1.0))
 
     @property

@@ -176,9 +176,9 @@ class GaussianErrors(Likelihood):
         """Of C0 in bands (n_band + 1, n_obs), where a covariance of this size is `in_bands`."""
         if size.parameters:
             return cls(points, size, Rooted(Band.of(bands)), shift)
-        whole = float(size.reading_variance({})) * bands
-        whole[0] += np.square(size.scatter.at({}))
-        return cls.rooted(points, Band.of(whole), shift)
+        total = float(size.reading_variance({})) * bands
+        total[0] += np.square(size.scatter.at({}))
+        return cls.rooted(points, Band.of(total), shift)
 
     @cached_property
     def y(self) -> FloatArray:

@@ -68,11 +68,11 @@ def grouped(runs: Sequence[Observations], shared: Sequence[SharedNoise]) -> tupl
     """The runs in groups, in the order of the first run of each."""
     by_name = {run.name: run for run in runs}
     tied = {name: noise for noise in shared for name in noise.runs}
-    groups, seen = [], set[str]()
+    groups, assigned = [], set[str]()
     for run in runs:
-        if run.name not in seen:
+        if run.name not in assigned:
             noise = tied.get(run.name)
             members = (run,) if noise is None else tuple(by_name[name] for name in noise.runs)
-            seen.update(member.name for member in members)
+            assigned.update(member.name for member in members)
             groups.append(Group(members, noise))
     return tuple(groups)

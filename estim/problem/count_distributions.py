@@ -1,4 +1,5 @@
-"""The laws of what is counted: how counts scatter about their expectation, which says how far.
+"""The laws of what is counted: how counts scatter about their expectation, which determines how
+far.
 
 - `Poisson`: events in a bin or a fixed time; y is their number, m the number expected.
 - `Binomial`: y is the fraction of n trials that succeeded, m the probability of one.
@@ -45,7 +46,7 @@ class Poisson:
         return mean + 0.0 * size
 
     def unseen(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
-        """How many m expects of what was not seen at all; inf where all was seen."""
+        """How many m expects of what was never observed; inf where all was."""
         return np.where(y > 0.0, np.inf, mean)
 
     def guess(self, y: FloatArray, size: FloatArray) -> FloatArray:
@@ -74,8 +75,8 @@ class Binomial:
         from scipy.special import gammaln
 
         hits, misses = np.rint(size * y), np.rint(size * (1.0 - y))
-        ways = gammaln(size + 1.0) - gammaln(hits + 1.0) - gammaln(misses + 1.0)
-        return ways + _y_log(hits, mean) + _y_log(misses, 1.0 - mean)
+        log_combinations = gammaln(size + 1.0) - gammaln(hits + 1.0) - gammaln(misses + 1.0)
+        return log_combinations + _y_log(hits, mean) + _y_log(misses, 1.0 - mean)
 
     def deviance(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
         rest, of_rest = 1.0 - y, 1.0 - mean
@@ -112,7 +113,7 @@ POISSON, BINOMIAL = Poisson(), Binomial()
 class Counted:
     """How the y of a run were counted.
 
-    trials : (n_obs,), 1 where the law has none.  seen : (n_obs,) y as it was read.
+    trials : (n_obs,), 1 where the law has none.  seen : (n_obs,) y as it was observed.
     what : is counted.
     bins : (n_obs, 2) edges of the bins, None where a count belongs to one x.
     single : whether the likelihood uses the time of every event, and y are for figures and tests.

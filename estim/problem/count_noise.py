@@ -1,14 +1,14 @@
 """Counted readings: how many events fell into each bin, or what fraction of trials succeeded.
 
 `Counts` is the noise, `CountErrors` what it makes of points and the curve of their expectations
-(`estim.problem.count_distributions` says which y and which law).  Residuals are signed roots of the
+(`estim.problem.count_distributions` has the laws).  Residuals are signed roots of the
 deviance, so that least squares on them are the maximum of the likelihood; where counts are few they
 are far from linear, and steps by the Fisher information (`scoring`) finish: iteratively reweighted
 least squares (McCullagh and Nelder, Generalized Linear Models, 2nd ed., 1989, section 2.5).  Tests
 see the same residuals against counts that are drawn at the fit.
 
 The likelihood of a count of 0 still rises where it ends, at an expectation of 0.  It goes on beyond
-with a quadratic penalty of the same slope there, so that a search may walk along the end (Nocedal
+with a quadratic penalty of the same slope there, so that a search may move along the end (Nocedal
 and Wright, Numerical Optimization, 2nd ed., 2006, chapter 17); this adds a millionth to the
 deviance.
 """
@@ -57,8 +57,8 @@ class CountErrors(Likelihood):
 
     def pointwise(self, named: Named) -> FloatArray:
         mean, none = self._expected(named)
-        beyond = np.where(none < 0.0, none + 0.5 * np.square(none / self.penalty), 0.0)
-        return self.law.log_density(self.y, mean, self.trials) - beyond
+        penalty = np.where(none < 0.0, none + 0.5 * np.square(none / self.penalty), 0.0)
+        return self.law.log_density(self.y, mean, self.trials) - penalty
 
     def residuals(self, named: Named) -> FloatArray:
         """Signed roots of the deviance, which are closer to normal than (y - m)/sd."""
@@ -92,10 +92,10 @@ class CountErrors(Likelihood):
         return np.sqrt(np.maximum(variance, np.square(self.penalty / self.trials)))
 
     def _expected(self, named: Named) -> tuple[FloatArray, FloatArray]:
-        """(n_draw, n_obs) expectations, and how many are expected of what was not seen at all, as
-        the curve says: inf at all other points.
+        """(n_draw, n_obs) expectations, and how many the curve expects of what was never observed:
+        inf at all other points.
 
-        Of what was not seen, expectations below 0 (or above the ceiling) are at that limit.
+        Of what was never observed, expectations below 0 (or above the ceiling) are at that limit.
         """
         mean = self.points.value(named)
         none = self.law.unseen(self.y, mean, self.trials)
@@ -164,5 +164,5 @@ class Counts(Counted, Noise):
 
 
 def counted_words(what: str, new: str) -> Wording:
-    """How counts are spoken of: what they are, and one more of them."""
+    """The words for counts: what they are, and one more of them."""
     return replace(POINTS, what=what, new=new, rows=what)

@@ -1,5 +1,5 @@
-"""What estim asks of a curve y = f(x; arguments): its value, its slope and its gradient, vectorised
-over draws.
+"""What estim needs of a curve y = f(x; arguments): its value, its slope and its gradient,
+vectorised over draws.
 
 The phase curve of a rolling body is one such curve; anything else that keeps to this protocol can
 be fit in its place.
@@ -15,7 +15,7 @@ from estim.arrays import FloatArray, Named
 from estim.common import Label, Notation, later
 from estim.problem.priors import Prior
 
-# relative error of derivatives that are exact but for rounding; a curve whose are not says so as
+# relative error of derivatives that are exact but for rounding; a curve whose are not states so as
 # `precision`
 EXACT = 2.3e-16
 
@@ -51,7 +51,7 @@ class Derived:
 
 
 class DerivedQuantity(Protocol):
-    """A quantity that a user wants computed from the parameters.
+    """A quantity that a user wants to be computed from the parameters.
 
     text : how it follows.
     unit : of it.  others : names beside the arguments of the run's curve -> parameter, or an exact
@@ -223,7 +223,7 @@ class Motion(Protocol):
 
 @dataclass(frozen=True)
 class Wording:
-    """How the measured numbers of a run are spoken of, and drawn.
+    """How the measured numbers of a run are named, and drawn.
 
     what : all of them.
     reading : one that the instrument gave.

@@ -10,10 +10,10 @@ from scipy.sparse import csr_array, diags_array
 from estim.arrays import FloatArray, IntArray
 
 
-def in_rows(places: IntArray, weights: FloatArray, n_row: int) -> csr_array:
-    """A with the weights (n_obs, n_each) at the columns `places` (n_obs, n_each)."""
-    ends = np.arange(0, places.size + 1, places.shape[1])
-    return csr_array((weights.ravel(), places.ravel(), ends), shape=(len(places), n_row))
+def in_rows(columns: IntArray, weights: FloatArray, n_row: int) -> csr_array:
+    """A with the weights (n_obs, n_each) at `columns` (n_obs, n_each)."""
+    ends = np.arange(0, columns.size + 1, columns.shape[1])
+    return csr_array((weights.ravel(), columns.ravel(), ends), shape=(len(columns), n_row))
 
 
 def used_columns(matrix: csr_array) -> IntArray:
@@ -31,15 +31,15 @@ def covariance_in_bands(matrix: csr_array, correlation: float = 0.0) -> FloatArr
     reach = int(np.log(1e-14) / np.log(abs(correlation))) if correlation else 0
     above = [np.full(used.size, 0.5)]  # a triangle that gives R with its transpose
     for k in range(1, used.size):
-        apart = used[k:] - used[:-k]
-        if np.min(apart) > reach:
+        distance = used[k:] - used[:-k]
+        if np.min(distance) > reach:
             break
-        above.append(np.where(apart <= reach, correlation**apart, 0.0))
+        above.append(np.where(distance <= reach, correlation**distance, 0.0))
     lever = matrix[:, used]
     half = (lever @ diags_array(above, offsets=range(len(above))) @ lever.T).tocoo()
     band, n_obs = np.abs(half.row - half.col), matrix.shape[0]
-    place = band * n_obs + np.minimum(half.row, half.col)
+    position = band * n_obs + np.minimum(half.row, half.col)
     bands = np.zeros((np.max(band) + 1) * n_obs)
-    np.add.at(bands, place, half.data)
+    np.add.at(bands, position, half.data)
     bands[:n_obs] *= 2.0
     return bands.reshape(-1, n_obs)

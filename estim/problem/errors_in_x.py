@@ -312,15 +312,15 @@ class LatentErrors(Likelihood):
         abscissas = self._abscissas(named)
         flat, shape = abscissas.nodes[0].ravel(), abscissas.nodes.shape[1:]
         order = np.argsort(flat, kind="stable")
-        at_nodes, back = replace(self.points, x=flat[order]), np.argsort(order)
+        at_nodes, inverse = replace(self.points, x=flat[order]), np.argsort(order)
         with np.errstate(all="ignore"):
             local = self.points.curve.local(at_nodes.x, self.points.bind(named))
-        values = local.value[0][back].reshape(shape)
+        values = local.value[0][inverse].reshape(shape)
         values = values + self._leant(abscissas.nodes[0])
         common = (
             slopes_in_x(values, abscissas.spread[0])[..., None] * abscissas.common[0][:, None, :]
         )
-        of_curve = at_nodes.gradients_of(local, named, names, 1)[0][back].reshape(*shape, -1)
+        of_curve = at_nodes.gradients_of(local, named, names, 1)[0][inverse].reshape(*shape, -1)
         gradients = np.concatenate([of_curve, common], axis=-1)
         with np.errstate(all="ignore"):
             of_mean, of_variance = predictive_slopes(values, gradients)

@@ -1,4 +1,4 @@
-"""Errors of x: what a reading y tells when the true abscissa is not known, by quadrature.
+"""Errors of x: the likelihood of a reading y when the true abscissa is not known, by quadrature.
 
 The true abscissas xi_i come from a normal distribution N(mu, tau^2) and are read as x_i = xi_i +
 error of standard deviation s_i.  Given its reading a true abscissa is N(m_i, v_i), and a point
@@ -76,7 +76,7 @@ class TrueAbscissas:
 
 
 def true_abscissas(x: FloatArray, sd: FloatArray) -> TrueAbscissas:
-    """What readings x (n_obs,) with errors of standard deviation sd (n, n_obs) tell of the true
+    """What readings x (n_obs,) with errors of standard deviation sd (n, n_obs) tell about the true
     abscissas.
     """
     n_obs = x.size
@@ -84,13 +84,13 @@ def true_abscissas(x: FloatArray, sd: FloatArray) -> TrueAbscissas:
     variance = float(np.var(x, ddof=1)) if n_obs > 1 else np.inf
     tau2 = np.maximum(variance - error, max(_LEAST_SPREAD * variance, _TINY))
     share = sd**2 / (sd**2 + tau2)
-    off = x - np.mean(x)
+    deviations = x - np.mean(x)
     of_mean = share * np.sqrt((tau2 + error) / n_obs) if n_obs > 1 else np.zeros_like(share)
     of_variance = (
-        share * (1.0 - share) * off * np.sqrt(2.0 / max(1, n_obs - 1)) * (1.0 + error / tau2)
+        share * (1.0 - share) * deviations * np.sqrt(2.0 / max(1, n_obs - 1)) * (1.0 + error / tau2)
     )
     return TrueAbscissas(
-        x - share * off, sd * np.sqrt(1.0 - share), np.stack([of_mean, of_variance], axis=-1)
+        x - share * deviations, sd * np.sqrt(1.0 - share), np.stack([of_mean, of_variance], axis=-1)
     )
 
 
@@ -106,14 +106,16 @@ def correlated_abscissas(
     error = (np.trace(cov) - n_obs * of_mean) / max(1, n_obs - 1)
     tau2 = max(variance - error, _LEAST_SPREAD * variance, _TINY)
     shares = np.linalg.solve(cov + tau2 * np.eye(n_obs), cov).T
-    off = shares @ (x - np.mean(x))
+    shrinkage = shares @ (x - np.mean(x))
     common = np.column_stack(
         [
             np.sum(shares, axis=1) * np.sqrt(tau2 / n_obs + of_mean),
-            (off - shares @ off) * np.sqrt(2.0 / max(1, n_obs - 1)) * (1.0 + error / tau2),
+            (shrinkage - shares @ shrinkage)
+            * np.sqrt(2.0 / max(1, n_obs - 1))
+            * (1.0 + error / tau2),
         ]
     )
-    return x - off, tau2 * shares, common
+    return x - shrinkage, tau2 * shares, common
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,12 +177,12 @@ def predictive(values: FloatArray, variance: FloatArray, share: float = 0.0) -> 
     broadcasts to (..., n_obs); share : standard deviation of a further error of y over the curve.
     """
     defined = _defined(values)
-    whole = np.where(defined, values, 0.0)
-    up, down = _differences(whole, defined)
+    finite = np.where(defined, values, 0.0)
+    up, down = _differences(finite, defined)
     spread = (2.0 * (up**2 + down**2) + (up + down) ** 2) / 16.0
     of_nodes = LOG_WEIGHTS if values.shape[-1] == NODES.size else np.zeros(1)
     log_weight = np.where(defined[..., 1:-1], of_nodes, -np.inf)
-    mean = whole[..., 1:-1] + 0.25 * (up - down)
+    mean = finite[..., 1:-1] + 0.25 * (up - down)
     own = variance[..., None] + np.square(share * mean)
     return Predictive(mean, np.maximum(spread + own, _TINY), log_weight)
 

@@ -82,7 +82,7 @@ class EventErrors(CountErrors):
         highest = self._by_cell(-np.log(self.spacing)[None, :])[0] + 3.0 * self.y + 1.0
         with np.errstate(all="ignore"):
             rate, expected = self._rates.rate(self.points.bind(named))
-            # never 0: the number in a cell says nothing of where in it events lie
+            # never 0: the number in a cell does not tell where in it events lie
             sign = np.where(self.y < expected, -1.0, 1.0)
             return sign * np.sqrt(
                 2.0 * np.maximum(highest - self._by_cell(np.log(rate)) + expected, 0.0)
@@ -120,8 +120,8 @@ class EventErrors(CountErrors):
         self, times: FloatArray, named: Named, names: Sequence[str]
     ) -> tuple[FloatArray, FloatArray]:
         local = self._rates.local_rate(times, self.points.bind(named))
-        there = replace(self.points, x=times)
-        return local.value[0], there.gradients_of(local, named, names, 1)[0]
+        at_times = replace(self.points, x=times)
+        return local.value[0], at_times.gradients_of(local, named, names, 1)[0]
 
     def _by_cell(self, of_events: FloatArray) -> FloatArray:
         """Sums (n, n_obs) over the events (n, n_event) of each cell."""

@@ -119,13 +119,13 @@ def _frames(t: FloatArray, *, file: str, lines: IntArray | None) -> tuple[float,
     counts = np.rint(steps / np.median(steps))
     if np.all(counts >= 1):
         interval = float((t[-1] - t[0]) / counts.sum())
-        off = np.abs(steps - counts * interval) / interval
+        deviations = np.abs(steps - counts * interval) / interval
         # of a frame interval: what rounding a time to a few decimals may cost
-        if np.all(off <= 0.1):
+        if np.all(deviations <= 0.1):
             return interval, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     else:
-        off = np.where(counts >= 1, 0.0, 1.0)
-    row = int(np.argmax(off)) + 1
+        deviations = np.where(counts >= 1, 0.0, 1.0)
+    row = int(np.argmax(deviations)) + 1
     raise InputError(
         "must advance by equal steps (or whole multiples of one step) for a derivative by "
         "differences",

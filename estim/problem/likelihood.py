@@ -1,4 +1,4 @@
-"""What estim asks of noise.  Two questions, two contracts:
+"""What estim needs of noise.  Two questions, two contracts:
 
 - `Noise`: what was assumed of the errors of a run, before any curve: which unknowns, in which
   words.
@@ -9,7 +9,7 @@
 
 `estim.problem.correlated_normal`, `robust_likelihood`, `errors_in_x`, `count_noise`, `own_density`
 and `estim.discrepancy.likelihood` have the likelihoods; nobody else knows which of them a run has.
-What only some have is asked for and may be None: `Likelihood.normal`.
+What only some have may be None: `Likelihood.normal`.
 """
 
 from __future__ import annotations
@@ -204,7 +204,7 @@ class Likelihood(ABC):
     """The likelihood of one run, or of several that share what their curves lack.
 
     Of draws `named` holds columns (n_draw, 1), else single values; `names` are all parameters of
-    the problem.  Four members make a likelihood; what follows from them is said once, and again
+    the problem.  Four members make a likelihood; what follows from them is defined once, and again
     only where it is not as simple.
     """
 
@@ -337,7 +337,7 @@ class Noise(ABC):
 
     @property
     def outlier_parameters(self) -> tuple[str, ...]:
-        """Those of them that say how many outliers there are, and how far off."""
+        """Those of them that tell how many outliers there are, and how far off."""
         return ()
 
     @property

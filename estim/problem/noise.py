@@ -151,7 +151,7 @@ class Independent(Noise):
     def true_x(
         self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
     ) -> FloatArray:
-        """As far spread as the fitted distribution says."""
+        """As far spread as the fitted distribution."""
         if self.sigma_x is None:
             return x
         known = true_abscissas(x, np.atleast_2d(self.sigma_x.at(named) * gain))
@@ -237,7 +237,7 @@ class Differentiated(Noise):
 
         A = S - diag(f'(x)),    C0 = A A^T,    E[v] = f + truncation of the stencil
 
-    relative : (n_row,) standard deviation of each reading / sigma, None where all are alike: then
+    relative : (n_row,) standard deviation of each reading / sigma, None where all are equal: then
         C0 = A diag(relative^2) A^T.
     exposure : s, of pictures whose motion blur it is.
     """
@@ -315,11 +315,11 @@ class Differentiated(Noise):
         """An error of a position moves x there, and the speeds on either side."""
         reading, scatter = self.size.reading_variance(named), np.square(self.scatter.at(named))
         to_speed = self._to_speed
-        whole = diags_array(by_y) @ to_speed + self._at_points(by_x)
+        to_residuals = diags_array(by_y) @ to_speed + self._at_points(by_x)
         if self.relative is not None:
             scale = diags_array(self.relative)
-            whole, to_speed = whole @ scale, to_speed @ scale
-        cov = reading * (whole @ whole.T).toarray() + np.diag(by_y**2 * scatter)
+            to_residuals, to_speed = to_residuals @ scale, to_speed @ scale
+        cov = reading * (to_residuals @ to_residuals.T).toarray() + np.diag(by_y**2 * scatter)
         return cov, reading * to_speed.power(2).sum(axis=1) + scatter
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:

@@ -24,7 +24,7 @@ class Parameter:
     what it is.
 
     notation : how it is written; None: by its own name and in its own unit.
-    between : whether it is a standard deviation between runs, of which no run by itself says
+    between : whether it is a standard deviation between runs, of which no run by itself tells
         anything.
     """
 
@@ -59,14 +59,14 @@ MAX_LACKING = 1000
 
 @dataclass(frozen=True, eq=False)
 class Discrepancy:
-    """What a curve of the user's own may lack, before the data have a say.
+    """What a curve of the user's own may lack, before the data are used.
 
     deviation : scale of the prior of a smooth deviation of y along x, unit of y; 0 for none.
-    along : (n_obs,) times of the readings, or their places in order, along which their errors are
-        correlated; None for independent ones.
-    along_unit : of these ("s", or "readings" where they are places in order).
+    along : (n_obs,) times of the readings, or their positions in order, along which their errors
+        are correlated; None for independent ones.
+    along_unit : of these ("s", or "readings" where they are positions in order).
     stated : whether the size of the errors of the readings was stated; else the noise has a rough
-        one, and the residuals say it.
+        one, and the residuals determine it.
     """
 
     deviation: float
@@ -77,7 +77,7 @@ class Discrepancy:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Where the readings of a body's motion stand.
+    """The rows of the readings of a body's motion.
 
     t : (n_row,) s, nan where unknown.  lines : (n_row,) of the file.  kept : (n_obs,) the rows of
         the points.
@@ -116,18 +116,18 @@ class Observations:
     force : scale of the prior of an unmodelled force along the track, in units of the weight; 0 for
         none.
     track : what runs that share such a force have in common.
-    asked : whether the campaign speaks of the force, so that it is not just taken as absent where
+    asked : whether the campaign mentions the force, so that it is not just taken as absent where
         it cannot be had.
     rows : of the readings of a body's motion, where they are known.
     complete : why the curve is taken as complete, where a force could have been asked for.
     lacks : what a plain curve may lack; None for nothing.
-    sought : what a user wants computed from the parameters.
+    sought : what a user wants to be computed from the parameters.
     motion : the body whose motion was measured; None for a plain curve.
-    words : how the measured numbers are spoken of.
-    order : (n_obs,) where each point stood among those that were given; None where that is not
+    words : the names of the measured numbers.
+    order : (n_obs,) the position of each point among those that were given; None where that is not
         known.
     places : name -> (n_obs,), the abscissas of points that have several: x are then the numbers of
-        the points, between which the curve is nothing.
+        the points, between which the curve is not defined.
     notes : what a reader must know of how the run was posed, in words.
     """
 

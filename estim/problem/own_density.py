@@ -1,4 +1,4 @@
-"""Observations whose density a user says: the curve is the logarithm of the density of each one.
+"""Observations whose density a user defines: the curve is the logarithm of the density of each one.
 
 `LogDensity` is the noise.  Nothing is known of residuals here, so that nothing tests the density;
 there are no readings and no errors, and y are 0.  Least squares run on roots of what each log

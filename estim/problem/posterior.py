@@ -79,11 +79,11 @@ class Problem:
 
     @cached_property
     def columns(self) -> tuple[IntArray, ...]:
-        """For each group (n_used,) the places of the parameters that it depends on."""
-        place = {name: i for i, name in enumerate(self.names)}
+        """For each group (n_used,) the indices of the parameters that it depends on."""
+        index = {name: i for i, name in enumerate(self.names)}
         return tuple(
             np.array(
-                sorted(place[name] for name in parameters_of(group.runs) if name in place),
+                sorted(index[name] for name in parameters_of(group.runs) if name in index),
                 dtype=np.int64,
             )
             for group in self.groups
@@ -258,9 +258,9 @@ class Problem:
         priors = enumerate(p.prior for p in self.parameters)
         joint = {i: prior for i, prior in priors if isinstance(prior, JointNormal)}
         correlation = np.eye(self.n_par)
-        for (i, one), (j, other) in product(joint.items(), repeat=2):
-            if one.correlation is other.correlation:
-                correlation[i, j] = one.correlation[one.place, other.place]
+        for (i, first), (j, second) in product(joint.items(), repeat=2):
+            if first.correlation is second.correlation:
+                correlation[i, j] = first.correlation[first.place, second.place]
         return np.linalg.inv(np.linalg.cholesky(correlation)) if joint else None
 
     def _alone(self, draws: FloatArray) -> FloatArray:

@@ -2,7 +2,7 @@
 curve was written.
 
 `Measure` for readings of many runs, which else pull what the runs share
-(`estim.fitting.incidental_parameters` says why, and makes it).  `JeffreysPrior` for parameters
+(`estim.fitting.incidental_parameters` tells why, and makes it).  `JeffreysPrior` for parameters
 about which nothing was stated: a flat prior of the constant of an Arrhenius law, known to a factor
 3, favours large ones, and moves the activation energy by a standard deviation.
 """
@@ -29,7 +29,7 @@ _BLOCK = 4_000_000  # values of the curve whose derivatives are computed at once
 class Measure:
     """exp(slope^T (s - centre)) of the parameters s that several runs share.
 
-    columns : (n_shared,) their places among the parameters.
+    columns : (n_shared,) their indices among the parameters.
     centre, slope : (n_shared,).
     spread : posterior standard deviation of the exponent.
     felt : by how many standard deviations it moves the mean of the shared parameter that it moves
@@ -40,7 +40,7 @@ class Measure:
     centre: FloatArray
     slope: FloatArray
     spread: float
-    felt: float
+    influence: float
 
     def log(self, shared: FloatArray) -> FloatArray:
         """(n_draw,) its logarithm at shared (n_draw, n_shared), 0 at the fit."""
@@ -53,7 +53,7 @@ class Measure:
 class ResponseSurface:
     """A function of the parameters as a polynomial of second degree, fitted around a centre.
 
-    columns : (n,) places of the parameters that it depends on.
+    columns : (n,) indices of the parameters that it depends on.
     coordinates : of which it is one, about their centre.
     whitener : (n, n) turns differences from the centre into standard deviations.
     coefficients : of 1, of each parameter, and of each product of two.
@@ -64,20 +64,20 @@ class ResponseSurface:
     whitener: FloatArray
     coefficients: FloatArray
 
-    def place(self, draws: FloatArray) -> FloatArray:
+    def standardised(self, draws: FloatArray) -> FloatArray:
         """(n_draw, n) draws (n_draw, n_par) in standard deviations from the centre."""
-        off = self.coordinates.of(draws) - self.coordinates.of(self.coordinates.centre)
+        differences = self.coordinates.of(draws) - self.coordinates.of(self.coordinates.centre)
         with np.errstate(invalid="ignore"):
-            return off[:, self.columns] @ self.whitener.T
+            return differences[:, self.columns] @ self.whitener.T
 
-    def value(self, place: FloatArray) -> FloatArray:
-        """(n_draw,) at places (n_draw, n)."""
-        return self.terms(place) @ self.coefficients
+    def value(self, z: FloatArray) -> FloatArray:
+        """(n_draw,) at standardised z (n_draw, n)."""
+        return self.terms(z) @ self.coefficients
 
-    def terms(self, place: FloatArray) -> FloatArray:
+    def terms(self, z: FloatArray) -> FloatArray:
         """(n_draw, n_term) what the coefficients multiply."""
-        row, column = np.triu_indices(place.shape[1])
-        return np.hstack([np.ones((len(place), 1)), place, place[:, row] * place[:, column]])
+        row, column = np.triu_indices(z.shape[1])
+        return np.hstack([np.ones((len(z), 1)), z, z[:, row] * z[:, column]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ class InformationBlock:
     """Points of a run, or of a group, and the parameters that they give information about.
 
     root : of the covariance of their errors.
-    own, shared : (n,) places among `JeffreysPrior.names` of the parameters that these points alone
+    own, shared : (n,) indices among `JeffreysPrior.names` of the parameters that these points alone
         depend on, and of the others that they depend on.
     """
 
@@ -100,8 +100,8 @@ class JeffreysPrior:
     """Jeffreys' prior of parameters of curves, given all others: the root of the determinant of the
     Fisher information about them, the errors held as they are at the fit.
 
-    To first order, intervals of the posterior then hold what they say however the curve is written;
-    where it is linear in the parameters the prior is flat.
+    To first order, intervals of the posterior then have their stated coverage however the curve is
+    written; where it is linear in the parameters the prior is flat.
 
     names : of the parameters, in the order of their scales (n,), which keep the matrix well
         conditioned.
@@ -130,10 +130,10 @@ class JeffreysPrior:
         """
         if self.smooth is None:
             return self._capped(draws, named)
-        place = self.smooth.place(draws)
+        z = self.smooth.standardised(draws)
         with np.errstate(invalid="ignore"):
-            logs = self.smooth.value(place)
-        far = ~(np.linalg.norm(place, axis=1) <= _FITTED)
+            logs = self.smooth.value(z)
+        far = ~(np.linalg.norm(z, axis=1) <= _FITTED)
         if np.any(far):
             logs[far] = self._capped(draws[far], named)
         return logs
@@ -148,12 +148,12 @@ class JeffreysPrior:
         """
         if self.coordinates is None:
             return 0.0
-        there = self.coordinates.log_volume(np.vstack([self.coordinates.centre, draws]))
-        return there[1:] - there[0]
+        log_volumes = self.coordinates.log_volume(np.vstack([self.coordinates.centre, draws]))
+        return log_volumes[1:] - log_volumes[0]
 
     def exact(self, named: Named) -> FloatArray:
         """(n_draw,) its logarithm at columns (n_draw, 1) of all parameters, 0 at the fit; -inf
-        where the points say nothing about some combination of the parameters.
+        where the points do not constrain some combination of the parameters.
         """
         n_draw = n_draws(named)
         size = max(run.points.y.size * (run.own.size + run.shared.size + 1) for run in self.runs)
@@ -163,20 +163,20 @@ class JeffreysPrior:
             return np.concatenate([self.exact(some_draws(named, block)) for block in blocks])
         # of the own parameters of each run, then of what is left of the others
         others = np.unique(np.concatenate([run.shared for run in self.runs]))
-        left = np.zeros((n_draw, others.size, others.size))
+        schur = np.zeros((n_draw, others.size, others.size))
         log_det, usable = np.zeros(n_draw), np.ones(n_draw, dtype=bool)
         with np.errstate(all="ignore"):
             for run in self.runs:
                 information = self._information(run, named, n_draw)
                 n = run.own.size
-                own, beside = information[:, :n, :n], information[:, :n, n:]
+                own, cross = information[:, :n, :n], information[:, :n, n:]
                 log_det += _log_det(own, usable)
                 own = np.where(usable[:, None, None], own, np.eye(n))
-                place = np.searchsorted(others, run.shared)
-                left[:, place[:, None], place] += information[:, n:, n:] - np.moveaxis(
-                    beside, 1, 2
-                ) @ np.linalg.solve(own, beside)
-            log_det += _log_det(left, usable)
+                index = np.searchsorted(others, run.shared)
+                schur[:, index[:, None], index] += information[:, n:, n:] - np.moveaxis(
+                    cross, 1, 2
+                ) @ np.linalg.solve(own, cross)
+            log_det += _log_det(schur, usable)
             return np.where(usable, 0.5 * log_det - self.centre, -np.inf)
 
     def _information(self, run: InformationBlock, named: Named, n_draw: int) -> FloatArray:

@@ -17,8 +17,8 @@ A prior enters least squares as one residual whose half square is minus its log 
 constant, exactly; where that is no square, as the signed root of what the density has lost since
 its mode.
 
-Everything that is asked of a prior is a member of `Prior`.  A new one is a class here with its
-entry in `PRIORS`, and a case of `tests/test_priors.py`; nothing else asks which prior it has.
+Everything that a prior must provide is a member of `Prior`.  A new one is a class here with its
+entry in `PRIORS`, and a case of `tests/test_priors.py`; nothing else depends on which prior it has.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _MOST_LOG_SD = 10.0  # beyond some 18 the standard deviation is no number any mo
 
 
 class Prior(ABC):
-    """What a prior can tell; values in the parameter's unit, any shape in, the same shape out.
+    """What a prior provides; values in the parameter's unit, any shape in, the same shape out.
 
     keys : of its table in a file, in the order of its arguments.
     optional : more of them, named as its arguments.
@@ -130,7 +130,7 @@ class Prior(ABC):
         return self.residual(value)
 
     def cut_below(self, limit: float) -> Prior:
-        """The prior of a quantity that cannot be below `limit`, where all that was said is a
+        """The prior of a quantity that cannot be below `limit`, where all that was stated is a
         measured value.
         """
         return self
@@ -272,9 +272,9 @@ class Normal(_CutNormal):
 class JointNormal(Normal):
     """Normal, that of one of several parameters with a joint normal distribution.
 
-    correlation : (n, n) matrix of these, one object that all of them have; place : of this one in
-        it.  `Problem` says how they go together, of those that are left where some are held.  What
-        is made of one of them (`widened`) stands by itself.
+    correlation : (n, n) matrix of these, one object that all of them have; place : index of this
+        one in it.  `Problem` says how they go together, of those that are left where some are held.
+         What is made of one of them (`widened`) stands by itself.
     """
 
     correlation: FloatArray = field_of(compare=False)
@@ -682,9 +682,9 @@ class Beta(Prior):
     def _from_mode(self, value: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """(u - m)/m and (m - u)/(1 - m), kept above -1."""
         a, b = self._powers
-        off = (np.asarray(value) - self.low) / (self.high - self.low) - a / (a + b)
-        return np.maximum(off * (a + b) / a, -1.0 + _ALMOST), np.maximum(
-            -off * (a + b) / b, -1.0 + _ALMOST
+        deviation = (np.asarray(value) - self.low) / (self.high - self.low) - a / (a + b)
+        return np.maximum(deviation * (a + b) / a, -1.0 + _ALMOST), np.maximum(
+            -deviation * (a + b) / b, -1.0 + _ALMOST
         )
 
     def log_density(self, value: ArrayLike) -> FloatArray:
@@ -774,8 +774,8 @@ def of_other_package(stated: Any, field: str) -> Any:
     if name is None:
         return stated
     order = [*filter(None, (stated.dist.shapes or "").split(", ")), "loc", "scale"]
-    given = dict(zip(order, stated.args, strict=False)) | stated.kwds
-    at = {key: float(value) for key, value in ({"loc": 0.0, "scale": 1.0} | given).items()}
+    arguments = dict(zip(order, stated.args, strict=False)) | stated.kwds
+    at = {key: float(value) for key, value in ({"loc": 0.0, "scale": 1.0} | arguments).items()}
     if name not in _FROZEN or (name in _FROM_ZERO and at.pop("loc") != 0.0):
         rule = f"must be one of {', '.join(_FROZEN)} ({' and '.join(_FROM_ZERO)} with loc = 0)"
         raise InputError(rule, field=field, value=f"scipy.stats.{name}")

@@ -1,4 +1,4 @@
-"""The shape of errors that the word `robust` of a noise table asks for, and what is unknown of
+"""The shape of errors that the word `robust` of a noise table selects, and what is unknown of
 it; weights of readings that may be outliers.
 """
 
@@ -21,22 +21,26 @@ _CAUCHY = 2.385
 MOST_REWEIGHTED = 12
 
 
-def typical_size(off: FloatArray) -> float:
-    """Standard deviation of most of `off` (n_obs,); of normal ones half are below 0.6745 of it."""
-    return max(float(np.median(np.abs(off))) / 0.6745, 1e-9 * float(np.max(np.abs(off))))
-
-
-def errors_widened(off: FloatArray) -> FloatArray:
-    """(n_obs,) how much wider the errors of readings are to be taken that are `off` (n_obs,) a
-    curve, so that least squares are not decided by a few of them: Cauchy's weights, of iteratively
-    reweighted least squares (Holland and Welsch, Commun. Stat. A 6 (1977) 813).
+def typical_size(residuals: FloatArray) -> float:
+    """Standard deviation of most of the `residuals` (n_obs,); of normal ones half are below 0.6745
+    of it.
     """
-    size = _CAUCHY * typical_size(off)
-    return np.hypot(1.0, off / size) if size else np.ones(off.size)
+    return max(
+        float(np.median(np.abs(residuals))) / 0.6745, 1e-9 * float(np.max(np.abs(residuals)))
+    )
+
+
+def errors_widened(residuals: FloatArray) -> FloatArray:
+    """(n_obs,) how much wider the errors of readings are to be taken with `residuals` (n_obs,) from
+    a curve, so that least squares are not decided by a few of them: Cauchy's weights, of
+    iteratively reweighted least squares (Holland and Welsch, Commun. Stat. A 6 (1977) 813).
+    """
+    size = _CAUCHY * typical_size(residuals)
+    return np.hypot(1.0, residuals / size) if size else np.ones(residuals.size)
 
 
 def shape_of(robust: str | None, suffix: str) -> tuple[Tails, tuple[Parameter, ...]]:
-    """The shape of the errors that the word `robust` asks for, or that an installed package has by
+    """The shape of the errors that the word `robust` selects, or that an installed package has by
     that name, and its unknowns.  Raises InputError.
     """
     if robust is None:

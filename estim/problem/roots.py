@@ -235,10 +235,10 @@ class LowRankRoot:
     @property
     def precisions(self) -> FloatArray:
         lower = np.linalg.cholesky(np.eye(self.causes.shape[1]) + self.causes.T @ self.causes)
-        back = solve_triangular(
+        solved = solve_triangular(
             lower, self.base.turned_back(self.causes.T), lower=True, check_finite=False
         )
-        return self.base.precisions - np.sum(back**2, axis=0)
+        return self.base.precisions - np.sum(solved**2, axis=0)
 
     def whiten(self, rows: FloatArray) -> FloatArray:
         z = np.array(self.base.whiten(rows), dtype=float).reshape(-1, self.n_obs).T
@@ -277,8 +277,8 @@ class LowRankRoot:
 
 
 def _solved(lower: FloatArray, columns: FloatArray, *, transposed: bool = False) -> FloatArray:
-    """The columns (n, m) solved by a triangle, without what `scipy.linalg.solve_triangular` asks of
-    it each time.
+    """The columns (n, m) solved by a triangle, without what `scipy.linalg.solve_triangular` checks
+    of it each time.
     """
     if not columns.size:  # SciPy's wrapper writes beyond an empty array
         return columns

@@ -2,9 +2,9 @@
 turned phases.
 
 a*exp(-k*x) + b*exp(-q*x) is the same curve with (a, k) and (b, q) exchanged, A*sin(w*x + p) with -A
-and p + pi.  Such values are one solution under several labels.  They are told from an alias (a
-frequency that agrees at the measured points only) by the curve itself, at random parameters and at
-random x between the points.
+and p + pi.  Such values are one solution under several labels.  They are distinguished from an
+alias (a frequency that agrees at the measured points only) by the curve itself, at random
+parameters and at random x between the points.
 
 Every map looked for is  image = matrix @ values + shift  with one or more pairs exchanged, or up to
 three signs changed and phases turned by a half, and a further parameter that takes up the
@@ -82,10 +82,10 @@ class Symmetry:
         """
         images, number = mapped.copy(), np.ones(mapped.shape[:2])
         for i in np.flatnonzero(np.isfinite(self.period)):
-            turns = np.round((near[..., i] - images[..., i]) / self.period[i])
+            n_turn = np.round((near[..., i] - images[..., i]) / self.period[i])
             least = np.ceil((self.low[i] - images[..., i]) / self.period[i])
             most = np.floor((self.high[i] - images[..., i]) / self.period[i])
-            images[..., i] += self.period[i] * np.clip(turns, least, np.maximum(most, least))
+            images[..., i] += self.period[i] * np.clip(n_turn, least, np.maximum(most, least))
             if math.isfinite(self.high[i] - self.low[i]):
                 number *= np.maximum(most - least + 1.0, 0.0)
         inside = np.all((images >= self.low) & (images <= self.high), axis=2)
@@ -113,8 +113,10 @@ class Symmetry:
         """(n_map, n_par) from which parameter each image takes its value: itself but where two are
         exchanged.
         """
-        held = np.diagonal(self.matrix, axis1=1, axis2=2) != 0.0
-        return np.where(held, np.arange(held.shape[1]), np.argmax(np.abs(self.matrix), axis=2))
+        kept_in_place = np.diagonal(self.matrix, axis1=1, axis2=2) != 0.0
+        return np.where(
+            kept_in_place, np.arange(kept_in_place.shape[1]), np.argmax(np.abs(self.matrix), axis=2)
+        )
 
     def widened(self, n: int) -> Symmetry:
         """The same with `n` further parameters at the end, which nothing moves."""
@@ -262,11 +264,11 @@ class Labelled:
         centre = self._centre(mapped)
         images, number = self.symmetry.turned(mapped, centre)
         weight = self.symmetry.weight
-        away = np.where(number > 0.0, np.sum(weight * (images - centre) ** 2, axis=2), np.inf)
+        distances = np.where(number > 0.0, np.sum(weight * (images - centre) ** 2, axis=2), np.inf)
         # the first map is the identity; another turn of the same phases has hardly another distance
         phases = np.isfinite(self.symmetry.period)
         turned = np.abs(images[0] - draws[inside]) > 0.5 * self.symmetry.period
-        nearest = away[0] <= np.min(away, axis=0) * (1.0 + 1e-9) + 1e-12
+        nearest = distances[0] <= np.min(distances, axis=0) * (1.0 + 1e-9) + 1e-12
         log_p[inside] = np.where(
             nearest & ~np.any(turned[:, phases], axis=1),
             log_p[inside] + np.log(np.sum(number, axis=0)),
@@ -350,10 +352,10 @@ def same_curves(
 
 def _taking(names: Sequence[str], matrix: FloatArray, i: int) -> str:
     """The name of parameter i, and of what it takes up: "c + A"."""
-    taken = [(names[j], float(matrix[i, j])) for j in np.flatnonzero(matrix[i]).tolist() if j != i]
+    others = [(names[j], float(matrix[i, j])) for j in np.flatnonzero(matrix[i]).tolist() if j != i]
     return names[i] + "".join(
         f" {'-' if k < 0.0 else '+'} {'' if abs(k) == 1.0 else f'{abs(k):g} '}{name}"
-        for name, k in taken
+        for name, k in others
     )
 
 

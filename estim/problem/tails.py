@@ -64,7 +64,7 @@ class Tails(ABC):
 
     @abstractmethod
     def tail(self, z: FloatArray, values: Named) -> FloatArray:
-        """Probability of what lies beyond z, seen from 0."""
+        """Probability of what lies farther from 0 than z."""
 
     def deviance_residual(self, z: FloatArray, values: Named) -> tuple[FloatArray, FloatArray]:
         """r(z) with r^2/2 = log p(0) - log p(z), signed as z, and dr/dz = score/r: what least
@@ -72,10 +72,10 @@ class Tails(ABC):
         """
         near = np.where(np.abs(z) < NEAR, NEAR, z)  # where the slope is taken
         top = self.log_density(np.zeros_like(z), values)
-        root, beside = (
+        root, root_near = (
             np.sqrt(np.maximum(2.0 * (top - self.log_density(at, values)), 0.0)) for at in (z, near)
         )
-        return np.sign(z) * root, np.sign(near) * self.score(near, values) / beside
+        return np.sign(z) * root, np.sign(near) * self.score(near, values) / root_near
 
     def information(self, values: Named) -> tuple[float, float]:
         """Fisher information of one z about its location and about the logarithm of its scale (1
@@ -150,7 +150,7 @@ class Gaussian(Tails):
 class TwoPiece(Gaussian):
     """Normal on either side and of one height at 0, `skew` (n_obs,) times as wide below and 1/skew
     times above: of a reading with the errors `minus` and `plus`, skew^2 = plus/minus, where z are
-    counted in sqrt(minus plus), as which one normal error would tell as much.
+    counted in sqrt(minus plus), for which one normal error would carry as much information.
 
     The truth may lie `plus` above a reading and `minus` below it: there the log likelihood is lower
     by 1/2, in two half parabolas (Barlow, arXiv:physics/0406120).  As a density it is the two-piece

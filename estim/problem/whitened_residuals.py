@@ -37,7 +37,7 @@ class Linear:
         """(n_obs, n_sim) errors of new data, of variance 1."""
         return rng.standard_normal((self.z.size, n_sim))
 
-    def felt(self, errors: FloatArray) -> FloatArray:
+    def score_residuals(self, errors: FloatArray) -> FloatArray:
         """(n, n_sim) r with J^T r the derivative of the log likelihood, for errors that were
         `drawn`.
         """
@@ -51,8 +51,8 @@ class Linear:
 
 @dataclass(frozen=True, eq=False)
 class Tabled(Linear):
-    """Normal scores z (n_obs,) of points with errors of x: what they tell of the parameters is not
-    linear in them, a table says what it is.
+    """Normal scores z (n_obs,) of points with errors of x: what they tell about the parameters is
+    not linear in them, and a table gives it.
 
     at : (n_at,) normal scores.  scores, slopes : (n_obs, n_at, n_par) of the log likelihood of a
         point and of its normal score, for a y of that score.
@@ -62,7 +62,7 @@ class Tabled(Linear):
     scores: FloatArray
     slopes: FloatArray
 
-    def felt(self, errors: FloatArray) -> FloatArray:
+    def score_residuals(self, errors: FloatArray) -> FloatArray:
         score = np.zeros((self.scores.shape[2], errors.shape[1]))
         for error, table in zip(errors, self.scores, strict=True):
             for row, column in zip(score, table.T, strict=True):
@@ -80,7 +80,7 @@ class Tabled(Linear):
 
 @dataclass(frozen=True, eq=False)
 class CountedResiduals:
-    """Signed roots of the deviance as tests see them, and those of counts drawn at the fit, which
+    """Signed roots of the deviance as tests use them, and those of counts drawn at the fit, which
     move its expectations.
 
     mean, sd : (n_obs,) at the fit.  root : (n_obs, n_par) derivatives of the mean over sd.
@@ -102,7 +102,7 @@ class CountedResiduals:
         counts = self.law.draw(mean, self.trials[:, None], rng)
         return (counts - mean) / self.sd[:, None]
 
-    def felt(self, errors: FloatArray) -> FloatArray:
+    def score_residuals(self, errors: FloatArray) -> FloatArray:
         return errors
 
     def moved(self, errors: FloatArray, shifts: FloatArray) -> FloatArray:

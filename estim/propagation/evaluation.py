@@ -193,7 +193,7 @@ def gradient(function: MeasurementFunction, inputs: Sequence[Input]) -> Gradient
         with np.errstate(all="ignore"):
             tables.append(
                 (
-                    *extrapolated(right, left, width, settled=_SETTLED),
+                    *extrapolated(right, left, width, first_trusted=_SETTLED),
                     _kink(value, right, left, steps),
                 )
             )
