@@ -1,5 +1,5 @@
 """A campaign file to begin with: what a table shows, a first guess at a curve, and comments that
-say what else may stand there.
+explain what else may stand there.
 """
 
 from __future__ import annotations

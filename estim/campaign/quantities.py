@@ -1,7 +1,7 @@
 """The physical quantities of a campaign: how each is written, shown and limited.
 
-`QUANTITIES` every run has; `EFFECTS` where the campaign says them.  Errors of length scale and
-clock, which no residual shows, have a small uncertainty also where it says nothing: a ruler in a
+`QUANTITIES` every run has; `EFFECTS` where the campaign states them.  Errors of length scale and
+clock, which no residual shows, have a small uncertainty also where it states nothing: a ruler in a
 picture is known to about 0.3 %, the time base of a camera to 0.05 %.
 """
 
@@ -34,7 +34,7 @@ class QuantityKind:
     zero: bool = True  # whether 0 is possible
     high: float = np.inf  # of the size
     too_large: str = ""  # the rule for what is beyond; "" for an angle
-    usual: float = 0.0  # standard uncertainty about 0 where nothing is said of it
+    usual: float = 0.0  # standard uncertainty about 0 where nothing is stated of it
 
     @property
     def meaning(self) -> str:
