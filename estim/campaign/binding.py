@@ -133,8 +133,10 @@ def _bind(levels: Levels, name: str, where: str) -> Bound:
         else:
             continue
         return Bound(name + suffix, _checked(levels, value, kind, (*level.path, key)))
-    if kind.usual > 0.0:
-        return Bound(name, DefaultError(0.0, kind.usual, -kind.high, kind.high), by_default=True)
+    if kind.default_u > 0.0:
+        return Bound(
+            name, DefaultError(0.0, kind.default_u, -kind.high, kind.high), by_default=True
+        )
     if kind.default is not None:
         return Bound(name, kind.default)
     rule = f"is missing for {where}: say it there, for its body or under [shared]"

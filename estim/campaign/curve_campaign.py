@@ -173,7 +173,10 @@ class CurveCampaign(Campaign):
         """Run -> the unknowns that it shares with no other run, since it alone states something of
         them, or all other runs do.
         """
-        unknown = {name: {*self.curve.names} - {*one.fixed} for name, one in settings.items()}
+        unknown = {
+            name: {*self.curve.names} - {*run_settings.fixed}
+            for name, run_settings in settings.items()
+        }
         own = {name: unknown[name] & {*self.runs[name].table.parameters} for name in settings}
         uses = Counter(argument for name in settings for argument in unknown[name] - own[name])
         if any(count > 1 for count in uses.values()):

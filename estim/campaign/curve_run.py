@@ -262,19 +262,20 @@ def _require_unit_of_axis(table: Table, u: str, of: str, unit: str) -> None:
 class RowsOfRun:
     """A run with the table of its data and which of its rows are fit.
 
-    kept : (n_obs,) rows that are fit, in order of x.  inside : (n_row,) whether a row lies within
-        the window.  excluded : why others are left out.
+    row_indices : (n_obs,) rows that are fit, in order of x.
+    inside : (n_row,) whether a row lies within the window.
+    excluded : why others are left out.
     """
 
     run: RunOfCurve
     data: Run
-    kept: IntArray
+    row_indices: IntArray
     inside: BoolArray
     excluded: tuple[Finding, ...]
 
     def column(self, key: str) -> FloatArray:
         """The column that gives an argument of `pose_points`, of these rows."""
-        return np.asarray(self.data.columns[self.run.columns[key]][self.kept])
+        return np.asarray(self.data.columns[self.run.columns[key]][self.row_indices])
 
     def points(self, model: ModelSum, axes: AxisNames) -> DataSet:
         """The rows as the points of a curve.  Raises InputError."""
@@ -316,7 +317,7 @@ class RowsOfRun:
         along = (
             self.column("correlated")
             if isinstance(correlated, str)
-            else self.kept.astype(float)
+            else self.row_indices.astype(float)
             if correlated
             else False
         )
@@ -470,7 +471,7 @@ def _placed(error: InputError, rows: RowsOfRun) -> InputError:
         places = run.source.places
         return error.at(places.file, places.lines.get(("curve", "parameters")))
     if column is not None and error.index is not None:
-        return data.error(error.rule, column, int(rows.kept[error.index]))
+        return data.error(error.rule, column, int(rows.row_indices[error.index]))
     if column is not None and argument in ("x", "y"):
         return InputError(error.rule, field=column, value=error.value, file=data.file)
     match argument:

@@ -187,18 +187,18 @@ def _differentiated(run: Run, noise: StatedNoise) -> Observed:
     )
     in_bands = scatter.parameter is None and (sigma.parameter is None or scatter.scale.value == 0.0)
     check_count(selection, run, noise.levels, blank, most=MAX_OBS if in_bands else MAX_DENSE)
-    selected = rows[selection.kept]
+    selected = rows[selection.indices]
     zero, zero_parameter = _stated_offset(noise.levels, units)
     return Observed(
         x=position[selected],
-        y=derivative.value[selection.kept],
+        y=derivative.value[selection.indices],
         t=t[selected],
         noise=Differentiated(
             sigma.scale,
             scatter.scale,
             step,
             derivative,
-            selection.kept,
+            selection.indices,
             blur,
             table.exposure_s or 0.0,
         ),
@@ -249,7 +249,7 @@ def _independent(run: Run, noise: StatedNoise) -> Observed:
         where, speed, when, window=_window(run, noise.levels), sigma_position=reading
     )
     check_count(selection, run, noise.levels, blank)
-    selected = selection.kept
+    selected = selection.indices
     t_selected = None if when is None else when[selected]
     zero, zero_parameter = _stated_offset(noise.levels, units)
     return Observed(
@@ -298,7 +298,7 @@ def _positions(run: Run, noise: StatedNoise) -> Observed:
     t, position = run.columns["t_s"], run.position
     selection = select(position, None, t, window=_window(run, levels), sigma_position=0.0)
     check_count(selection, run, levels)
-    rows = selection.kept
+    rows = selection.indices
     x, y = t[rows], position[rows]
     started = x[int(np.argmax(np.abs(y - y[0]) > 0.25 * np.ptp(y)))]
     zero = (typical if relative is None else float(np.median(relative))) or scatter.typical
@@ -471,5 +471,5 @@ def _window(run: Run, levels: Levels) -> Window:
 
 
 def _others(position: FloatArray, speed: FloatArray, selection: Selection) -> FloatArray:
-    others = np.setdiff1d(np.arange(position.size), selection.kept)
+    others = np.setdiff1d(np.arange(position.size), selection.indices)
     return np.column_stack([position[others], speed[others]])

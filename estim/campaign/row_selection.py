@@ -38,11 +38,11 @@ class Window:
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """kept : (n,) indices of the speeds to fit.  reasons : why and how many others were left out
+    """indices : (n,) indices of the speeds to fit.  reasons : why and how many others were left out
     (`Finding.size`).
     """
 
-    kept: IntArray
+    indices: IntArray
     reasons: tuple[Finding, ...]
 
 
@@ -104,7 +104,7 @@ def check_count(
     """As many rows as can be fit are left; raises InputError at the window that is stated, or with
     what else left rows out.
     """
-    count = selection.kept.size
+    count = selection.indices.size
     if _MIN_OBS <= count <= most:
         return
     stated = levels.first("window")

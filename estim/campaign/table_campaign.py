@@ -109,7 +109,7 @@ class TableChoices:
     dialect: Dialect = PLAIN
 
     @property
-    def asked(self) -> list[str]:
+    def named_columns(self) -> list[str]:
         """The columns that are named."""
         return [name for name in (self.x, *self.further_x, self.y) if name is not None]
 
@@ -273,9 +273,9 @@ def _columns_of_run(file: Path, choices: TableChoices) -> tuple[str, ...] | None
     """The columns from left to right by the names that those of a run have: x and y are t and x, or
     x and v where y is a speed.  Raises InputError where one has another unit.
     """
-    if not choices.asked:
+    if not choices.named_columns:
         return choices.dialect.columns
-    layout = read_layout(file, choices.dialect, needed=choices.asked)
+    layout = read_layout(file, choices.dialect, needed=choices.named_columns)
     names, speed = layout.names, False
     if choices.y is not None:
         y = _axis(choices.y, layout)
@@ -349,7 +349,7 @@ def _axes(
             Axis(column, "", units.get(column, "m")) for column in (choices.x or "t", choices.y)
         )
         return [x], y, choices.u_x, choices.u_y
-    layout = read_layout(file, choices.dialect, needed=choices.asked)
+    layout = read_layout(file, choices.dialect, needed=choices.named_columns)
     values = value_columns(layout, (choices.u_x, choices.u_y, choices.trials))
     x_name, y_name, further = choices.x, choices.y, [*choices.further_x]
     called = [
