@@ -465,7 +465,7 @@ def test_the_way_back_is_another_motion():
     x = 0.3 * np.sin(0.8 * t)  # turns at t = 1.96
     open_window = Window(-math.inf, math.inf, -math.inf, math.inf)
     chosen = select(x, np.gradient(x, t), t, window=open_window, sigma_position=0.0)
-    assert t[chosen.kept].max() == pytest.approx(2.0)
+    assert t[chosen.indices].max() == pytest.approx(2.0)
     assert tuple(map(tell, chosen.reasons)) == (
         "19 after the farthest point (the way back is another motion)",
     )

@@ -580,7 +580,11 @@ def test_of_the_runs_that_are_tried_the_best_of_each_kind_are_shown(pair: Rollin
     here = pair.outlook(NOTHING)
     now = sds_with(here, {}, [kappa])
     changes = more_runs(pair.campaign, pair.fit)
-    tilts = {change.runs[0].said["phi"].value for change in changes if "phi" in change.runs[0].said}
+    tilts = {
+        change.runs[0].quantities["phi"].value
+        for change in changes
+        if "phi" in change.runs[0].quantities
+    }
     assert len(tilts) > 2
     weighed = [weigh(pair, change, [kappa], now) for change in changes[:8]]
     options = sorted(

@@ -1,7 +1,7 @@
 """Quantities that vary between runs: `between_runs = {phi_deg = 0.2}` under [shared] or a body.
 
 The value of each run is that of the quantity plus a normal deviation whose standard deviation is
-inferred: half-normal beforehand, of the scale that is said.  The quantity itself is then the mean
+inferred: half-normal beforehand, of the scale that is stated.  The quantity itself is then the mean
 of the runs.  Sampled as mean, spread and one standard normal shift a run.
 """
 
@@ -33,8 +33,8 @@ class Spread:
 
 
 def spreads_of(levels: Levels, kinds: Mapping[str, QuantityKind]) -> dict[str, Spread]:
-    """Quantity -> how it varies, by the most particular level that says so; not those that the run
-    states for itself.
+    """Quantity -> how it varies, by the most particular level that states it; not those that the
+    run states for itself.
 
     Raises InputError at the key's line for what is no quantity, stands at a run, or has nothing to
     vary: fewer than two of several runs take the quantity from there.
@@ -56,7 +56,7 @@ def spreads_of(levels: Levels, kinds: Mapping[str, QuantityKind]) -> dict[str, S
                 for run in levels.source.runs
                 if level.path[0] == "shared" or run.body == level.path[1]
             ]
-            taking = sum(not _said_by(run, kind) for run in runs)
+            taking = sum(not _is_stated_by(run, kind) for run in runs)
             if taking < 2 <= len(runs):
                 raise levels.error(
                     f"has nothing to vary: {taking} of {len(runs)} runs take it from here, "
@@ -70,7 +70,7 @@ def spreads_of(levels: Levels, kinds: Mapping[str, QuantityKind]) -> dict[str, S
     return {
         quantity: spread
         for quantity, spread in spreads.items()
-        if not _said_by(levels.run, spread.kind)
+        if not _is_stated_by(levels.run, spread.kind)
     }
 
 
@@ -122,5 +122,5 @@ def _varying(run: Observations, own: Mapping[str, Spread]) -> Observations:
     return replace(run, arguments=MappingProxyType({**run.arguments, **further}))
 
 
-def _said_by(run: RunTable, kind: QuantityKind) -> bool:
+def _is_stated_by(run: RunTable, kind: QuantityKind) -> bool:
     return any(getattr(run, key) is not None for key in kind.keys)

@@ -1,5 +1,5 @@
-"""What a campaign file says of the quantities of a run or a body: where each is found, its prior or
-exact value, whether it can be.
+"""What a campaign file states about the quantities of a run or a body: where each is found, its
+prior or exact value, whether it can be.
 
 A quantity that stands nowhere may follow from the masses of the body, or from its parts
 (`body_parts`).
@@ -47,7 +47,7 @@ class Bound:
 
     name: str
     source: float | Prior
-    usual: bool = False  # whether nothing was said of it, and it has its usual uncertainty
+    by_default: bool = False  # whether nothing is stated, and it has its default uncertainty
 
 
 def gamma_of_body(source: CampaignFile, body: str) -> Quantity | None:
@@ -76,12 +76,12 @@ def gamma_origin(source: CampaignFile, body: str) -> str:
 
 
 def resistance_of_body(source: CampaignFile, body: str) -> Prior | float:
-    """c_rr as stated for a body: its prior, or an exact value; 0 where nothing is said."""
+    """c_rr as stated for a body: its prior, or an exact value; 0 where nothing is stated."""
     return _bind(body_levels(source, body), "rolling_resistance", f"body '{body}'").source
 
 
 def grip_of(levels: Levels) -> Prior | float | None:
-    """The coefficient of static friction, None where it is not said: no parameter, for no curve
+    """The coefficient of static friction, None where it is not stated: no parameter, for no curve
     depends on it while the body rolls.
     """
     level = levels.first("friction")
@@ -92,9 +92,9 @@ def grip_of(levels: Levels) -> Prior | float | None:
 
 def bind_quantities(levels: Levels) -> dict[str, Bound]:
     """Every quantity of the phase curve of a run as its tables give it, effects where they are
-    said and not 0, or usual.
+    stated and not 0, or by default.
 
-    Raises InputError where one is missing, said twice at one level, or out of its physical range.
+    Raises InputError where one is missing, stated twice at one level, or out of its physical range.
     """
     where = f"run '{levels.run.name}'"
     bound = {name: _bind(levels, name, where) for name in QUANTITIES}
@@ -133,8 +133,10 @@ def _bind(levels: Levels, name: str, where: str) -> Bound:
         else:
             continue
         return Bound(name + suffix, _checked(levels, value, kind, (*level.path, key)))
-    if kind.usual > 0.0:
-        return Bound(name, DefaultError(0.0, kind.usual, -kind.high, kind.high), usual=True)
+    if kind.default_u > 0.0:
+        return Bound(
+            name, DefaultError(0.0, kind.default_u, -kind.high, kind.high), by_default=True
+        )
     if kind.default is not None:
         return Bound(name, kind.default)
     rule = f"is missing for {where}: say it there, for its body or under [shared]"
@@ -175,16 +177,16 @@ def _radius(levels: Levels) -> Input:
 
 
 def parts_fact(levels: Levels) -> str | None:
-    """What a fit leaves out of what the parts say: the correlation of the quantities that it takes
-    from them; None where it takes none or one.
+    """What a fit leaves out of what the parts state: the correlation of the quantities that it
+    takes from them; None where it takes none or one.
     """
-    home, taken = None, list[str]()
+    home, names = None, list[str]()
     for name in OF_PARTS:
         stating = levels.first("parts", name)
         if stating is not None and getattr(stating.table, name) is None:
-            taken, home = [*taken, name], stating
+            names, home = [*names, name], stating
     quantities, correlation = ({}, None) if home is None else _from_parts(levels, home)
-    pair = None if correlation is None else not_independent(quantities, correlation, taken)
+    pair = None if correlation is None else not_independent(quantities, correlation, names)
     if pair is None:
         return None
     first, second = (OUTPUTS[name][0].symbol for name in pair[:2])
@@ -205,12 +207,12 @@ def parts_fact(levels: Levels) -> str | None:
 
 def _suffix(source: CampaignFile, level: Level, name: str) -> str:
     """Bodies on one disk have one kappa."""
-    alike = (
+    bodies = (
         of_one_disk(source, str(level.path[1]))
         if name == "kappa" and level.path[0] == "bodies"
         else ()
     )
-    return f"[{'+'.join(alike)}]" if len(alike) > 1 else level.suffix
+    return f"[{'+'.join(bodies)}]" if len(bodies) > 1 else level.suffix
 
 
 def _checked(
@@ -297,12 +299,12 @@ def _check_masses(levels: Levels, gamma: Quantity | Prior, path: KeyPath, where:
     """Masses beside a stated gamma give the total mass only; raises InputError where they give
     another gamma.
     """
-    weighed = _from_masses(levels, "gamma", where)
+    computed = _from_masses(levels, "gamma", where)
     centre, sd = (gamma.value, gamma.u) if isinstance(gamma, Quantity) else (gamma.centre, gamma.sd)
-    if abs(weighed.value - centre) > _SAME_SDS * np.hypot(sd, weighed.u) + _SAME_SHARE * centre:
+    if abs(computed.value - centre) > _SAME_SDS * np.hypot(sd, computed.u) + _SAME_SHARE * centre:
         raise levels.error(
             "contradicts the stated masses, which give "
-            f"{format_quantity(weighed.value, weighed.u)}: state only one of the two",
+            f"{format_quantity(computed.value, computed.u)}: state only one of the two",
             path,
             value=centre,
         )

@@ -54,7 +54,7 @@ def relative_blur(run: Run, noise: StatedNoise, size: FloatArray) -> FloatArray 
 
 
 def blurs(levels: Sequence[Levels], runs: Sequence[Run]) -> Iterator[Candidate]:
-    """Exposures that pictures may have had which the campaign does not say.
+    """Exposures that pictures may have had which the campaign does not state.
 
     Of runs with one noise table, in m, whose readings have a fixed error; none elsewhere.
     """

@@ -52,55 +52,55 @@ class RollingCampaign(Campaign):
 
     def suspects(self, names: Sequence[str]) -> Suspects:
         """The runs `names` as stated, and with what known physics, or the instruments, may add to
-        them that the campaign does not say.
+        them that the campaign does not state.
         """
-        plain, causes = self._posed(names, white=True), []
-        for one in self._candidates(plain):
-            campaign = replace(self, source=one.source)
+        stated, causes = self._posed(names, white=True), []
+        for candidate in self._candidates(stated):
+            campaign = replace(self, source=candidate.source)
             try:
                 problem = campaign._posed(names, white=True)
             except InputError:
                 continue  # it contradicts what is stated: no such angle in radians
             cause = Cause(
-                one.name,
-                one.words,
+                candidate.name,
+                candidate.words,
                 problem,
-                tuple(name for name in problem.names if split_level(name)[0] in one.of),
-                one.lines,
-                one.remark,
-                one.scanned,
-                begin=one.begin,
-                slip=one.slip,
-                posed=None if one.slip else partial(campaign._posed, names, usual=True),
+                tuple(name for name in problem.names if split_level(name)[0] in candidate.of),
+                candidate.lines,
+                candidate.remark,
+                candidate.scanned,
+                begin=candidate.begin,
+                slip=candidate.slip,
+                posed=None if candidate.slip else partial(campaign._posed, names, usual=True),
             )
             causes.append(cause)
         room = phrase("the unmodelled force included in the fit allows for it")
-        return Suspects(plain, room, tuple(causes))
+        return Suspects(stated, room, tuple(causes))
 
-    def _candidates(self, plain: Problem) -> Iterator[Candidate]:
-        """What the runs of `plain` may have that the campaign does not say."""
+    def _candidates(self, problem: Problem) -> Iterator[Candidate]:
+        """What the runs of `problem` may have that the campaign does not state."""
         source = self.source
-        yield from sketches(source, self._surroundings(plain))
-        levels = [self.levels(name) for name in plain.run_names]
-        tables = [self.tables[name] for name in plain.run_names]
+        yield from sketches(source, self._surroundings(problem))
+        levels = [self.levels(name) for name in problem.run_names]
+        tables = [self.tables[name] for name in problem.run_names]
         yield from blurs(levels, tables)
         coordinates = {table.coordinate for table in tables}
         key = "offset_rad" if "theta_rad" in coordinates else "offset_m"
-        one = len(coordinates) == 1  # angles and lengths have no zero in common
-        if one and all(of_run.first(key) is None for of_run in levels):
-            reach = _DISPLACED * max(max_abs(run.position) for run in plain.runs)
+        one_coordinate = len(coordinates) == 1  # angles and lengths have no zero in common
+        if one_coordinate and all(of_run.first(key) is None for of_run in levels):
+            reach = _DISPLACED * max(max_abs(run.position) for run in problem.runs)
             lines = ("[[runs]]", f'{key} = "0 +/- {format_rounded(reach, reach)}"')
             words = phrase("positions whose zero is not at the release")
             yield with_lines(source, "offset", words, lines)
         yield from unit_slips(source)
 
-    def _surroundings(self, plain: Problem) -> tuple[Surroundings, ...]:
+    def _surroundings(self, problem: Problem) -> tuple[Surroundings, ...]:
         """What is known of the runs."""
         known = []
-        for run in plain.runs:
+        for run in problem.runs:
             levels = self.levels(run.name)
             bound = bind_quantities(levels)
-            sources = {q: b.source for q, b in bound.items() if not b.usual}
+            sources = {q: b.source for q, b in bound.items() if not b.by_default}
             reach = max_abs(run.position)
             known.append(
                 Surroundings(
@@ -155,7 +155,7 @@ class RollingCampaign(Campaign):
         compared: bool = False,
         usual: bool = False,
     ) -> Problem:
-        """white : with nothing that the curve may lack.
+        """white : without an allowance for what the curve may lack.
         compared : with room for a force wherever there can be one.
         """
         physics: dict[str, Parameter] = {}
@@ -177,7 +177,7 @@ class RollingCampaign(Campaign):
             bound = {
                 q: b
                 for q, b in bound.items()
-                if not b.usual or (usual and not (angular and q == "scale_x"))
+                if not b.by_default or (usual and not (angular and q == "scale_x"))
             }
             sources = {q: b.source for q, b in bound.items()}
             setting = setting_of(
@@ -213,7 +213,7 @@ class RollingCampaign(Campaign):
                     force=stance.scale,
                     complete=stance.complete,
                     track=tracks[name],
-                    asked=stance.asked,
+                    asked=stance.stated,
                 )
             )
         centres = {name: p.prior.centre for name, p in (physics | unknowns).items()}
@@ -227,7 +227,7 @@ class RollingCampaign(Campaign):
         )
 
     def levels(self, name: str) -> Levels:
-        """The tables of the campaign file that speak of a run."""
+        """The tables of the campaign file that apply to a run."""
         return run_levels(self.source, name)
 
     def check(self, name: str) -> None:
@@ -261,14 +261,14 @@ class RollingCampaign(Campaign):
         return misfit_force(self.levels(level[1:-1]), error) if name == FORCE_KEY else error
 
     def refuse_discrepancy(self, command: str) -> None:
-        """A body has no such curve; its force is foreseen."""
+        """A body has no such curve; its force is part of the model."""
 
-    def _place_of_unknowns(self, name: str) -> KeyPath:
+    def _path_of_unknowns(self, name: str) -> KeyPath:
         return ("runs", [run.name for run in self.source.runs].index(name))
 
     def require_draws(self, problem: Problem) -> None:
         """Every prior of a rolling body can be drawn from; raises InputError for an unmodelled
-        force, which simulated data lack.
+        force, which simulated data do not contain.
         """
         self.require_complete(problem.run_names, "estim calibrate")
 

@@ -1,8 +1,8 @@
-"""Bodies built of parts: what the weighed pieces of a campaign file say of mass, gamma, kappa, rho
-and their like, with their uncertainties.
+"""Bodies built of parts: what the weighed parts in a campaign file imply for mass, gamma, kappa,
+rho and their like, with their uncertainties.
 
-A part stands once in the file, whatever bodies hold it, and is one input: bodies that share a piece
-share its error.  A part listed twice in a body is two pieces of the same weight, whose error is
+A part stands once in the file, whatever bodies hold it, and is one input: bodies that share a part
+share its error.  A part listed twice in a body is two parts of the same weight, whose error is
 common too.
 """
 
@@ -127,32 +127,32 @@ def parted_body(
     for part, entry in parts:
         inputs |= _inputs(source, part, entry)
     _require_metres(source, inputs, radius)
-    off = tuple(i for i, part in enumerate(listed) if _is_particle(part, table, inputs))
+    particle = tuple(i for i, part in enumerate(listed) if _is_particle(part, table, inputs))
     angles = any(name.endswith(".angle_deg") for name in inputs)
     # a bolt is a point that has a diameter
-    point = len(off) == 1 and type(parts[off[0]][1]) is PointTable
+    point = len(particle) == 1 and type(parts[particle[0]][1]) is PointTable
     trailing = tuple(i for i, (_, entry) in enumerate(parts) if isinstance(entry, TrailingTable))
-    if len({*off, *trailing}) == len(parts):
+    if len({*particle, *trailing}) == len(parts):
         raise source.error(
             "must leave a part for the disk: say which are the particle, particle = [...]",
             (*path, "parts"),
         )
-    silent = {
+    absent = {
         out
-        for out, there in {
-            "particle_gyration": off and not point,
+        for out, present in {
+            "particle_gyration": particle and not point,
             "trailing_fraction": trailing,
             "direction": angles,
         }.items()
-        if not there
+        if not present
     }
     body = PartedBody(
         name,
         parts,
-        off,
+        particle,
         radius.name,
         MappingProxyType(inputs),
-        tuple(out for out in OUTPUTS if out not in silent),
+        tuple(out for out in OUTPUTS if out not in absent),
     )
     at = dict(zip(body.outputs, (float(np.asarray(v)) for v in _values(body)), strict=True))
     if not all(np.isfinite(list(at.values()))) or at["kappa"] < 0.0 or at["rho"] <= 0.0:
@@ -165,7 +165,7 @@ def parted_body(
 
 
 def _require_metres(source: CampaignFile, inputs: Mapping[str, Input], radius: Input) -> None:
-    """Raises InputError for a length that no piece of a body of this radius has: one in
+    """Raises InputError for a length that no part of a body of this radius has: one in
     millimetres.
     """
     for name, quantity in inputs.items():
@@ -225,24 +225,24 @@ def _inputs(source: CampaignFile, name: str, table: AnyPart) -> dict[str, Input]
 
 
 def _part(name: str, table: AnyPart, q: Mapping[str, Any], body_radius: Any) -> Part:
-    def said(key: str, otherwise: Any = 0.0) -> Any:
+    def value_of(key: str, otherwise: Any = 0.0) -> Any:
         return q.get(f"{name}.{key}", otherwise)
 
     square: Any = 0.0
     match table:
         case RingTable():
-            square = ring(said("radius_m", body_radius), said("inner_radius_m"))
+            square = ring(value_of("radius_m", body_radius), value_of("inner_radius_m"))
         case DiskTable():
-            square = disk(said("radius_m", body_radius))
+            square = disk(value_of("radius_m", body_radius))
         case RodTable():
-            square = rod(said("length_m"), said("diameter_m"))
+            square = rod(value_of("length_m"), value_of("diameter_m"))
         case BoltTable():
-            square = bolt(said("diameter_m"))
+            square = bolt(value_of("diameter_m"))
     return Part(
-        said("mass_kg"),
+        value_of("mass_kg"),
         square,
-        said("distance_m"),
-        np.radians(said("angle_deg")),
+        value_of("distance_m"),
+        np.radians(value_of("angle_deg")),
         not isinstance(table, TrailingTable),
     )
 
@@ -254,8 +254,8 @@ def weighed(
     uncertainty, and their correlations.
 
     k_P and the trailing fraction are exact here where their uncertainty moves j by less than a
-    twentieth of its own: no fit could tell.  Raises InputError where the parts are wrong, or linear
-    propagation has no answer.
+    twentieth of its own: no fit could resolve it.  Raises InputError where the parts are wrong, or
+    linear propagation has no answer.
     """
     return _weighed(source, path, radius.name, radius.value, radius.u)
 
@@ -290,8 +290,8 @@ def _weighed(
 def notes_of(
     linear: LinearResult, values: Callable[[Mapping[str, Any]], Sequence[ArrayLike]]
 ) -> tuple[str, ...]:
-    """What a reader must know of a linear result of `values`, those outputs aside that are exact
-    but for rounding.
+    """What a reader must know of a linear result of `values`, except for those outputs that are
+    exact but for rounding.
     """
     mask = ~(linear.u <= _ROUNDING * np.abs(linear.value))
     if not linear.notes or not np.any(mask):
@@ -307,7 +307,7 @@ def known_to(value: FloatArray, u: FloatArray) -> FloatArray:
 
 
 def correlations(covariance: FloatArray) -> FloatArray:
-    """The correlation matrix of a covariance matrix; 0 beside what is exact."""
+    """The correlation matrix of a covariance matrix; 0 where a value is exact."""
     scale = diagonal_scale(covariance)
     return np.where(np.eye(len(scale)) > 0.0, 1.0, covariance / np.outer(scale, scale))
 

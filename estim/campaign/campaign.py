@@ -114,8 +114,8 @@ class Campaign(ABC):
         InputError.
 
         noise : in place of the noise tables of the campaign.
-        usual : with the usual errors of length scale and clock where nothing is said of them, as an
-            analysis has them.
+        usual : with the usual errors of length scale and clock where nothing is stated of them, as
+            an analysis has them.
         """
         if not names or len(set(names)) < len(names):
             raise InputError(
@@ -193,7 +193,7 @@ class Campaign(ABC):
                 "uncertainty or a prior"
             )
             name = problem.runs[0].name
-            raise self.source.error(rule, self._place_of_unknowns(name), field=f"run {name}")
+            raise self.source.error(rule, self._path_of_unknowns(name), field=f"run {name}")
         if drawn:
             self.require_draws(problem)
 
@@ -205,7 +205,7 @@ class Campaign(ABC):
 
     @abstractmethod
     def check(self, name: str) -> None:
-        """Raises InputError where the data of a run cannot be what the campaign says of them."""
+        """Raises InputError where the data of a run contradict what the campaign states of them."""
 
     def body_of(self, name: str) -> str | None:
         """The name of the body of a run, None where there is none."""
@@ -213,11 +213,11 @@ class Campaign(ABC):
 
     @abstractmethod
     def _unit_of(self, argument: str, name: str) -> str:
-        """The unit of an argument of the curve of a run, "1" where nobody said one."""
+        """The unit of an argument of the curve of a run, "1" where none is stated."""
 
     @abstractmethod
     def suspects(self, names: Sequence[str]) -> Suspects:
-        """The runs `names` as stated, and with each thing that they may have beside it."""
+        """The runs `names` as stated, and with each effect that they may have in addition."""
 
     @abstractmethod
     def noise_models(self, name: str) -> tuple[NoiseModel, ...]:
@@ -240,7 +240,7 @@ class Campaign(ABC):
         """An error of the fit of a problem with its place in the campaign, where it has one."""
 
     @abstractmethod
-    def _place_of_unknowns(self, name: str) -> KeyPath:
+    def _path_of_unknowns(self, name: str) -> KeyPath:
         """Where in the file the unknowns of a run are declared."""
 
     @abstractmethod
@@ -248,24 +248,24 @@ class Campaign(ABC):
         """Raises InputError where a prior cannot be drawn from, or data cannot be simulated."""
 
     def require_body(self) -> None:
-        """Raises InputError where there is no rolling body to speak of."""
+        """Raises InputError where there is no rolling body."""
         if self.formula is not None:
             raise self.source.error("has no rolling body, which this command is about", ("curve",))
 
     def require_complete(self, names: Sequence[str], command: str) -> None:
-        """Raises InputError where there is no rolling body, or an unmodelled force was asked for,
-        which `command` does not know.
+        """Raises InputError where there is no rolling body, or an unmodelled force was requested,
+        which `command` does not support.
         """
         self.require_body()
 
     def require_speeds(self, names: Sequence[str], command: str) -> None:
         """Raises InputError where there is no rolling body, or a run is not fit as speeds with
-        normal errors, which is what `command` knows.
+        normal errors, which is what `command` supports.
         """
         self.require_body()
 
     @abstractmethod
     def refuse_discrepancy(self, command: str) -> None:
-        """Raises InputError where a curve of the user's own may lack something, which `command`
-        does not foresee.
+        """Raises InputError where the campaign allows for a discrepancy of the user's own curve,
+        which `command` does not support.
         """

@@ -26,7 +26,7 @@ from estim.campaign.part_table import AnyPart
 from estim.campaign.plan_table import PlanTable, check_plan
 from estim.campaign.prior_table import Finite, Positive, Stated
 from estim.campaign.trial_table import Degrees, OfReading, TrialsTable
-from estim.campaign.type_mismatch import hint, located, meant, mismatch, of_table
+from estim.campaign.type_mismatch import hint, located, mismatch, of_table, suggestion
 from estim.common import EXTREME, InputError, extreme, phrase
 from estim.reading import (
     TOML_BYTES,
@@ -225,7 +225,7 @@ class CampaignFile:
         return self.path.parent / written
 
     def with_levels(self, change: Callable[[Any], Any]) -> CampaignFile:
-        """The file with every table that speaks of runs (`LevelTable`) changed, each to one of its
+        """The file with every table that applies to runs (`LevelTable`) changed, each to one of its
         own kind.
         """
         bodies = {name: change(table) for name, table in self.bodies.items()}
@@ -329,8 +329,8 @@ def _checked_file(
                 value=body,
             )
     check_plan(top.plan, tuple(files), places, own_curve=top.curve is not None)
-    said = msgspec.structs.asdict(top) | {"runs": tuple(runs), "curve_runs": tuple(curve_runs)}
-    return CampaignFile(path=path, sha256=digest, places=places, files=files, **said)
+    tables = msgspec.structs.asdict(top) | {"runs": tuple(runs), "curve_runs": tuple(curve_runs)}
+    return CampaignFile(path=path, sha256=digest, places=places, files=files, **tables)
 
 
 T = TypeVar("T")
@@ -345,16 +345,16 @@ def checked(tree: object, kind: type[T], places: Places, path: KeyPath) -> T:
     except msgspec.ValidationError as error:
         message, _, where = str(error).partition(" - at `$")
         inner = re.findall(r"\.\.\.|[^.\[\]`]+", where)
-        within, found = located(tree, kind, inner)
+        within, entry = located(tree, kind, inner)
         full = (*path, *within)
         if match := re.search(r"(unknown|missing required) field `(.*)`", message):
-            mark, keys = of_table(kind, inner, found)
+            mark, keys = of_table(kind, inner, entry)
             if match[1] == "unknown":
-                rule = f"is not a known key here{mark}{meant(match[2], keys)}"
+                rule = f"is not a known key here{mark}{suggestion(match[2], keys)}"
             else:
                 rule = f"is missing{mark}{hint(kind, [*inner, match[2]])}"
             raise places.error(rule, (*full, match[2])) from None
-        rule, value = mismatch(message, kind, inner, found)
+        rule, value = mismatch(message, kind, inner, entry)
         raise places.error(rule, full, field=None if full else "campaign", value=value) from None
 
 

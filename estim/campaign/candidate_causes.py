@@ -1,5 +1,5 @@
-"""What a campaign does not say, or may say wrongly, as candidates for what its curve lacks: each is
-the campaign as it would read with a few other lines.
+"""What a campaign does not state, or may state wrongly, as candidates for what its curve lacks:
+each is the campaign as it would read with a few other lines.
 
 Lines carry priors as wide as such a thing may be, not what a fit found: an estimate in place of a
 prior would use the data twice.
@@ -29,7 +29,7 @@ _BEGIN = 0.05  # m/s: positions hardly depend on a speed about 0
 @dataclass(frozen=True, eq=False)
 class Surroundings:
     """What is known of a run.  sources : quantity -> number or prior.  mass : kg.  reach : m or
-    rad, how far it was seen.
+    rad, how far it was recorded.
     """
 
     sources: Mapping[str, float | Prior]
@@ -39,7 +39,7 @@ class Surroundings:
     positions: bool
 
     def exact(self, name: str) -> float | None:
-        """The value of a quantity that is exact, 0 where it is not said; None where it is
+        """The value of a quantity that is exact, 0 where it is not stated; None where it is
         unknown.
         """
         source = self.sources.get(name, 0.0)
@@ -71,22 +71,22 @@ _Lines = tuple[str, str, tuple[str, ...]]  # name, words, and the lines, the fir
 
 
 def sketches(source: CampaignFile, runs: Sequence[Surroundings]) -> tuple[Candidate, ...]:
-    """The candidates for runs fit together: those that none of them says and all of them may
+    """The candidates for runs fit together: those that none of them states and all of them may
     have.
     """
 
-    def unsaid(names: Iterable[str]) -> bool:
+    def unstated(names: Iterable[str]) -> bool:
         return all(run.exact(name) == 0.0 for run in runs for name in names)
 
     every = [*_start(runs), *_forces(runs), *_instruments(runs)]
-    if unsaid(("sag", "phi_slope")):
+    if unstated(("sag", "phi_slope")):
         every += _ramp(runs)
-    candidates = (with_lines(source, *one) for one in every)
-    return tuple(candidate for candidate in candidates if unsaid(candidate.of))
+    candidates = (with_lines(source, *entry) for entry in every)
+    return tuple(candidate for candidate in candidates if unstated(candidate.of))
 
 
 def with_lines(source: CampaignFile, name: str, words: str, lines: tuple[str, ...]) -> Candidate:
-    """The campaign with `lines`, in the place of whatever says the same at any level."""
+    """The campaign with `lines`, in place of whatever states the same at any level."""
     stated, kinds = tomllib.loads("\n".join(lines[1:])), {**QUANTITIES, **EFFECTS}
     of = tuple(q for q, kind in kinds.items() if kind.keys.keys() & stated.keys())
     table = msgspec.convert(stated, LevelTable)
@@ -101,7 +101,7 @@ def with_lines(source: CampaignFile, name: str, words: str, lines: tuple[str, ..
 
 
 def without(source: CampaignFile, quantities: Iterable[str], *further: str) -> CampaignFile:
-    """The campaign as if nothing were said of some quantities, or under `further` keys."""
+    """The campaign as if some quantities were not stated, or under `further` keys."""
     kinds = {**QUANTITIES, **EFFECTS}
     keys = {*further, *(key for name in quantities for key in kinds[name].keys)}
 
@@ -204,7 +204,7 @@ def _ramp(runs: Sequence[Surroundings]) -> Iterator[_Lines]:
 
 
 def _length(runs: Sequence[Surroundings]) -> float:
-    """How far the runs were seen, m."""
+    """How far the runs were recorded, m."""
     longest = max(run.reach * (run.centre("radius") if run.angular else 1.0) for run in runs)
     return _rounded(longest, 0.01)
 

@@ -69,18 +69,18 @@ Keys = TypeVar("Keys", bound=CurveKeys)
 class CurveCampaign(Campaign):
     """A campaign whose curve is the user's own: its `[curve]` table and runs, read and checked.
 
-    runs : run -> what is said of it.
-    places : how the formula calls each of several abscissas -> what it is; empty where there is
+    runs : run -> its table and columns.
+    abscissas : how the formula calls each of several abscissas -> what it is; empty where there is
         one.
-    run_units : run -> the units of its axes, those of its header where the campaign says none.
+    run_units : run -> the units of its axes, those of its header where the campaign states none.
     """
 
     curve: Formula
     axes: AxisNames
     table: CurveTable
     runs: Mapping[str, RunOfCurve]
-    asked: ModelSum
-    places: Mapping[str, AxisTable]
+    model: ModelSum
+    abscissas: Mapping[str, AxisTable]
     run_units: Mapping[str, Mapping[str, str]]
     _problems: dict[tuple[str, ...], Problem] = field(default_factory=dict, init=False, repr=False)
 
@@ -101,10 +101,10 @@ class CurveCampaign(Campaign):
             self.runs[name].columns_sentence(self.run_units[name], self.tables[name])
             for name in names
         )
-        alike = self._called_like_columns
+        parameters = self._called_like_columns
         words = later("read as a parameter, although the table has a column of that name: {names}")
         return "; ".join(
-            [*dict.fromkeys(sentences), *([phrase(words, names=alike)] if alike else [])]
+            [*dict.fromkeys(sentences), *([phrase(words, names=parameters)] if parameters else [])]
         )
 
     @property
@@ -116,10 +116,10 @@ class CurveCampaign(Campaign):
     def _posed(
         self, names: Sequence[str], *, noise: NoiseTable | None = None, usual: bool = False
     ) -> Problem:
-        """Raises InputError also where other noise is asked for.
+        """Raises InputError also where other noise is requested.
 
-        usual : changes nothing: what is usual of a user's own axes nobody knows
-            (`[curve.shared_errors]` says it).
+        usual : changes nothing: no default errors are known for a user's own axes
+            (`[curve.shared_errors]` states them).
         """
         if noise is not None:
             raise self._only_noise()
@@ -136,10 +136,10 @@ class CurveCampaign(Campaign):
         settings = {name: self._settings(self.runs[name]) for name in names}
         own = self._own(settings)
         runs = {name: rows_of(self.runs[name], self.tables[name]) for name in names}
-        points = {name: rows.points(self.asked, self._axes_of(name)) for name, rows in runs.items()}
+        points = {name: rows.points(self.model, self._axes_of(name)) for name, rows in runs.items()}
 
-        def pose(name: str, settings: ParameterSettings, **found: Any) -> CurveProblem:
-            posed = runs[name].posed(points[name], settings, errors, **found)
+        def pose(name: str, settings: ParameterSettings, **options: Any) -> CurveProblem:
+            posed = runs[name].posed(points[name], settings, errors, **options)
             if posed.lacks is not None and posed.lacks.deviation and len(names) > 1:
                 raise self.runs[name].error(
                     "does not go with a joint fit, which needs a deviation that runs share: "
@@ -147,13 +147,13 @@ class CurveCampaign(Campaign):
                     "deviation",
                 )
             by_name = {p.name: p for p in posed.parameters}
-            of_curve = [by_name.pop(one) for one in self.curve.names if one in by_name]
+            of_curve = [by_name.pop(symbol) for symbol in self.curve.names if symbol in by_name]
             called = (self._called(p, name) for p in of_curve)
             return replace(posed, parameters=(*called, *by_name.values()))
 
-        taken = dict.fromkeys(names, self.curve.names)
-        parts = pose_sets(points, settings, taken, own, pose, known_starts={})
-        common = [one.parameter_name for one in errors]
+        arguments = dict.fromkeys(names, self.curve.names)
+        parts = pose_sets(points, settings, arguments, own, pose, known_starts={})
+        common = [component.parameter_name for component in errors]
         joint = join(parts, own=own, common=common, same_size=True)
         if len(parts) > 1 and joint.y.size > MAX_ROWS:
             raise self.source.error(
@@ -173,7 +173,10 @@ class CurveCampaign(Campaign):
         """Run -> the unknowns that it shares with no other run, since it alone states something of
         them, or all other runs do.
         """
-        unknown = {name: {*self.curve.names} - {*one.fixed} for name, one in settings.items()}
+        unknown = {
+            name: {*self.curve.names} - {*run_settings.fixed}
+            for name, run_settings in settings.items()
+        }
         own = {name: unknown[name] & {*self.runs[name].table.parameters} for name in settings}
         uses = Counter(argument for name in settings for argument in unknown[name] - own[name])
         if any(count > 1 for count in uses.values()):
@@ -209,24 +212,24 @@ class CurveCampaign(Campaign):
         for key in next(iter(self.run_units.values())):
             units = {name: unit for name in names if (unit := self.run_units[name][key]) != "1"}
             for name, unit in units.items():
-                first, wanted = next(iter(units.items()))
-                if same_numbers(unit, wanted) is False:
+                first, first_unit = next(iter(units.items()))
+                if same_numbers(unit, first_unit) is False:
                     raise self.source.error(
-                        f"is in {wanted} by the header of run '{first}', in {unit} by that of "
+                        f"is in {first_unit} by the header of run '{first}', in {unit} by that of "
                         f"'{name}': runs that share a parameter need one unit",
                         ("curve", key[:1]),
                     )
 
     def suspects(self, names: Sequence[str]) -> Suspects:
-        """Nothing is known of what a user's own curve may lack but what readings may suffer: a
-        displaced zero of either axis among it.
+        """What a user's own curve may lack is not known; what the readings may suffer is, a
+        displaced zero of either axis for instance.
         """
         room = phrase(
             "another curve may explain them; if this one is known to be right, the errors "
             "of successive readings may be "
             "correlated: allow for it (correlated)"
         )
-        plain, errors = self._posed(names), self.table.errors
+        stated, errors = self._posed(names), self.table.errors
         zeros = {
             "zero_y": phrase(
                 "a constant offset of y (+ c in the formula, + constant after a model)"
@@ -236,17 +239,17 @@ class CurveCampaign(Campaign):
             ),
         }
         causes = []
-        for kind in zeros if not (plain.counted or plain.runs[0].numbered) else ():
-            reach = max(np.ptp(run.x if kind == "zero_x" else run.y) for run in plain.runs)
+        for kind in zeros if not (stated.counted or stated.runs[0].numbered) else ():
+            reach = max(np.ptp(run.x if kind == "zero_x" else run.y) for run in stated.runs)
             if reach > 0.0 and kind not in errors:
                 table = msgspec.structs.replace(self.table, errors={**errors, kind: float(reach)})
                 problem = replace(self, table=table)._posed(names)
                 causes.append(Cause(kind, zeros[kind], problem, (kind,), ()))
-        return Suspects(plain, room, tuple(causes))
+        return Suspects(stated, room, tuple(causes))
 
     def refuse_discrepancy(self, command: str) -> None:
-        """Raises InputError where the campaign asks for what a curve may lack, which `command` does
-        not know.
+        """Raises InputError where the campaign allows for a discrepancy of the curve, which
+        `command` does not support.
         """
         for run in self.runs.values():
             run.refuse_discrepancy(command)
@@ -269,11 +272,11 @@ class CurveCampaign(Campaign):
         """The curve and its axes; of several abscissas along each, the others taken for parameters,
         or along x alone where that is one.
         """
-        whole = read_formula(self.curve.text)
-        axes = {name: replace(self.axes, x_unit=axis.unit) for name, axis in self.places.items()}
+        formula = read_formula(self.curve.text)
+        axes = {name: replace(self.axes, x_unit=axis.unit) for name, axis in self.abscissas.items()}
         if "x" in axes:
-            return [(whole, axes["x"])]
-        each = [(whole.in_terms_of(name), along) for name, along in axes.items()]
+            return [(formula, axes["x"])]
+        each = [(formula.in_terms_of(name), along) for name, along in axes.items()]
         return each or [(self.curve, self.axes)]
 
     def noise_models(self, name: str) -> tuple[NoiseModel, ...]:
@@ -285,7 +288,7 @@ class CurveCampaign(Campaign):
             "is fit with the noise that its own tables state: no other model to compare", ("curve",)
         )
 
-    def _place_of_unknowns(self, name: str) -> KeyPath:
+    def _path_of_unknowns(self, name: str) -> KeyPath:
         return ("curve", "parameters")
 
     def require_draws(self, problem: Problem) -> None:
@@ -304,7 +307,7 @@ class CurveCampaign(Campaign):
                 raise self.source.error(
                     "is flat without limits, so that nothing can be simulated: give it limits "
                     "(low and high), or a prior",
-                    self._place(parameter.name),
+                    self._path_of(parameter.name),
                 )
 
     def _placed(self, error: InputError, problem: Problem) -> InputError:
@@ -314,11 +317,11 @@ class CurveCampaign(Campaign):
         if error.field in ("u_y", "expression"):
             return self.source.error(error.rule, ("curve", error.field))
         if error.field in problem.names:
-            rule, alike = error.rule, self._called_like_columns
+            rule, column = error.rule, self._called_like_columns
             rule += (
-                f" (to use the column {alike} as an abscissa, name it with --x)" if alike else ""
+                f" (to use the column {column} as an abscissa, name it with --x)" if column else ""
             )
-            return self.source.error(rule, self._place(error.field))
+            return self.source.error(rule, self._path_of(error.field))
         named = problem.named(problem.start())
         for run in problem.runs if self.table.noise is None else ():
             with np.errstate(all="ignore"):
@@ -335,15 +338,15 @@ class CurveCampaign(Campaign):
         places = self.source.places
         return error.at(places.file, places.lines.get(("curve", "parameters")))
 
-    def _place(self, parameter: str) -> KeyPath:
+    def _path_of(self, parameter: str) -> KeyPath:
         """Where a parameter stands in the campaign file."""
         name, _, level = parameter.partition("[")
-        return self.runs[level[:-1]].place(name) if level else ("curve", "parameters", name)
+        return self.runs[level[:-1]].path_of(name) if level else ("curve", "parameters", name)
 
     def _source(self, name: str, run: RunOfCurve) -> Prior | float:
         """A parameter of the formula for one run: the prior of an unknown, or an exact value."""
         entry = run.entry(name)
-        if entry is None and not self.asked.terms:
+        if entry is None and not self.model.terms:
             raise self.source.error(
                 f"is missing for run '{run.table.name}': say it under [curve.parameters] or "
                 f"[runs.parameters], as {name} = {{start = 1.0}}, or "
@@ -355,11 +358,11 @@ class CurveCampaign(Campaign):
             return source_of(
                 ParameterTable() if entry is None else entry,
                 name,
-                self.asked.limits.get(name, (None, None)),
+                self.model.limits.get(name, (None, None)),
             )
         except InputError as error:
             rule = error.rule if error.field in (None, name) else f"'{error.field}' {error.rule}"
-            raise self.source.error(rule, run.place(name), value=error.value) from None
+            raise self.source.error(rule, run.path_of(name), value=error.value) from None
 
     def _components(self) -> tuple[Component, ...]:
         components = []
@@ -392,13 +395,13 @@ def read_curve_campaign(
     formula, named = read_curve(source, table)
     check_counts(source, table)
     check_words(source, table, runs)
-    formula, places = with_variable(source, formula, table, runs)
+    formula, abscissas = with_variable(source, formula, table, runs)
     check_parameters(source, formula, table, runs)
-    if places:
+    if abscissas:
         table = msgspec.structs.replace(table, x=NUMBER)
     x, y = x_axes(table)[0], y_axis(table)
     axes = AxisNames(x.name or x.column, x.unit, y.name or y.column, y.unit)
-    every = {run.name: RunOfCurve(source, table, run, i, places) for i, run in enumerate(runs)}
+    every = {run.name: RunOfCurve(source, table, run, i, abscissas) for i, run in enumerate(runs)}
     read = {name: run.read() for name, run in every.items() if name in only}
     run_units = {name: every[name].units_of(data) for name, data in read.items()}
     tables = {
@@ -412,8 +415,8 @@ def read_curve_campaign(
         axes=axes,
         table=table,
         runs=MappingProxyType(every),
-        asked=ModelSum("", formula) if named is None else named,
-        places=MappingProxyType(places),
+        model=ModelSum("", formula) if named is None else named,
+        abscissas=MappingProxyType(abscissas),
         run_units=MappingProxyType(run_units),
     )
 

@@ -1,6 +1,6 @@
 """The keys of a user's own curve in a campaign file, and what each may hold.
 
-`docs/your-own-curve.md` explains them to users; `estim.campaign.curve_tables` says what goes
+`docs/your-own-curve.md` explains them to users; `estim.campaign.curve_tables` checks what goes
 together.
 """
 

@@ -61,7 +61,7 @@ class CurveModel:
 
     problem : of the same points as that of every other model.
     own : names of the parameters that it adds to the paper's.
-    lines : what a campaign must say for it, beside what it says; empty where it says so already.
+    lines : what a campaign must state for it in addition; empty where it states it already.
     forced : whether it has an unmodelled force.
     roomy : whether its noise has the room that it has beside a force
         (`estim.discrepancy.noise_without_force`).
@@ -97,26 +97,27 @@ def outlines(
     *,
     forced: bool,
 ) -> tuple[Outline, ...]:
-    """The models of runs; stated : quantity -> number or prior of what the campaign says; sketches
-    : name -> the paper's model with what the campaign does not say but may have.
+    """The models of runs.
 
+    stated : quantity -> number or prior of what the campaign states.
+    sketches : name -> the paper's model with what the campaign does not state but may have.
     forced : whether an unmodelled force can stand beside the curve.
     """
     active = {quantity for quantity in ADDED if stated.get(quantity, 0.0) != 0.0}
-    whole = without(source, ADDED - active)
+    complete = without(source, ADDED - active)
     paper = phrase("the paper's model: only weight and inertia, starting from rest")
     models = [Outline(PAPER, paper, without(source, ADDED), of_campaign=not active)]
     for name, quantities in GROUPS.items():
         included = active.intersection(quantities)
         words = phrase("the paper's model with {what}", what=WORDS[name])
         if included:
-            left = without(source, ADDED - included)
-            models.append(Outline(name, words, left, of_campaign=included == active))
+            reduced = without(source, ADDED - included)
+            models.append(Outline(name, words, reduced, of_campaign=included == active))
         elif (sketch := sketches.get(_ALWAYS.get(name, ""))) is not None:
             models.append(Outline(name, words, sketch.source, sketch.lines))
     if active and not any(outline.of_campaign for outline in models):
         words = phrase("everything that the campaign states")
-        models.append(Outline(STATED, words, whole, of_campaign=True))
+        models.append(Outline(STATED, words, complete, of_campaign=True))
     if forced:
         what = next(outline.name for outline in models if outline.of_campaign)
         words = phrase(
@@ -126,5 +127,5 @@ def outlines(
             what=what,
             sd=START_SD,
         )
-        models.append(Outline(FORCE, words, whole, forced=True, of_campaign=True))
+        models.append(Outline(FORCE, words, complete, forced=True, of_campaign=True))
     return tuple(models)

@@ -1,7 +1,7 @@
 """One run of a campaign's `[curve]`: its columns, and the problem that its rows pose as they would
 in `fit_curve`.
 
-What is said at the run has the last word, else what is said of the curve.  Only what rows are,
+What is stated at the run has the last word, else what is stated for the curve.  Only what rows are,
 which of them are fit, and keys that Python does not have are decided here; all else by
 `estim.curves.pose_points`, whose errors get the line of their cell or key.
 """
@@ -71,28 +71,28 @@ from estim.reading import (
 _MIN_ROWS = 3
 MAX_ROWS = 100_000  # of a fit with a chain, where they cost in proportion
 NUMBER = "_number"  # the column of x where a curve has several abscissas
-_LACKS = ("deviation", "correlated")
+_DISCREPANCIES = ("deviation", "correlated")
 
 
 @dataclass(frozen=True, eq=False)
 class RunOfCurve:
-    """What a campaign says of the curve in its run number `index`.
+    """What a campaign states of the curve in its run number `index`.
 
-    places : how the formula calls each of several abscissas -> what it is; x is then the number of
-        the point.
+    abscissas : how the formula calls each of several abscissas -> what it is; x is then the number
+        of the point.
     """
 
     source: CampaignFile
     curve: CurveTable
     table: CurveRunTable
     index: int
-    places: Mapping[str, AxisTable]
+    abscissas: Mapping[str, AxisTable]
 
     @property
     def axes(self) -> dict[str, AxisTable]:
         """Argument of `pose_points`, "x" or "x[u]" of several abscissas, and "y" -> what it is."""
-        places = {f"x[{symbol}]": axis for symbol, axis in self.places.items()}
-        return {**(places or {"x": x_axes(self.curve)[0]}), "y": y_axis(self.curve)}
+        abscissas = {f"x[{symbol}]": axis for symbol, axis in self.abscissas.items()}
+        return {**(abscissas or {"x": x_axes(self.curve)[0]}), "y": y_axis(self.curve)}
 
     @property
     def x(self) -> str:
@@ -109,7 +109,7 @@ class RunOfCurve:
         return self.curve.y is None
 
     def stated(self, key: str) -> tuple[Any, KeyPath]:
-        """What the run says of a key, else the curve, and where; None where neither does."""
+        """What the run states under a key, else the curve, and where; None where neither does."""
         value = getattr(self.table, key, None)
         return (
             (value, ("runs", self.index, key))
@@ -126,7 +126,7 @@ class RunOfCurve:
         with self.source.places.at(self.stated(key)[1]):
             return read_source(written, field=key, low=0.0)
 
-    def place(self, parameter: str) -> KeyPath:
+    def path_of(self, parameter: str) -> KeyPath:
         """Where a parameter is stated."""
         return (
             ("runs", self.index, "parameters", parameter)
@@ -135,7 +135,7 @@ class RunOfCurve:
         )
 
     def entry(self, parameter: str) -> float | str | ParameterTable | None:
-        """What the nearest level says of a parameter."""
+        """What the nearest level states of a parameter."""
         return self.table.parameters.get(parameter, self.curve.parameters.get(parameter))
 
     def word(self, parameter: str, word: Literal["unit", "meaning"]) -> str | None:
@@ -171,8 +171,10 @@ class RunOfCurve:
         }
 
     def refuse_discrepancy(self, command: str) -> None:
-        """Raises InputError where the curve may lack something, which `command` does not know."""
-        for key in _LACKS:
+        """Raises InputError where the campaign allows for a discrepancy of the curve, which
+        `command` does not support.
+        """
+        for key in _DISCREPANCIES:
             if self.stated(key)[0]:
                 raise self.error(
                     f"does not go with {command}, which takes the curve as complete: leave "
@@ -208,14 +210,14 @@ class RunOfCurve:
                     table.require_unit(self.columns[key], of)
                 else:
                     _require_unit_of_axis(table, self.columns[key], of, axis.unit)
-        if self.places:
+        if self.abscissas:
             numbers = np.arange(1.0, table.lines.size + 1.0)
             table = table.with_columns({**table.columns, NUMBER: numbers})
         return table
 
     def units_of(self, table: Table) -> dict[str, str]:
-        """Key of `axes` -> its unit, that of the header where the campaign says none.  Raises
-        InputError where it says another.
+        """Key of `axes` -> its unit, that of the header where the campaign states none.  Raises
+        InputError where it states another.
         """
         units = {}
         for key, axis in self.axes.items():
@@ -240,8 +242,8 @@ class RunOfCurve:
             for key, of in (("u_y", "y"), ("u_y[plus]", "y"), ("u_x", "x"))
             if key in self.columns
         ]
-        bare = [axis for axis in ("x", "y") if self.stated(f"u_{axis}")[0] is None]
-        return columns_sentence(columns, table.unread, () if self.curve.noise else bare)
+        without_u = [axis for axis in ("x", "y") if self.stated(f"u_{axis}")[0] is None]
+        return columns_sentence(columns, table.unread, () if self.curve.noise else without_u)
 
 
 def _require_unit_of_axis(table: Table, u: str, of: str, unit: str) -> None:
@@ -260,28 +262,31 @@ def _require_unit_of_axis(table: Table, u: str, of: str, unit: str) -> None:
 class RowsOfRun:
     """A run with the table of its data and which of its rows are fit.
 
-    kept : (n_obs,) rows that are fit, in order of x.  inside : (n_row,) whether a row lies within
-        the window.  excluded : why others are left out.
+    row_indices : (n_obs,) rows that are fit, in order of x.
+    inside : (n_row,) whether a row lies within the window.
+    excluded : why others are left out.
     """
 
     run: RunOfCurve
     data: Run
-    kept: IntArray
+    row_indices: IntArray
     inside: BoolArray
     excluded: tuple[Finding, ...]
 
     def column(self, key: str) -> FloatArray:
         """The column that gives an argument of `pose_points`, of these rows."""
-        return np.asarray(self.data.columns[self.run.columns[key]][self.kept])
+        return np.asarray(self.data.columns[self.run.columns[key]][self.row_indices])
 
-    def points(self, asked: ModelSum, axes: AxisNames) -> DataSet:
+    def points(self, model: ModelSum, axes: AxisNames) -> DataSet:
         """The rows as the points of a curve.  Raises InputError."""
         run, size = self.run, self.size
-        curve: Any = asked
-        x: Any = {symbol: self.column(f"x[{symbol}]") for symbol in run.places} or self.column("x")
-        if run.places:
+        curve: Any = model
+        x: Any = {symbol: self.column(f"x[{symbol}]") for symbol in run.abscissas} or self.column(
+            "x"
+        )
+        if run.abscissas:
             with self.placing():
-                curve, x = numbered(asked.formula.text, x)
+                curve, x = numbered(model.formula.text, x)
         return DataSet(
             x,
             None if run.events else self.column("y"),
@@ -299,11 +304,11 @@ class RowsOfRun:
         points: DataSet,
         settings: ParameterSettings,
         components: tuple[Component, ...],
-        **found: Any,
+        **options: Any,
     ) -> CurveProblem:
         """The problem of its points.
 
-        settings, found : as of `pose_points`.
+        settings, options : as of `pose_points`.
 
         Raises InputError with file and line.
         """
@@ -312,13 +317,15 @@ class RowsOfRun:
         along = (
             self.column("correlated")
             if isinstance(correlated, str)
-            else self.kept.astype(float)
+            else self.row_indices.astype(float)
             if correlated
             else False
         )
         errors = [
-            one if one.groups is None else replace(one, groups=self.column(f"errors[{one.name}]"))
-            for one in components
+            component
+            if component.groups is None
+            else replace(component, groups=self.column(f"errors[{component.name}]"))
+            for component in components
         ]
         with self.placing():
             posed = pose_points(
@@ -328,7 +335,7 @@ class RowsOfRun:
                 deviation=deviation or 0.0,
                 correlated=along,
                 level=f"[{run.table.name}]",
-                **found,
+                **options,
             )
         _check_keys(run, posed, self.size)
         return posed
@@ -344,7 +351,7 @@ class RowsOfRun:
     @cached_property
     def size(self) -> float | str | FloatArray | Prior | None:
         """Standard deviations of y, or the prior of theirs; text where they are a share, None where
-        nothing is said.
+        nothing is stated.
         """
         run, written = self.run, self.run.stated("u_y")[0]
         if written is None:
@@ -374,7 +381,7 @@ class RowsOfRun:
         """The run as a problem, what is unknown of its errors last.  axes : as they are shown."""
         name = self.run.table.name
         sigma, unknown = Scale(1.0), tuple[Parameter, ...]()
-        # the residuals say its size, together with what the curve lacks
+        # its size is inferred from the residuals, together with the discrepancy of the curve
         if not posed.stated and posed.lacks is not None:
             sigma = Scale(roughness(posed.y, robust=posed.noise.robust))
         elif not posed.stated:
@@ -391,16 +398,18 @@ class RowsOfRun:
                 SIGMA if of_all else f"{SIGMA}[{name}]", axes.y_unit, prior, meaning, SIGMA_NOTATION
             )
             sigma, unknown = Scale(parameter=size.name), (size,)
-        lacks, along = posed.lacks, self.run.columns.get("correlated")
-        if lacks is not None and lacks.along is not None:
+        discrepancy, along = posed.lacks, self.run.columns.get("correlated")
+        if discrepancy is not None and discrepancy.along is not None:
             of_column = (
                 x_axes(self.run.curve)[0].unit
                 if along == self.run.x
                 else phrase("of column '{column}'", column=along)
             )
-            lacks = replace(lacks, along_unit=phrase("readings") if along is None else of_column)
+            discrepancy = replace(
+                discrepancy, along_unit=phrase("readings") if along is None else of_column
+            )
         counts = posed.noise.counted
-        whole = counts is None or counts.law.word == "counts"
+        shows_excluded = counts is None or counts.law.word == "counts"
         columns = self.data.columns
         run = replace(
             posed.observed(sigma),
@@ -410,12 +419,12 @@ class RowsOfRun:
             excluded_points=np.column_stack(
                 [columns[self.run.x][~self.inside], columns[self.run.y][~self.inside]]
             )
-            if whole and not self.run.events
+            if shows_excluded and not self.run.events
             else np.zeros((0, 2)),
-            lacks=lacks,
+            lacks=discrepancy,
             places={
                 (axis.name or axis.column) + bracketed(axis.unit): self.column(f"x[{symbol}]")
-                for symbol, axis in self.run.places.items()
+                for symbol, axis in self.run.abscissas.items()
             }
             or None,
         )
@@ -437,7 +446,7 @@ def _check_keys(run: RunOfCurve, posed: CurveProblem, size: object) -> None:
 
 
 def _jitter(run: RunOfCurve) -> bool | Prior:
-    """Whether errors beside the stated ones are inferred, or the prior of their size."""
+    """Whether errors in addition to the stated ones are inferred, or the prior of their size."""
     written = run.stated("jitter")[0]
     if written is None or isinstance(written, bool):
         return bool(written)
@@ -462,12 +471,12 @@ def _placed(error: InputError, rows: RowsOfRun) -> InputError:
         places = run.source.places
         return error.at(places.file, places.lines.get(("curve", "parameters")))
     if column is not None and error.index is not None:
-        return data.error(error.rule, column, int(rows.kept[error.index]))
+        return data.error(error.rule, column, int(rows.row_indices[error.index]))
     if column is not None and argument in ("x", "y"):
         return InputError(error.rule, field=column, value=error.value, file=data.file)
     match argument:
         case "units" | "start":
-            path = run.place(of)
+            path = run.path_of(of)
         case "errors":
             path = ("curve", "errors", of) if of else ("curve", "errors")
         case "curve":
@@ -482,7 +491,7 @@ def _placed(error: InputError, rows: RowsOfRun) -> InputError:
 def rows_of(run: RunOfCurve, data: Run) -> RowsOfRun:
     """The rows that are fit.  Raises InputError."""
     window, path = run.stated("window")
-    if window is not None and run.places:
+    if window is not None and run.abscissas:
         raise run.error("cannot be combined with several abscissas", "window")
     window = RangeTable() if window is None else window
     low = -math.inf if window.min is None else window.min
@@ -539,7 +548,7 @@ def rows_of(run: RunOfCurve, data: Run) -> RowsOfRun:
 
 
 def _counting(rows: RowsOfRun) -> Counting | None:
-    """What the table `noise` says; None for readings."""
+    """What the table `noise` states; None for readings."""
     match rows.run.curve.noise:
         case EventsTable(cells=cells):
             window = rows.run.stated("window")[0]

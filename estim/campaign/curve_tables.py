@@ -1,4 +1,4 @@
-"""The tables of a campaign file that say a user's own curve: what goes together in them.
+"""The tables of a campaign file that define a user's own curve: what goes together in them.
 
 `estim.campaign.curve_campaign` gives them meaning.
 """
@@ -39,7 +39,7 @@ _PATTERNS = {
 
 
 def _levels(table: CurveTable, runs: Sequence[CurveRunTable]) -> list[tuple[KeyPath, CurveKeys]]:
-    """The tables that may speak of a run, with their places."""
+    """The tables that may apply to a run, with their places."""
     return [(("curve",), table), *((("runs", i), run) for i, run in enumerate(runs))]
 
 
@@ -59,7 +59,7 @@ def y_axis(table: CurveTable) -> AxisTable:
 
 def check_printable(places: Places, path: KeyPath, words: Mapping[str, str | None]) -> None:
     """Raises InputError where one of the `words` of a quantity (what it is: the word, None where it
-    was not said) is long, or holds a mark but blanks that is invisible.
+    was not stated) is long, or holds a mark but blanks that is invisible.
     """
     for what, text in words.items():
         if text is not None and not (
@@ -85,11 +85,11 @@ def check_words(source: CampaignFile, table: CurveTable, runs: Sequence[CurveRun
         for key, error in (("u_y", level.u_y), ("u_x", level.u_x)):
             if not isinstance(error, ReadingErrorTable):
                 continue
-            said = {
+            stated = {
                 name for name, value in msgspec.structs.asdict(error).items() if value is not None
             }
-            columns = said.difference(PriorKeys.__struct_fields__)
-            if columns and columns < said:
+            columns = stated.difference(PriorKeys.__struct_fields__)
+            if columns and columns < stated:
                 raise source.error("must be a 'column' or have a 'prior', not both", (*path, key))
             if columns not in (set(), {"column"}) and (columns, key) != ({"minus", "plus"}, "u_y"):
                 rule = "must be a 'column', or for y both 'minus' and 'plus'"
@@ -110,21 +110,23 @@ def with_variable(
     Raises InputError for a formula without x that has a parameter called like the abscissa, or
     several.
     """
-    given = {*table.parameters, *(name for run in runs for name in run.parameters)}
+    parameters = {*table.parameters, *(name for run in runs for name in run.parameters)}
     axis, *further = axes = x_axes(table)
     if further:
         with source.places.at(("curve", "x")):
-            formula, symbols = of_several(formula, [(one.column, one.name) for one in axes], given)
+            formula, symbols = of_several(
+                formula, [(abscissa.column, abscissa.name) for abscissa in axes], parameters
+            )
         return formula, dict(zip(symbols, axes, strict=True))
-    variable = variable_of(formula, axis.column, axis.name, given)
+    variable = variable_of(formula, axis.column, axis.name, parameters)
     if variable is not None:
         return formula if variable == "x" else formula.in_terms_of(variable), {}
-    alike = {"t", "time", *(word.lower() for word in _called(axis.column, axis.name))}
-    taken = [name for name in formula.names if name.lower() in alike]
-    if taken:
+    abscissa_words = {"t", "time", *(word.lower() for word in _called(axis.column, axis.name))}
+    misnamed = [name for name in formula.names if name.lower() in abscissa_words]
+    if misnamed:
         raise source.error(
             f"must call its variable x, which is the column '{axis.column}' here: write x for "
-            f"{taken[0]}",
+            f"{misnamed[0]}",
             ("curve", "expression"),
             value=formula.text,
         )
@@ -132,16 +134,16 @@ def with_variable(
 
 
 def of_several(
-    formula: Formula, axes: Sequence[tuple[str, str | None]], given: Collection[str]
+    formula: Formula, axes: Sequence[tuple[str, str | None]], parameters: Collection[str]
 ) -> tuple[Formula, list[str]]:
     """A formula whose names are its parameters alone, and how it calls each of several abscissas,
-    where no parameter `given` is called so.  axes : the column and the name of each.
+    where none of the `parameters` is called so.  axes : the column and the name of each.
 
     Raises InputError where it calls one not, or by two names.
     """
     symbols = list[str]()
     for column, name in axes:
-        free = {*formula.names, *("x" * formula.uses_x)} - {*given, *symbols}
+        free = {*formula.names, *("x" * formula.uses_x)} - {*parameters, *symbols}
         called = _called(column, name) & free
         if len(called) != 1:
             rule = "must appear in the formula under exactly one name"
@@ -151,17 +153,17 @@ def of_several(
 
 
 def variable_of(
-    formula: Formula, column: str, name: str | None, given: Collection[str]
+    formula: Formula, column: str, name: str | None, parameters: Collection[str]
 ) -> str | None:
     """How a formula calls its abscissa: x, or else as its `column` or its `name` is called, where
-    no parameter `given` is; None where it does not.
+    none of the `parameters` is; None where it does not.
     """
     if formula.uses_x:
         return "x"
     called = [
         symbol
         for symbol in formula.names
-        if symbol in _called(column, name) and symbol not in given
+        if symbol in _called(column, name) and symbol not in parameters
     ]
     return called[0] if len(called) == 1 else None
 
@@ -212,11 +214,11 @@ def check_parameters(
     for path, level in _levels(table, runs):
         for name in level.parameters:
             if name not in formula.names:
-                alike = same_looks((*formula.names, name)) or None
+                lookalikes = same_looks((*formula.names, name)) or None
                 raise source.error(
                     f"is not in the formula ({', '.join(formula.names)})",
                     (*path, "parameters", name),
-                    value=alike,
+                    value=lookalikes,
                 )
     for name in table.errors:
         if not name.isidentifier() or name in formula.names or name.startswith(SIGMA):
@@ -257,7 +259,7 @@ def source_of(
 
 
 def refuse_keys(table: ParameterTable, keys: Sequence[str], rule: str) -> None:
-    """Raises InputError where one of the keys is said."""
+    """Raises InputError where one of the keys is stated."""
     for key in keys:
         if getattr(table, key) is not None:
             raise InputError(rule, field=key)

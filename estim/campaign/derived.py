@@ -40,23 +40,23 @@ def read_derived(
 
 def with_derived(
     problem: Problem,
-    sought: tuple[SoughtQuantity, ...],
+    quantities: tuple[SoughtQuantity, ...],
     bodies: Mapping[str, str | None],
     unit_of: UnitOf,
 ) -> Problem:
-    """`problem` whose runs know what was sought.  bodies : of all runs of the campaign, None where
-    there are none.  unit_of : argument and run.
+    """`problem` whose runs have the derived quantities.  bodies : of all runs of the campaign, None
+    where there are none.  unit_of : argument and run.
 
     Raises InputError with the quantity as field, where a formula names what no run has, or its unit
     contradicts theirs.
     """
-    if not sought:
+    if not quantities:
         return problem
     units: dict[str, set[str]] = {}
     for run in problem.runs:
         always = _always(run, problem)
         check_derived_names(
-            sought, [name for name in run.arguments if " " not in name], list(always)
+            quantities, [name for name in run.arguments if " " not in name], list(always)
         )
         for name, unit in [
             *((name, unit_of(name, run.name)) for name in run.arguments),
@@ -69,7 +69,7 @@ def with_derived(
     }
     bound = tuple(
         quantity.bound(_sources(quantity, problem, bodies))
-        for quantity in in_units(sought, known_units)
+        for quantity in in_units(quantities, known_units)
     )
     return replace(problem, runs=tuple(replace(run, sought=bound) for run in problem.runs))
 

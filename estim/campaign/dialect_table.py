@@ -1,6 +1,6 @@
-"""The keys that say how the tables of runs are written: `columns`, `delimiter`, `decimal`,
+"""The keys that state how the tables of runs are written: `columns`, `delimiter`, `decimal`,
 `skip_rows`, `header`, `encoding`, `sheet`, `range`, `dates`, `since`, `time_unit`; and those that
-say how a file of the program Tracker is read.
+state how a file of the program Tracker is read.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class DialectKeys(KeyTable, frozen=True):
 
 
 def dialect_of(levels: Sequence[tuple[KeyPath, DialectKeys]], places: Places) -> Dialect:
-    """How a table is written by what the levels say of it, the first of them before the others.
+    """How a table is written by what the levels state of it, the first of them before the others.
     Raises InputError at the key's line.
     """
     entries: dict[str, tuple[Any, KeyPath]] = {
@@ -51,7 +51,7 @@ def dialect_of(levels: Sequence[tuple[KeyPath, DialectKeys]], places: Places) ->
 
 def choices_of(run: msgspec.Struct) -> Choices | None:
     """How a file of the program Tracker is to be read, by any table with these keys; None where
-    nothing is said.
+    nothing is stated.
     """
     stated = {key: value for key in TRACK_KEYS if (value := getattr(run, key)) is not None}
     return Choices(**stated) if stated else None

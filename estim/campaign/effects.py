@@ -1,5 +1,5 @@
-"""What a campaign says beside weight and plain rolling resistance: what goes together, and the
-exact numbers that go with it.
+"""What a campaign states in addition to weight and constant rolling resistance: what goes together,
+and the exact numbers that go with it.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def setting_of(
             raise _error(
                 levels,
                 second,
-                f"must not stand beside '{_place(levels, first)[-1]}', which says the same",
+                f"must not stand beside '{_path_of(levels, first)[-1]}', which says the same",
             )
     if "moment" in effects and mass is None:
         raise _error(
@@ -87,10 +87,10 @@ def _check_speed(levels: Levels, sources: Mapping[str, float | Prior]) -> None:
 def with_full_curves(
     runs: Sequence[Observations], ramps: Mapping[str, Place | None], centres: Mapping[str, float]
 ) -> list[Observations]:
-    """Runs whose motion knows the curve with everything that may be stated beside.
+    """Runs whose motion has the curve with every effect that may be stated in addition.
 
     ramps : run -> its ramp as stated.  Where nothing is stated, the ramp reaches as far as any of
-        the runs was seen.
+        the runs was recorded.
     centres : unknown -> the centre of its prior.
     """
     reaches = [_reach(run, centres) for run in runs]
@@ -106,7 +106,7 @@ def with_full_curves(
 
 
 def _reach(run: Observations, centres: Mapping[str, float]) -> tuple[float, float]:
-    """How far a run was seen on either side of the release, m."""
+    """How far a run was recorded on either side of the release, m."""
 
     def centre(argument: str) -> float:
         source = run.arguments.get(argument, 0.0)
@@ -118,8 +118,8 @@ def _reach(run: Observations, centres: Mapping[str, float]) -> tuple[float, floa
 
 
 def stated_place(levels: Levels, of_what: str) -> Place | None:
-    """The "ramp" or "picture" of a run as it is stated, from its lower end where nothing is said of
-    the start; None where it is not.  Raises InputError where it is impossible.
+    """The "ramp" or "picture" of a run as it is stated, from its lower end where nothing is stated
+    of the start; None where it is not.  Raises InputError where it is impossible.
     """
     entries = {}
     for key in (f"{of_what}_length_m", f"{of_what}_start_m"):
@@ -160,11 +160,11 @@ def _length(levels: Levels, name: str, of_what: str, sources: Mapping[str, float
     return place
 
 
-def _place(levels: Levels, name: str) -> KeyPath:
+def _path_of(levels: Levels, name: str) -> KeyPath:
     """Where in the file an effect stands."""
     keys = EFFECTS[name].keys
     return next((*level.path, key) for level in levels for key in level.stated(keys))
 
 
 def _error(levels: Levels, name: str, rule: str, *, value: object = None) -> InputError:
-    return levels.error(rule, _place(levels, name), value=value)
+    return levels.error(rule, _path_of(levels, name), value=value)

@@ -25,11 +25,11 @@ def load_campaign(
     """The campaign in the TOML file at `path`, with the tables of its runs.
 
     only : the one run that is read, as if there were no other; None: all of them.
-    asked : runs whose tables are wanted, all of them where it is empty; a track is compared with
-        the others of the campaign that can be read, and says which cannot.
+    asked : runs whose tables are needed, all of them where it is empty; a track is compared with
+        the others of the campaign that can be read, and states which cannot.
 
     Raises InputError with file, line, field, rule and value for whatever breaks a rule; every run
-    that is wanted is posed as a problem once, so that a mistake in any of them shows at once.
+    that is needed is posed as a problem once, so that a mistake in any of them shows at once.
 
     >>> from estim import load_campaign
     >>> load_campaign("data/replica/campaign.toml").run_names

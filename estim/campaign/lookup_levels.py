@@ -1,4 +1,4 @@
-"""What a campaign file says about one run, found by the rule of levels.
+"""What a campaign file states about one run, found by the rule of levels.
 
 A thing is looked up at the run, then at its body, then under [shared].  The level where it stands
 is the level at which it is one unknown, and the suffix of its parameter's name: "phi[heavy-04]",
@@ -19,7 +19,7 @@ from estim.reading import KeyPath
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """One table that speaks of a run: where it stands, what it says, and the suffix of names
+    """One table that applies to a run: where it stands, what it states, and the suffix of names
     declared there.
     """
 
@@ -28,13 +28,13 @@ class Level:
     suffix: str
 
     def stated(self, keys: Iterable[str]) -> list[str]:
-        """Those of `keys` under which it says something."""
+        """Those of `keys` under which it states something."""
         return [key for key in keys if getattr(self.table, key) is not None]
 
 
 @dataclass(frozen=True, eq=False)
 class Levels:
-    """The tables of a campaign file that speak of a run or of a body, most particular first."""
+    """The tables of a campaign file that apply to a run or of a body, most particular first."""
 
     source: CampaignFile
     tables: tuple[Level, ...]
@@ -44,11 +44,11 @@ class Levels:
 
     @property
     def run(self) -> RunTable:
-        """The run that they speak of."""
+        """The run that they apply to."""
         return self.source.runs[int(self.tables[0].path[1])]
 
     def first(self, *keys: str) -> Level | None:
-        """The first that says something under one of `keys`, None where none does."""
+        """The first that states something under one of `keys`, None where none does."""
         return next((level for level in self.tables if level.stated(keys)), None)
 
     def read(self, level: Level, key: str, *, factor: float = 1.0) -> Quantity | Prior:
@@ -63,7 +63,7 @@ class Levels:
 
 
 def run_levels(source: CampaignFile, name: str) -> Levels:
-    """The tables that speak of the run `name`."""
+    """The tables that apply to the run `name`."""
     index = [run.name for run in source.runs].index(name)
     run = source.runs[index]
     own = Level(("runs", index), run, f"[{name}]")
@@ -71,7 +71,7 @@ def run_levels(source: CampaignFile, name: str) -> Levels:
 
 
 def body_levels(source: CampaignFile, body: str) -> Levels:
-    """The tables that speak of a body."""
+    """The tables that apply to a body."""
     own = Level(("bodies", body), source.bodies[body], f"[{body}]")
     return Levels(source, (own, Level(("shared",), source.shared, "")))
 

@@ -1,5 +1,5 @@
 """A campaign file to begin with: what a table shows, a first guess at a curve, and comments that
-say what else may stand there.
+explain what else may stand there.
 """
 
 from __future__ import annotations
@@ -107,4 +107,4 @@ def columns_of(file: Path, choices: TableChoices) -> tuple[str, ...]:
 
 
 def _layout(file: Path, choices: TableChoices) -> Layout:
-    return read_layout(file, choices.dialect, needed=choices.asked)
+    return read_layout(file, choices.dialect, needed=choices.named_columns)

@@ -53,8 +53,8 @@ def noise_candidates(
     }
     candidates = []
     if "t_s" in data.columns and (read or "sigma_x_m" in data.columns or of_positions is not None):
-        plain = NoiseTable(model="positions", scatter=of_positions, **of_reading, **stated)
-        candidates += _with_tails("positions", phrase("positions as read, in time"), plain)
+        normal = NoiseTable(model="positions", scatter=of_positions, **of_reading, **stated)
+        candidates += _with_tails("positions", phrase("positions as read, in time"), normal)
     if "t_s" in data.columns and read:
         differentiated = NoiseTable(
             model="differentiated",
@@ -76,13 +76,13 @@ def noise_candidates(
     if data.rate in data.columns and (
         getattr(table, speed) is not None or "sigma_v_m_s" in data.columns or of_speeds is not None
     ):
-        plain = NoiseTable(
+        normal = NoiseTable(
             model="independent",
             scatter=of_speeds,
             **(stated if table.model == "independent" else {}),
         )
-        plain = msgspec.structs.replace(plain, **{speed: getattr(table, speed)})
-        candidates += _with_tails("independent", phrase("speeds as measured"), plain)
+        normal = msgspec.structs.replace(normal, **{speed: getattr(table, speed)})
+        candidates += _with_tails("independent", phrase("speeds as measured"), normal)
     if len(candidates) < 2:
         raise noise.error(
             f"allows one model at most for run '{levels.run.name}': nothing to compare (times "
@@ -91,18 +91,18 @@ def noise_candidates(
     return tuple(candidates)
 
 
-def _with_tails(name: str, words: str, plain: NoiseTable) -> list[NoiseModel]:
+def _with_tails(name: str, words: str, normal: NoiseTable) -> list[NoiseModel]:
     shapes: dict[str, str] = {
         "student-t": phrase("Student-t tails"),
         "mixture": phrase("a fraction of outlying frames"),
     }
     robust = [
         NoiseModel(
-            f"{name}, {shape}", f"{words}; {tails}", msgspec.structs.replace(plain, robust=shape)
+            f"{name}, {shape}", f"{words}; {tails}", msgspec.structs.replace(normal, robust=shape)
         )
         for shape, tails in shapes.items()
     ]
-    return [NoiseModel(name, words, plain), *robust]
+    return [NoiseModel(name, words, normal), *robust]
 
 
 def _independent_size(noise: Noise) -> float:

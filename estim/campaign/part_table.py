@@ -1,4 +1,4 @@
-"""One piece of a body as a TOML table, `[parts.NAME]`: what may be said of each kind of piece."""
+"""One part of a body as a TOML table, `[parts.NAME]`: what may be stated of each kind of part."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ Written = float | str
 
 
 class PartTable(KeyTable, frozen=True, tag_field="kind", kw_only=True):
-    """A piece that was weighed and measured; `estim.model.parts` says what each kind is."""
+    """A part that was weighed and measured; `estim.model.parts` defines each kind."""
 
     mass_kg: Written
 

@@ -15,7 +15,7 @@ _Factor = Annotated[float, Meta(ge=0.01, le=100.0)]
 
 
 class PlannedRunTable(KeyTable, frozen=True, kw_only=True):
-    """A further run, like one that was measured but for what is said here."""
+    """A further run, like one that was measured except for what is stated here."""
 
     like: str
     phi_deg: Stated = None

@@ -31,8 +31,8 @@ _PLANNED = {"phi": "phi_deg", "theta0": "theta0_deg", "gamma": "gamma"}
 
 @dataclass(frozen=True, eq=False)
 class NewRun:
-    """A run that might be measured: `name`, and all that the run `like` has but for these
-    quantities, in SI units.
+    """A run that might be measured: `name`, and all that the run `like` has except for these
+    `quantities`, in SI units.
 
     A gamma of its own means the disk of that body with another particle: kappa and all else stay,
     and the force on its track is its own.
@@ -40,13 +40,13 @@ class NewRun:
 
     name: str
     like: str
-    said: Mapping[str, Quantity]
+    quantities: Mapping[str, Quantity]
 
 
 def planned_quantities(
     source: CampaignFile, table: PlannedRunTable, index: int
 ) -> dict[str, Quantity]:
-    """What a planned run says of itself, in SI units.  Raises InputError with its line."""
+    """What a planned run states of itself, in SI units.  Raises InputError with its line."""
     quantities = {}
     for name, key in _PLANNED.items():
         written = getattr(table, key)
@@ -100,7 +100,7 @@ def with_tables(campaign: Campaign, tables: Mapping[str, Run]) -> Campaign:
 def axis_columns(campaign: Campaign) -> tuple[str, str]:
     """The columns of x and y of a user's own curve.  Raises InputError where it has several x."""
     assert isinstance(campaign, CurveCampaign), "asked of a campaign with a formula"
-    if campaign.places:
+    if campaign.abscissas:
         raise campaign.source.error(
             "must name a single column: estim plan does not handle several abscissas",
             ("curve", "x"),
@@ -109,15 +109,15 @@ def axis_columns(campaign: Campaign) -> tuple[str, str]:
 
 
 def group_columns(campaign: Campaign, run: str) -> tuple[str, ...]:
-    """The columns of a run of a user's own curve that say which points share an error."""
+    """The columns of a run of a user's own curve that define which points share an error."""
     assert isinstance(campaign, CurveCampaign), "asked of a campaign with a formula"
     columns = campaign.runs[run].columns
     return tuple(column for key, column in columns.items() if key.startswith("errors["))
 
 
 def with_own_gamma(problem: Problem, runs: Sequence[NewRun]) -> Problem:
-    """The problem in which each of `runs` that says a gamma has that one in place of its body's."""
-    gammas = {run.name: run.said["gamma"] for run in runs if "gamma" in run.said}
+    """The problem in which each of `runs` that states a gamma has it in place of its body's."""
+    gammas = {run.name: run.quantities["gamma"] for run in runs if "gamma" in run.quantities}
     if not gammas:
         return problem
     kind, further, changed = KINDS_OF_QUANTITIES["gamma"], [], []
@@ -154,10 +154,10 @@ def _of(source: CampaignFile, tables: Mapping[str, Run]) -> Campaign:
 def _further(like: RunTable, new: NewRun) -> RunTable:
     changes: dict[str, object] = {"name": new.name}
     for quantity in ("phi", "theta0"):
-        if quantity in new.said:
-            value = new.said[quantity]
+        if quantity in new.quantities:
+            value = new.quantities[quantity]
             changes |= {f"{quantity}_deg": None, f"{quantity}_rad": _written(value)}
-    if "gamma" in new.said:
+    if "gamma" in new.quantities:
         changes["unmodelled_force"] = (
             FORCE_SCALE if like.unmodelled_force is None else like.unmodelled_force
         )

@@ -45,10 +45,10 @@ def check_speeds(
     """The speeds of a body released at x = 0, against its energy; raises InputError where units
     must be wrong.
 
-    v^2 <= 2 g (|x| sin|phi| + 2 gamma R)/(1 - gamma/rho), with what is said of a push, a sag and
-    moments beside.  The centre of mass can fall by no more, and the kinetic energy is M v^2/2 times
-    at least 1 - gamma/rho (only the particle can be slower than the axle).  Lengths in cm exceed
-    that bound a hundredfold; times in ms make motions of a millionth of it, which is rest.
+    v^2 <= 2 g (|x| sin|phi| + 2 gamma R)/(1 - gamma/rho), with what is stated of a push, a sag and
+    moments in addition.  The centre of mass can fall by no more, and the kinetic energy is M v^2/2
+    times at least 1 - gamma/rho (only the particle can be slower than the axle).  Lengths in cm
+    exceed that bound a hundredfold; times in ms make motions of a millionth of it, which is rest.
     quantities : of the run, SI units.
     """
     radius, gamma, rho, g = (_largest(quantities[name]) for name in ("radius", "gamma", "rho", "g"))
@@ -56,25 +56,29 @@ def check_speeds(
     unit = centre_of(quantities["radius"]) if angular else 1.0
     reach, speed = max_abs(position), _typical_speed(run, position)
 
-    def said(name: str) -> float:
+    def size_of(name: str) -> float:
         return _largest(quantities[name], size=True) if name in quantities else 0.0
 
-    tilt = min(said("phi") + said("phi_zero") + said("phi_slope") * reach * unit, 0.5 * math.pi)
+    tilt = min(
+        size_of("phi") + size_of("phi_zero") + size_of("phi_slope") * reach * unit, 0.5 * math.pi
+    )
     share = gamma / min(rho, centre_of(quantities["rho"]))
     turning = sum(
-        said(f"moment_{part}") for part in ("once_cos", "once_sin", "twice_cos", "twice_sin")
+        size_of(f"moment_{part}") for part in ("once_cos", "once_sin", "twice_cos", "twice_sin")
     )
     fall = (
         reach * unit * math.sin(tilt)
-        + (2.0 * (gamma + turning) + said("release_energy")) * radius
-        + 4.0 * said("sag")
+        + (2.0 * (gamma + turning) + size_of("release_energy")) * radius
+        + 4.0 * size_of("sag")
     )
-    # of so little mass beside the particle nothing is said of speeds
+    # with so little mass besides the particle, speeds have no useful bound
     if not fall > 0.0 or share > 0.95:
         return
     # 4 M v^2/2 is more than the kinetic energy of any body that rolls
     bound = (
-        math.sqrt(2.0 * g * fall / (1.0 - share) + 4.0 * said("release_speed") ** 2 / (1.0 - share))
+        math.sqrt(
+            2.0 * g * fall / (1.0 - share) + 4.0 * size_of("release_speed") ** 2 / (1.0 - share)
+        )
         / unit
     )
     name, rate = ("theta_rad", "rad/s") if angular else ("x_m", "m/s")

@@ -1,5 +1,5 @@
 """From the table of a run to the points that are fit and their noise, as the campaign's noise and
-window tables say.
+window tables state.
 
 Speeds at known positions (`independent`, `differentiated`), or positions at known times
 (`positions`).
@@ -161,10 +161,10 @@ def _differentiated(run: Run, noise: StatedNoise) -> Observed:
     sigma, step = _reading(run, noise)
     typical = math.hypot(sigma.typical, step / math.sqrt(12.0))
     if typical == 0.0:
-        wanted = f"'{units.position_sigma}'" + (
+        keys = f"'{units.position_sigma}'" + (
             " or 'encoder_step_rad'" if units.position == "rad" else ""
         )
-        raise noise.error(f"needs {wanted} for differentiated noise")
+        raise noise.error(f"needs {keys} for differentiated noise")
     scatter = _scatter_of_speeds(run, noise)
     check_reading_error(sigma.scale, run, noise)
     if "sigma_x_m" in run.columns:
@@ -187,18 +187,18 @@ def _differentiated(run: Run, noise: StatedNoise) -> Observed:
     )
     in_bands = scatter.parameter is None and (sigma.parameter is None or scatter.scale.value == 0.0)
     check_count(selection, run, noise.levels, blank, most=MAX_OBS if in_bands else MAX_DENSE)
-    selected = rows[selection.kept]
+    selected = rows[selection.indices]
     zero, zero_parameter = _stated_offset(noise.levels, units)
     return Observed(
         x=position[selected],
-        y=derivative.value[selection.kept],
+        y=derivative.value[selection.indices],
         t=t[selected],
         noise=Differentiated(
             sigma.scale,
             scatter.scale,
             step,
             derivative,
-            selection.kept,
+            selection.indices,
             blur,
             table.exposure_s or 0.0,
         ),
@@ -249,7 +249,7 @@ def _independent(run: Run, noise: StatedNoise) -> Observed:
         where, speed, when, window=_window(run, noise.levels), sigma_position=reading
     )
     check_count(selection, run, noise.levels, blank)
-    selected = selection.kept
+    selected = selection.indices
     t_selected = None if when is None else when[selected]
     zero, zero_parameter = _stated_offset(noise.levels, units)
     return Observed(
@@ -277,7 +277,7 @@ def _independent(run: Run, noise: StatedNoise) -> Observed:
 def _positions(run: Run, noise: StatedNoise) -> Observed:
     """Every frame inside the window, on both ways.
 
-    Unless the campaign says otherwise the moment of release is unknown, and the zero of the
+    Unless the campaign states otherwise the moment of release is unknown, and the zero of the
     positions as good as one reading.
     """
     units, levels, table = _UNITS[run.coordinate], noise.levels, noise.table
@@ -298,7 +298,7 @@ def _positions(run: Run, noise: StatedNoise) -> Observed:
     t, position = run.columns["t_s"], run.position
     selection = select(position, None, t, window=_window(run, levels), sigma_position=0.0)
     check_count(selection, run, levels)
-    rows = selection.kept
+    rows = selection.indices
     x, y = t[rows], position[rows]
     started = x[int(np.argmax(np.abs(y - y[0]) > 0.25 * np.ptp(y)))]
     zero = (typical if relative is None else float(np.median(relative))) or scatter.typical
@@ -442,15 +442,15 @@ def _window(run: Run, levels: Levels) -> Window:
     if level is None or level.table.window is None:
         return Window(-math.inf, math.inf, -math.inf, math.inf)
     table, path = level.table.window, (*level.path, "window")
-    here, other = (("x_min_m", "x_max_m"), ("theta_min_rad", "theta_max_rad"))[
+    own_keys, other_keys = (("x_min_m", "x_max_m"), ("theta_min_rad", "theta_max_rad"))[
         :: 1 if run.coordinate == "x_m" else -1
     ]
-    for key in other:
+    for key in other_keys:
         if getattr(table, key) is not None:
             raise levels.error(
                 f"does not fit a run whose positions are {run.coordinate}", (*path, key)
             )
-    low, high = (getattr(table, key) for key in here)
+    low, high = (getattr(table, key) for key in own_keys)
     if "t_s" not in run.columns and (table.t_min_s is not None or table.t_max_s is not None):
         raise levels.error("needs times: the run's file has no t_s column", path, field="window")
     window = Window(
@@ -471,5 +471,5 @@ def _window(run: Run, levels: Levels) -> Window:
 
 
 def _others(position: FloatArray, speed: FloatArray, selection: Selection) -> FloatArray:
-    others = np.setdiff1d(np.arange(position.size), selection.kept)
+    others = np.setdiff1d(np.arange(position.size), selection.indices)
     return np.column_stack([position[others], speed[others]])

@@ -1,4 +1,4 @@
-"""A prior as a TOML table, `{prior = "...", ...}`, and what it says."""
+"""A prior as a TOML table, `{prior = "...", ...}`, and what it states."""
 
 from __future__ import annotations
 
@@ -76,11 +76,11 @@ def read_prior(table: PriorKeys, *, factor: float, field: str) -> Prior:
     """
     if table.prior is None:
         raise InputError("needs a 'prior' or a 'column'", field=field)
-    prior, given = PRIORS[table.prior], numbers_of(table)
+    prior, numbers = PRIORS[table.prior], numbers_of(table)
     for key in prior.keys:
-        if key not in given:
+        if key not in numbers:
             raise InputError(f"needs '{key}' for a {table.prior} prior", field=field)
-    for key, number in given.items():
+    for key, number in numbers.items():
         if key not in (*prior.keys, *prior.optional):
             raise InputError(f"takes no '{key}' with a {table.prior} prior", field=field)
         if not math.isfinite(number):

@@ -1,7 +1,7 @@
 """The physical quantities of a campaign: how each is written, shown and limited.
 
-`QUANTITIES` every run has; `EFFECTS` where the campaign says them.  Errors of length scale and
-clock, which no residual shows, have a small uncertainty also where it says nothing: a ruler in a
+`QUANTITIES` every run has; `EFFECTS` where the campaign states them.  Errors of length scale and
+clock, which no residual shows, have a small uncertainty also where it states nothing: a ruler in a
 picture is known to about 0.3 %, the time base of a camera to 0.05 %.
 """
 
@@ -34,7 +34,7 @@ class QuantityKind:
     zero: bool = True  # whether 0 is possible
     high: float = np.inf  # of the size
     too_large: str = ""  # the rule for what is beyond; "" for an angle
-    usual: float = 0.0  # standard uncertainty about 0 where nothing is said of it
+    default_u: float = 0.0  # standard uncertainty about 0 where nothing is stated of it
 
     @property
     def meaning(self) -> str:
@@ -154,10 +154,17 @@ def _of_turn(symbol: str, key: str, meaning: str) -> QuantityKind:
     )
 
 
-def _scale(symbol: str, key: str, meaning: str, *, usual: float) -> QuantityKind:
+def _scale(symbol: str, key: str, meaning: str, *, default_u: float) -> QuantityKind:
     too_large = "is a fraction of the reading (0.01 means 1 %) and must be at most 0.5"
     return QuantityKind(
-        Notation(symbol), {key: 1.0}, "1", 0.0, meaning, high=0.5, too_large=too_large, usual=usual
+        Notation(symbol),
+        {key: 1.0},
+        "1",
+        0.0,
+        meaning,
+        high=0.5,
+        too_large=too_large,
+        default_u=default_u,
     )
 
 
@@ -189,10 +196,10 @@ EFFECTS: Mapping[str, QuantityKind] = MappingProxyType(
             "δ_x",
             "scale_x",
             later("common relative error of the readings of the position"),
-            usual=3e-3,
+            default_u=3e-3,
         ),
         "scale_t": _scale(
-            "δ_t", "scale_t", later("common relative error of the clock"), usual=5e-4
+            "δ_t", "scale_t", later("common relative error of the clock"), default_u=5e-4
         ),
         "moment": _effect(
             "Q",

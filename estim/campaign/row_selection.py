@@ -3,7 +3,7 @@
 - Outside the `window` of the campaign: left out.
 - For speeds made by differences, within five standard deviations of a position reading from the
   release or from the turning point: there the curve bends so sharply that an error of the position
-  moves the speed by more than a linear law says.  A window that names that end (`x_min_m = 0`)
+  moves the speed by more than a linear law allows.  A window that names that end (`x_min_m = 0`)
   keeps them.
 - After the largest position reached, where speeds are fit: the way back is another motion.
 """
@@ -38,11 +38,11 @@ class Window:
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """kept : (n,) indices of the speeds to fit.  reasons : why and how many others were left out
+    """indices : (n,) indices of the speeds to fit.  reasons : why and how many others were left out
     (`Finding.size`).
     """
 
-    kept: IntArray
+    indices: IntArray
     reasons: tuple[Finding, ...]
 
 
@@ -64,20 +64,20 @@ def select(
     `sigma_position` 0 switches the guard zones off.  Without speeds it is the positions that are
     fit, on every way.
     """
-    left = np.ones(position.size, dtype=bool)
+    selected = np.ones(position.size, dtype=bool)
     reasons: list[Finding] = []
 
     def leave_out(mask: BoolArray, why: Kind) -> None:
-        nonlocal left
-        count = int(np.sum(mask & left))
+        nonlocal selected
+        count = int(np.sum(mask & selected))
         if count:
             reasons.append(Finding(why, size=count))
-        left &= ~mask
+        selected &= ~mask
 
     if t is not None:
         leave_out((t < window.t_min) | (t > window.t_max), Kind.OUTSIDE_TIMES)
     leave_out((position < window.low) | (position > window.high), Kind.OUTSIDE_POSITIONS)
-    inside = np.flatnonzero(left)
+    inside = np.flatnonzero(selected)
     if inside.size and speed is not None:
         farthest = inside[np.argmax(position[inside])]
         if t is not None:
@@ -90,7 +90,7 @@ def select(
         slow = abs(speed[farthest]) < 0.25 * np.max(np.abs(speed[inside]))
         if guard > 0.0 and slow and not np.isfinite(window.high):
             leave_out(position > position[farthest] - guard, Kind.BESIDE_TURNING)
-    return Selection(np.flatnonzero(left), tuple(reasons))
+    return Selection(np.flatnonzero(selected), tuple(reasons))
 
 
 def check_count(
@@ -104,7 +104,7 @@ def check_count(
     """As many rows as can be fit are left; raises InputError at the window that is stated, or with
     what else left rows out.
     """
-    count = selection.kept.size
+    count = selection.indices.size
     if _MIN_OBS <= count <= most:
         return
     stated = levels.first("window")

@@ -1,9 +1,9 @@
-"""A campaign of one table, or of several that have one curve, made of what was said on the command
-line: its text is what a file would hold, and is read like one.
+"""A campaign of one table, or of several that have one curve, made of what was stated on the
+command line: its text is what a file would hold, and is read like one.
 
-`estim fit data.csv --formula "a*exp(-x/tau)+c" --start tau=2` says so little that defaults fill in
-the rest, each of which the text shows.  In place of a formula, `--rolling radius_m=0.15` and the
-like say what is known of a disk that rolled.
+`estim fit data.csv --formula "a*exp(-x/tau)+c" --start tau=2` states so little that defaults fill
+in the rest, each of which the text shows.  In place of a formula, `--rolling radius_m=0.15` and the
+like state what is known of a disk that rolled.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ _OF_ROLLING = ("rolling", "x", "y", "title", "kind", "track", "release", "dialec
 
 @dataclass(frozen=True, kw_only=True)
 class TableChoices:
-    """What is said of a table and its curve; None and empty: a default.
+    """What is stated of a table and its curve; None and empty: a default.
 
     start : parameter -> "2.0" or "2.0 s".
     low, high : parameter -> limit.  value : parameter -> an exact or a measured value, "9.81(2)".
@@ -109,7 +109,7 @@ class TableChoices:
     dialect: Dialect = PLAIN
 
     @property
-    def asked(self) -> list[str]:
+    def named_columns(self) -> list[str]:
         """The columns that are named."""
         return [name for name in (self.x, *self.further_x, self.y) if name is not None]
 
@@ -125,33 +125,33 @@ class Axis:
     @property
     def table(self) -> dict[str, str]:
         """Its keys in a campaign."""
-        said = {key: word for key, word in vars(self).items() if _WORD.fullmatch(word)}
-        return {"column": self.column} | said
+        words = {key: word for key, word in vars(self).items() if _WORD.fullmatch(word)}
+        return {"column": self.column} | words
 
 
-def choices_of_table(said: Mapping[str, Any]) -> TableChoices:
+def choices_of_table(options: Mapping[str, Any]) -> TableChoices:
     """The table and its curve as the options of a command describe them (`--u-y` is u_y).  Options
     that are not given may be absent, None or empty; without a formula, that is empty.  Raises
     InputError naming the option.
     """
     read: dict[str, Any] = {
-        "formula": said.get("formula") or "",
-        "kind": said.get("kind") or "measured",
-        "window": window_of(said.get("window")),
-        "dialect": dialect_of_options(said),
+        "formula": options.get("formula") or "",
+        "kind": options.get("kind") or "measured",
+        "window": window_of(options.get("window")),
+        "dialect": dialect_of_options(options),
     }
-    read["x"], *read["further_x"] = said.get("x") or (None,)
+    read["x"], *read["further_x"] = options.get("x") or (None,)
     read |= {
-        name: pairs(said.get(name, ()), f"--{name}")
+        name: pairs(options.get(name, ()), f"--{name}")
         for name in ("rolling", "start", "low", "high", "value")
     }
-    names = TableChoices.__dataclass_fields__.keys() & said.keys() - read.keys()
-    return TableChoices(**{name: said[name] for name in names}, **read)
+    names = TableChoices.__dataclass_fields__.keys() & options.keys() - read.keys()
+    return TableChoices(**{name: options[name] for name in names}, **read)
 
 
 def campaign_of_table(file: Path, choices: TableChoices, *others: Path) -> Campaign:
     """The campaign that fits one curve to the table `file`, and to `others`.  Raises InputError
-    where something is missing, with the option that says it.
+    where something is missing, with the option that states it.
     """
     text = text_of_table(file, choices, *others)
     return bound(campaign_file_of(text, file.parent / f"({_COMMAND_LINE})", shown=_COMMAND_LINE))
@@ -233,16 +233,16 @@ def _counted(choices: TableChoices) -> dict[str, object] | None:
 
 
 def _text_of_rolling(file: Path, choices: TableChoices, named: Mapping[str, str]) -> str:
-    """The TOML of a campaign of one run of a rolling disk: what was said, each key where it belongs
-    so that further runs can be added, and the usual kappa and rolling resistance.
+    """The TOML of a campaign of one run of a rolling disk: what was stated, each key where it
+    belongs so that further runs can be added, and the default kappa and rolling resistance.
     """
     for key, value in vars(choices).items():
         if value and key not in _OF_ROLLING:
             option = f"--{key.replace('_', '-')}"
             raise InputError("cannot be combined with --rolling", field=option)
-    said = {key: _known(key, text) for key, text in {**_USUAL, **choices.rolling}.items()}
+    stated = {key: _known(key, text) for key, text in {**_USUAL, **choices.rolling}.items()}
     noise, window, run, shared = (
-        {key: said.pop(key) for key in keys if key in said}
+        {key: stated.pop(key) for key in keys if key in stated}
         for keys in (
             NoiseTable.__struct_fields__,
             WindowTable.__struct_fields__,
@@ -260,11 +260,11 @@ def _text_of_rolling(file: Path, choices: TableChoices, named: Mapping[str, str]
     else:
         columns = _columns_of_run(file, choices)
     read = track | vars(choices.dialect) | {"columns": columns}
-    whole = {**named, "body": _BODY, **read, **run, "window": window or None}
+    run_table = {**named, "body": _BODY, **read, **run, "window": window or None}
     tables = [
         ("[shared]", shared | {"noise": noise or None}),
-        (f"[bodies.{_BODY}]", said),
-        ("[[runs]]", whole),
+        (f"[bodies.{_BODY}]", stated),
+        ("[[runs]]", run_table),
     ]
     return toml_text({"title": choices.title or file.stem, "kind": choices.kind}, tables)
 
@@ -273,9 +273,9 @@ def _columns_of_run(file: Path, choices: TableChoices) -> tuple[str, ...] | None
     """The columns from left to right by the names that those of a run have: x and y are t and x, or
     x and v where y is a speed.  Raises InputError where one has another unit.
     """
-    if not choices.asked:
+    if not choices.named_columns:
         return choices.dialect.columns
-    layout = read_layout(file, choices.dialect, needed=choices.asked)
+    layout = read_layout(file, choices.dialect, needed=choices.named_columns)
     names, speed = layout.names, False
     if choices.y is not None:
         y = _axis(choices.y, layout)
@@ -283,20 +283,20 @@ def _columns_of_run(file: Path, choices: TableChoices) -> tuple[str, ...] | None
             same_unit(y.unit, UNITS["v_m_s"]) is True if y.unit else bare_name(y.column)[0] in "vV"
         )
     called = {column: ours for column in names if (ours := own_name(column)) in COLUMNS}
-    for option, wanted, ours in (
+    for option, stated_name, ours in (
         ("--x", choices.x, "x_m" if speed else "t_s"),
         ("--y", choices.y, "v_m_s" if speed else "x_m"),
     ):
-        if wanted is None:
+        if stated_name is None:
             continue
-        axis = _axis(wanted, layout)
-        found = next((c for c in names if axis.column in (c, bare_name(c))), None)
-        if found is None:
-            raise InputError("is no column", field=option, value=wanted, quoted=listed(names))
-        ours = called.setdefault(found, ours)
+        axis = _axis(stated_name, layout)
+        column = next((c for c in names if axis.column in (c, bare_name(c))), None)
+        if column is None:
+            raise InputError("is no column", field=option, value=stated_name, quoted=listed(names))
+        ours = called.setdefault(column, ours)
         if axis.unit and same_unit(axis.unit, UNITS[ours]) is False:
             rule = f"must be in {UNITS[ours]}: nothing is converted"
-            raise InputError(rule, field=option, value=axis.unit, quoted=found)
+            raise InputError(rule, field=option, value=axis.unit, quoted=column)
     columns = tuple(called.get(column, "") for column in names)
     return choices.dialect.columns if columns == names else columns
 
@@ -325,8 +325,8 @@ def run_names(files: Sequence[Path]) -> list[str]:
         name = re.sub(r"[^\w.+-]+", "-", file.stem).lstrip("-.+")[:60] or "run"
         name += "-run" * (name.lower() in ("figures", "report", "result", "draws"))
         ends = ("", *(f"-{number}" for number in range(2, len(files) + 1)))
-        taken = [*map(str.lower, names)]
-        names.append(next(name + end for end in ends if (name + end).lower() not in taken))
+        used = [*map(str.lower, names)]
+        names.append(next(name + end for end in ends if (name + end).lower() not in used))
     return names
 
 
@@ -349,7 +349,7 @@ def _axes(
             Axis(column, "", units.get(column, "m")) for column in (choices.x or "t", choices.y)
         )
         return [x], y, choices.u_x, choices.u_y
-    layout = read_layout(file, choices.dialect, needed=choices.asked)
+    layout = read_layout(file, choices.dialect, needed=choices.named_columns)
     values = value_columns(layout, (choices.u_x, choices.u_y, choices.trials))
     x_name, y_name, further = choices.x, choices.y, [*choices.further_x]
     called = [
@@ -365,8 +365,8 @@ def _axes(
         x_name, *further = called
     if choices.noise == "event-times" and y_name is None and (x_name or len(values) == 1):
         return [_axis(x_name or values[0], layout)], None, choices.u_x, choices.u_y
-    taken = {x_name, y_name, *further}
-    others = [name for name in values if not {name, bare_name(name)} & taken]
+    used = {x_name, y_name, *further}
+    others = [name for name in values if not {name, bare_name(name)} & used]
     if y_name is None:
         y_name = (
             "y"
@@ -411,11 +411,11 @@ def _of_two(
     the formula names its variable.
 
     called : the columns that the formula names.
-    named : whether the curve was said by a name, so that nobody wrote its x.
+    named : whether the curve was given by its name, so that its x is not written.
 
-    Raises InputError where the formula and the columns say two things.
+    Raises InputError where the formula and the columns contradict each other.
     """
-    # t beside T, a temperature
+    # t next to T, a temperature
     called = [name for name in called if bare_name(name) in formula.names] or called
     if not formula.uses_x and len(called) == 1 and not is_called(called[0], "y"):
         return called[0], values[1 - values.index(called[0])]
@@ -430,8 +430,10 @@ def _of_two(
         return pair
     first, second = values
     rule = "may be either column, by the formula and the header: say which is x and which is y"
-    ways = f'--x "{first}" --y "{second}", or --x "{second}" --y "{first}"'
-    raise InputError(rule, field="x", quoted=ways, file=layout.file, line=layout.header_line)
+    alternatives = f'--x "{first}" --y "{second}", or --x "{second}" --y "{first}"'
+    raise InputError(
+        rule, field="x", quoted=alternatives, file=layout.file, line=layout.header_line
+    )
 
 
 def _names(formula: Formula, column: str, stated: Sequence[str]) -> bool:
@@ -442,34 +444,34 @@ def _names(formula: Formula, column: str, stated: Sequence[str]) -> bool:
     )
 
 
-def _axis(wanted: str, layout: Layout) -> Axis:
-    """The column called `wanted`, with its unit or without; a unit may also be stated here: "t_s
+def _axis(name: str, layout: Layout) -> Axis:
+    """The column called `name`, with its unit or without; a unit may also be stated here: "t_s
     [s]".
     """
-    bare, stated = name_and_unit(wanted)
-    if wanted not in layout.names and stated and bare in layout.names:
-        return Axis(bare, "", stated)
+    column, stated = name_and_unit(name)
+    if name not in layout.names and stated and column in layout.names:
+        return Axis(column, "", stated)
     called = [*layout.names, *map(bare_name, layout.names)]
-    unit = layout.units[called.index(wanted) % len(layout.names)] if wanted in called else ""
+    unit = layout.units[called.index(name) % len(layout.names)] if name in called else ""
     # a word of a name may stand for x in the formula
-    return Axis(wanted, bare if bare != wanted or " " in bare else "", stated or unit)
+    return Axis(name, column if column != name or " " in column else "", stated or unit)
 
 
 def _check_parameters(formula: Formula, choices: TableChoices) -> None:
-    for option, given in (
+    for option, names in (
         ("--start", choices.start),
         ("--low", choices.low),
         ("--high", choices.high),
         ("--value", choices.value),
         ("--own", choices.own),
     ):
-        for name in given:
+        for name in names:
             if name not in formula.names:
-                alike = same_looks((*formula.names, name))
+                lookalikes = same_looks((*formula.names, name))
                 raise InputError(
                     "names no parameter of the formula",
                     field=option,
-                    value=alike or name,
+                    value=lookalikes or name,
                     quoted=", ".join(formula.names),
                 )
     for name in choices.value:
@@ -526,7 +528,7 @@ def _number(text: str, option: str) -> float:
 
 def _error(key: str, written: str | None) -> object:
     """The value of `u_x` or `u_y`: a number, a number with its uncertainty in quotes, a share (of
-    y), or a column; None where nothing is said.
+    y), or a column; None where nothing is stated.
     """
     if written is None:
         return None
@@ -537,10 +539,10 @@ def _error(key: str, written: str | None) -> object:
     return _stated(written, f"--{key.replace('_', '-')}")
 
 
-def pairs(given: Sequence[str], option: str) -> dict[str, str]:
+def pairs(texts: Sequence[str], option: str) -> dict[str, str]:
     """NAME=VALUE, several of them.  Raises InputError."""
     values: dict[str, str] = {}
-    for text in given:
+    for text in texts:
         name, mark, value = (part.strip() for part in text.partition("="))
         if not (mark and name and value):
             raise InputError("must be written NAME=VALUE", field=option, value=shorten(text))

@@ -1,5 +1,5 @@
-"""What msgspec says of a value of a wrong type, in words for people: what may stand there, and what
-was likely meant.
+"""What msgspec reports of a value of a wrong type, in words for people: what may stand there, and
+what was likely meant.
 """
 
 from __future__ import annotations
@@ -28,29 +28,31 @@ _TYPES = {
 }
 
 
-def mismatch(message: str, kind: object, path: Sequence[str], found: object) -> tuple[str, object]:
-    """A mismatch as a rule, any other message of msgspec as it is; and what was `found`, where more
-    than its type is wrong.  kind : the type that was asked for.  path : where in it.
+def mismatch(message: str, kind: object, path: Sequence[str], value: object) -> tuple[str, object]:
+    """A mismatch as a rule, any other message of msgspec as it is; and the `value`, where more
+    than its type is wrong.  kind : the type that was expected.  path : where in it.
     """
     if match := re.fullmatch(r"Expected `(.+)`, got `(\w+)`", message):
-        wanted = [_TYPES.get(kind, kind) for kind in match[1].split(" | ") if kind != "null"]
-        return f"must be {' or '.join(wanted)}, not {_TYPES.get(match[2], match[2])}", None
-    if isinstance(found, float) and not math.isfinite(found):
-        return "must be finite", found
+        expected = [_TYPES.get(kind, kind) for kind in match[1].split(" | ") if kind != "null"]
+        return f"must be {' or '.join(expected)}, not {_TYPES.get(match[2], match[2])}", None
+    if isinstance(value, float) and not math.isfinite(value):
+        return "must be finite", value
     if match := re.fullmatch(r"Expected `\w+` ([<>]=?) (.+)", message):
         broken, limits = f"{match[1]} {match[2].removesuffix('.0')}", _limits(kind, path)
-        said = " and ".join(limits) if broken in limits else broken
-        return f"must be {said}{hint(kind, path)}", found
+        limit = " and ".join(limits) if broken in limits else broken
+        return f"must be {limit}{hint(kind, path)}", value
     if match := re.fullmatch(r"Expected `array` of length (\d+), got (\d+)", message):
         return f"must be a list of {match[1]}, not of {match[2]}", None
     choices = list(dict.fromkeys(_choices(kind, path)))
     if message.startswith("Invalid ") and choices:
-        return f"must be one of {', '.join(choices)}{meant(str(found), choices)}", found
+        return f"must be one of {', '.join(choices)}{suggestion(str(value), choices)}", value
     return message[0].lower() + message[1:].replace("`", ""), None
 
 
 def hint(kind: object, path: Sequence[str]) -> str:
-    """' (a number or a column)', what the type at `path` says of itself; "" where it does not."""
+    """' (a number or a column)', what the type at `path` states as its description; "" where it has
+    none.
+    """
     return "".join(f" ({meta.description})" for meta in _metas(kind, path) if meta.description)
 
 
@@ -70,7 +72,7 @@ def _metas(kind: object, path: Sequence[str]) -> Iterator[msgspec.Meta]:
         yield from getattr(variant, "__metadata__", ())
 
 
-def meant(written: str, choices: Sequence[str]) -> str:
+def suggestion(written: str, choices: Sequence[str]) -> str:
     """' (did you mean 'gamma'?)', or "" where nothing is like it."""
     close = difflib.get_close_matches(written, choices, n=1)
     return f" (did you mean '{close[0]}'?)" if close else ""
@@ -80,15 +82,15 @@ def located(tree: Any, kind: object, path: Sequence[str]) -> tuple[tuple[str | i
     """A path of msgspec with the keys of mappings, in whose place it says "..." (each is the first
     whose value is none of what may stand there); and what stands at it.
     """
-    found: list[str | int] = []
+    steps: list[str | int] = []
     for i, part in enumerate(path):
         step: str | int = int(part) if isinstance(tree, list) else part
         if part == "...":
             inside: Any = Union[tuple(_at(kind, path[: i + 1]))]  # noqa: UP007
             step = next(key for key, value in tree.items() if not _fits(value, inside))
-        found.append(step)
+        steps.append(step)
         tree = tree[step]
-    return tuple(found), tree
+    return tuple(steps), tree
 
 
 def _fits(value: object, kind: Any) -> bool:
@@ -99,15 +101,15 @@ def _fits(value: object, kind: Any) -> bool:
     return True
 
 
-def of_table(kind: object, path: Sequence[str], found: Any) -> tuple[str, list[str]]:
-    """What marks the table `found` at `path` in a value of type `kind`, like ' (kind = "ring")', ""
+def of_table(kind: object, path: Sequence[str], value: Any) -> tuple[str, list[str]]:
+    """What marks the table `value` at `path` in one of type `kind`, like ' (kind = "ring")', ""
     where nothing does; and the keys that may stand in it.
     """
     mark, keys = "", list[str]()
     for table in _structs(kind, path):
         config = table.__struct_config__
         if config.tag_field is not None:
-            if found.get(config.tag_field) != config.tag:
+            if value.get(config.tag_field) != config.tag:
                 continue
             mark = f' ({config.tag_field} = "{config.tag}")'
         keys += table.__struct_fields__

@@ -17,7 +17,7 @@ _KEYS = {"θ₀": ("theta0_deg", "theta0_rad"), "φ": ("phi_deg", "phi_rad")}
 
 
 def unit_slips(source: CampaignFile) -> Iterator[Candidate]:
-    """θ₀, φ or both in radians, where they are said in degrees."""
+    """θ₀, φ or both in radians, where they are stated in degrees."""
     for symbols in (("θ₀",), ("φ",), ("θ₀", "φ")):
         keys = dict(_KEYS[symbol] for symbol in symbols)
         quantities = tuple(key.removesuffix("_deg") for key in keys)
@@ -39,7 +39,7 @@ def unit_slips(source: CampaignFile) -> Iterator[Candidate]:
 
 
 def _with_keys(table: LevelTable, keys: dict[str, str]) -> LevelTable:
-    """A table with what it says under one key under another."""
+    """A table with what it states under one key moved to another."""
     renamed = {wrong: right for wrong, right in keys.items() if getattr(table, wrong) is not None}
     values = {right: getattr(table, wrong) for wrong, right in renamed.items()}
     return msgspec.structs.replace(table, **dict.fromkeys(renamed), **values)

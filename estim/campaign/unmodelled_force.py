@@ -1,8 +1,8 @@
-"""The unmodelled force of a campaign: what the key `unmodelled_force` says of a run, and where it
+"""The unmodelled force of a campaign: what the key `unmodelled_force` states of a run, and where it
 may stand.
 
-Where nothing is said it stands beside the curve of every run that it goes with; elsewhere the curve
-is taken as complete, and the reason is kept.
+Where nothing is stated it stands beside the curve of every run that it goes with; elsewhere the
+curve is taken as complete, and the reason is kept.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Circumstances:
 @dataclass(frozen=True, eq=False)
 class Obstacle:
     """Where a force does not go.  what : it does not go with.  instead : what to do where one was
-    asked for.
+    requested.
     """
 
     stands: Callable[[Circumstances], bool]
@@ -93,19 +93,19 @@ OBSTACLES = (
 @dataclass(frozen=True, eq=False)
 class Stance:
     """scale : of the prior of a force, in units of the weight, 0 for none.  complete : why there is
-    none; None where there is one.  asked : whether the campaign speaks of it.
+    none; None where there is one.  stated : whether the campaign states it.
     """
 
     scale: float
     complete: Finding | None = None
-    asked: bool = False
+    stated: bool = False
 
 
 def force_scale(levels: Levels, circumstances: Circumstances) -> Stance:
     """Whether a force stands beside the curve of a run, and how large it may be: as stated, else
     the default wherever nothing is in its way.
 
-    Raises InputError at the key's line where one is asked for that has an obstacle, or is no share
+    Raises InputError at the key's line where one is requested that has an obstacle, or is no share
     of the weight.
     """
     level = levels.first(FORCE_KEY)
@@ -137,7 +137,7 @@ def force_scale(levels: Levels, circumstances: Circumstances) -> Stance:
             level,
             f"does not go with {obstacle.what.format(**circumstances.named)}: {obstacle.instead}",
         )
-    return Stance(scale, asked=True)
+    return Stance(scale, stated=True)
 
 
 def possible_force(levels: Levels, circumstances: Circumstances) -> Stance:
@@ -150,12 +150,12 @@ def possible_force(levels: Levels, circumstances: Circumstances) -> Stance:
         and not level.table.unmodelled_force
         and not any(obstacle.stands(circumstances) for obstacle in OBSTACLES)
     ):
-        return Stance(FORCE_SCALE, asked=True)
+        return Stance(FORCE_SCALE, stated=True)
     return force_scale(levels, circumstances)
 
 
 def refuse_force(levels: Levels, command: str) -> None:
-    """Raises InputError where a run has an unmodelled force, which `command` does not know."""
+    """Raises InputError where a run has an unmodelled force, which `command` does not support."""
     level = levels.first(FORCE_KEY)
     if level is not None and level.table.unmodelled_force:
         raise _error(
@@ -167,7 +167,7 @@ def refuse_force(levels: Levels, command: str) -> None:
 
 
 def as_complete(problem: Problem, command: str) -> Problem:
-    """`problem` without the forces that nobody asked for, as `command` takes its curves."""
+    """`problem` without the forces that were not requested, as `command` takes its curves."""
     return taken_as_complete(
         problem, phrase("{command} does not support an unmodelled force", command=command)
     )

@@ -52,14 +52,14 @@ def mean(
 
     folder = out or Path("out") / file.stem
     reserve_output(folder, "result.json")
-    found = mean_of_table(file, y=y, u_y=u_y, group=group, dialect=dialect_of_options(dialect))
-    write_report(folder, mean_report(found, seed=seed, figures=figures))
-    say(found.told)
-    for line in str(found.mean).splitlines()[1:-1]:
+    result = mean_of_table(file, y=y, u_y=u_y, group=group, dialect=dialect_of_options(dialect))
+    write_report(folder, mean_report(result, seed=seed, figures=figures))
+    say(result.told)
+    for line in str(result.mean).splitlines()[1:-1]:
         say(line)
-    quoted = found.mean.shown().notes
+    quoted = result.mean.shown().notes
     # values that contradict each other have a dark uncertainty, which the quoted mean includes
-    status = found.mean.status
-    stated = [mean_statement(found)] if status.ok else []
-    conclude(phrase("mean"), status, [*stated, *quoted], found.facts)
+    status = result.mean.status
+    stated = [mean_statement(result)] if status.ok else []
+    conclude(phrase("mean"), status, [*stated, *quoted], result.facts)
     finish(folder, status.ok)

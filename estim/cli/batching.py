@@ -14,7 +14,7 @@ import click
 from estim.cli.formats import chosen
 from estim.cli.options import FOLDER, JOBS, PATH, STEPS, report_options
 from estim.cli.origin import inputs_so_far
-from estim.cli.terminal import finish, pieces, reserve_output, say, write_report
+from estim.cli.terminal import counted_progress, finish, reserve_output, say, write_report
 from estim.common import EstimError, FigureChoice, InputError, held, phrase
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
         raise InputError(
             'needs dask.distributed: pip install "estim[dask]"', field="--scheduler", value=address
         ) from None
-    logging.disable()  # it would print the traceback of what is told in a line below
+    logging.disable()  # it would print the traceback of what is reported in a line below
     try:
         client = Client(address, timeout="10s")
     except (OSError, ValueError) as error:
@@ -47,7 +47,7 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
             yield client.get_executor()
         except EstimError:
             raise
-        except Exception as error:  # of the cluster: whatever happens to a run is told in its row
+        except Exception as error:  # of the cluster: a failure of a run is reported in its row
             raise InputError(
                 f"was lost ({type(error).__name__}); what is done is kept: continue with --resume",
                 field="--scheduler",
@@ -123,7 +123,7 @@ def batch(
     with (
         held(out / lock / ".lock", within=out),
         cluster(scheduler) as executor,
-        pieces(phrase("batch"), phrase("run"), kept=True) as progress,
+        counted_progress(phrase("batch"), phrase("run"), resumable=True) as progress,
     ):
         progress(0, len(units))
         rows = run_batch(

@@ -30,8 +30,8 @@ def body(file: Path, out: Path | None, seed: int) -> None:
     folder = out or out_folder(file, "body")
     source = read_campaign_file(file, measured=False)
     reserve_output(folder, "result.json")
-    weighing = weigh(source, rng=stream(seed, Stream.PARTS))
-    write_report(folder, body_report(source, weighing, seed=seed))
-    for line in body_lines(weighing):
+    bodies = weigh(source, rng=stream(seed, Stream.PARTS))
+    write_report(folder, body_report(source, bodies, seed=seed))
+    for line in body_lines(bodies):
         say(line)
     report_at(folder)

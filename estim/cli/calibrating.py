@@ -11,11 +11,11 @@ import click
 
 from estim.cli.options import CAMPAIGN, JOBS, JOINT, OUT, RESUME, RUNS, out_folder, report_options
 from estim.cli.terminal import (
+    checkpoint,
     conclude,
+    counted_progress,
     exit_unless,
-    finished_pieces,
     groups_of,
-    pieces,
     report_at,
     reserve_output,
     write_report,
@@ -79,7 +79,7 @@ def calibrate(
     for group in groups:
         loaded.require_unknowns(loaded.problem(group), drawn=True)
     reserve_output(folder, "calibration.json", groups=groups)
-    with finished_pieces(folder, resume=resume) as store:
+    with checkpoint(folder, resume=resume) as store:
         for group in groups:
             posed = loaded.problem(group)
             complete = as_complete(posed, "estim calibrate")
@@ -89,8 +89,8 @@ def calibrate(
             design = campaign_design(loaded, group, fitted=fit.values)
             calibrations = []
             for kind in ("sbc", "coverage") if what == "both" else (what,):
-                with pieces(
-                    f"{', '.join(group)}: {kind}", phrase("campaign"), kept=True
+                with counted_progress(
+                    f"{', '.join(group)}: {kind}", phrase("campaign"), resumable=True
                 ) as progress:
                     progress(0, simulations)
                     calibrations.append(

@@ -1,5 +1,5 @@
 """What may be missing, at the command line: refit with a progress bar where something is, or where
-it was asked for, and said.
+it was requested, and reported.
 """
 
 from __future__ import annotations
@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from estim.cli.terminal import pieces, say
+from estim.cli.terminal import counted_progress, say
 from estim.common import phrase
 
 if TYPE_CHECKING:
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 
 def with_causes(
-    campaign: Campaign, analysis: Analysis, group: Sequence[str], *, asked: bool
+    campaign: Campaign, analysis: Analysis, group: Sequence[str], *, requested: bool
 ) -> Analysis:
-    """The analysis of the runs `group`, with candidates for what it lacks."""
+    """The analysis of the runs `group`, with candidates for what may be missing."""
     from estim.pipeline import asks_for_a_cause, explained
 
-    if not (asked or asks_for_a_cause(analysis)):
+    if not (requested or asks_for_a_cause(analysis)):
         return analysis
-    with pieces(
+    with counted_progress(
         phrase("{runs}: possible missing effects", runs=", ".join(group)), phrase("cause")
     ) as progress:
         result = explained(campaign, analysis, progress=progress)

@@ -2,8 +2,8 @@
 local to the commands.
 
 Exit codes: 0 the result is ok; 2 the input is wrong (one line on stderr); 3 a result is not ok (the
-report is written all the same); 74 what was done could not be said on stdout (a full disk); 130
-interrupted; 141 nobody read stdout to its end.
+report is written all the same); 74 what was done could not be printed on stdout (a full disk); 130
+interrupted; 141 the reader of stdout ended before.
 """
 
 from __future__ import annotations
@@ -49,17 +49,17 @@ from estim.cli.serving import serve
 from estim.cli.tables import curve_options, load_or_make
 from estim.cli.terminal import (
     announced,
+    checkpoint,
     conclude,
     exit_code,
     exit_unless,
     finish,
-    finished_pieces,
     groups_of,
     progress_bar,
     report_at,
     reserve_output,
+    run_label,
     say,
-    together,
     with_json,
     write_report,
 )
@@ -165,7 +165,7 @@ def fit(
     sections: tuple[str, ...],
     resume: bool,
     figures: FigureChoice,
-    said: Mapping[str, Any],
+    options: Mapping[str, Any],
 ) -> None:
     """Fit runs of CAMPAIGN, or the points of tables FILE..., and write a report.
 
@@ -182,13 +182,13 @@ def fit(
     there and samples the others; a run that was under way begins anew, and so does one whose data,
     priors, noise, settings, seed or versions have changed (docs/long-runs.md).
     """
-    loaded, folder = load_or_make(paths[0], said, out, runs, paths[1:])
+    loaded, folder = load_or_make(paths[0], options, out, runs, paths[1:])
     groups = groups_of(loaded, runs, joint=joint)
     if marginal and not joint:
         raise InputError("needs --joint: a single run has no shared parameters", field="--marginal")
-    if said["own"] and not joint:
+    if options["own"] and not joint:
         rule = "needs --joint: by itself each table has its own values of all parameters"
-        raise InputError(rule, field="--own", value=said["own"][0])
+        raise InputError(rule, field="--own", value=options["own"][0])
     if compare and (explain or sections or marginal is not None):
         raise InputError(
             "cannot be combined with --explain, --section, --marginal or --full", field="--compare"
@@ -198,7 +198,7 @@ def fit(
 
         sections_called(sections)
     reserve_output(folder, "comparison.json" if compare else "result.json", groups=groups)
-    with finished_pieces(folder, resume=resume) as store:
+    with checkpoint(folder, resume=resume) as store:
         if compare:
             all_ok = compare_noise(
                 loaded, groups, folder, seed=seed, max_steps=max_steps, store=store, figures=figures
@@ -234,8 +234,8 @@ def _fit_groups(
     figures: FigureChoice,
     file: str,
 ) -> bool:
-    """Fits each group of runs and writes its report; whether all are ok.  file : the name of what
-    was said to be fit.
+    """Fits each group of runs and writes its report; whether all are ok.  file : the name of the
+    file that was named to be fit.
     """
     from estim.pipeline import analyse
     from estim.reports.analysis import index_report, report_and_result
@@ -248,7 +248,7 @@ def _fit_groups(
 
     results, explanations = {}, []
     for group in groups:
-        with progress_bar(together(group)) as progress:
+        with progress_bar(run_label(group)) as progress:
             analysis = analyse(
                 campaign,
                 group,
@@ -258,10 +258,10 @@ def _fit_groups(
                 store=store,
                 marginal=marginal,
             )
-        analysis = with_causes(campaign, analysis, group, asked=explain)
+        analysis = with_causes(campaign, analysis, group, requested=explain)
         place = folder if len(groups) == 1 else folder / group[0]
         command = "estim fit --joint" if len(group) > 1 else "estim fit"
-        with progress_bar(together(group)) as progress:
+        with progress_bar(run_label(group)) as progress:
             progress(100, phrase("report and figures"))
             files, results[group[0]] = report_and_result(
                 campaign, analysis, figures=figures, sections=sections
@@ -283,7 +283,7 @@ def _fit_groups(
             say(columns)
             for fact in dict.fromkeys(chain.from_iterable(map(campaign.assumed, group))):
                 say(fact)
-        conclude(together(group), analysis.diagnosis.status, lines, analysis.diagnosis.notes)
+        conclude(run_label(group), analysis.diagnosis.status, lines, analysis.diagnosis.notes)
         say_causes(analysis)
         explanations += [] if analysis.explanation is None else [analysis.explanation]
     if len(groups) > 1:
@@ -336,7 +336,7 @@ def energy(
     folder = out or out_folder(campaign, "energy")
     reserve_output(folder, "result.json")
     for group in groups:
-        with progress_bar(together(group)) as progress:
+        with progress_bar(run_label(group)) as progress:
             analyses.append(
                 analyse(
                     loaded,
@@ -350,7 +350,7 @@ def energy(
         records.extend(energy_along(analyses[-1], rng=stream(seed, Stream.ENERGY)))
         drifts.append(drift_of(analyses[-1], rng=stream(seed, Stream.DRIFT)))
         conclude(
-            together(group),
+            run_label(group),
             energy_status(analyses[-1], drifts[-1]),
             energy_lines(analyses[-1], drifts[-1]),
         )
@@ -393,7 +393,7 @@ def reanalyse(
     folder = out or out_folder(campaign, "reanalysis")
     loaded.require_speeds(loaded.run_names, "estim reanalyse")
     reserve_output(folder, "result.json")
-    with finished_pieces(folder, resume=resume) as store:
+    with checkpoint(folder, resume=resume) as store:
         result = run_reanalysis(
             loaded,
             seed=seed,

@@ -23,7 +23,7 @@ _LIBRARIES = "Pango: docs/reports.md says where from"
 def _noted(
     context: click.Context, _option: click.Parameter, formats: tuple[str, ...]
 ) -> tuple[str, ...]:
-    """Keeps the formats with the command, so that nobody has to pass them on.
+    """Keeps the formats with the command, so that they need not be passed on.
 
     Raises InputError, before anything is computed, where one cannot be made.
     """
@@ -57,6 +57,6 @@ FORMAT = click.option(
 
 
 def chosen() -> tuple[str, ...]:
-    """The formats that the command under way was asked for."""
+    """The formats that were requested of the command under way."""
     context = click.get_current_context(silent=True)
     return () if context is None else tuple(dict.fromkeys(context.meta.get(_KEY, ())))

@@ -1,5 +1,5 @@
-"""`estim import`: a run made of a file of the program Tracker, and what is suspicious about it
-said.
+"""`estim import`: a run made of a file of the program Tracker, with warnings about what is
+suspicious in it.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from estim.common import LANGUAGES, spoken
 
 
 def _speak(context: click.Context, _option: click.Parameter, name: str) -> str:
-    """Has everything that the command says from here on said in the language."""
+    """Sets the language of everything that the command prints from here on."""
     context.with_resource(spoken(name))
     return name
 

@@ -106,17 +106,17 @@ def line(
     from estim.reading import dialect_of_options
     from estim.reports.straight_line import straight_line_lines, straight_line_report
 
-    folder, written = out or Path("out") / campaign.stem, dialect_of_options(dialect)
-    at = [read_quantity(text, field="--predict") for text in predict]
-    back = [read_quantity(text, field="--inverse") for text in inverse]
+    folder, table_dialect = out or Path("out") / campaign.stem, dialect_of_options(dialect)
+    predict_at = [read_quantity(text, field="--predict") for text in predict]
+    inverse_at = [read_quantity(text, field="--inverse") for text in inverse]
     shared = Correlated(cov, cov_x, cov_y, commons(common_x, common_y))
     reserve_output(folder, "result.json")
     fitted = straight_line(
         campaign,
         Columns(x or "", y or "", ux, uy, correlation),
-        predict=at,
-        inverse=back,
-        dialect=written,
+        predict=predict_at,
+        inverse=inverse_at,
+        dialect=table_dialect,
         correlated=shared,
     )
     write_report(folder, straight_line_report(fitted, figures=figures))

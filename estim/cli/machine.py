@@ -1,4 +1,4 @@
-"""`--json`: what a command says, writes and finds, as one JSON object on standard output, for
+"""`--json`: what a command prints, writes and computes, as one JSON object on standard output, for
 programs.  Every command but `serve` has it, and writes the same files as without it.
 """
 
@@ -16,7 +16,7 @@ _KEY = "estim.json"
 
 @dataclass(frozen=True)
 class Answer:
-    """lines : what would have been said.  files : that were written.  results : file, or what a
+    """lines : what would have been printed.  files : that were written.  results : file, or what a
     result without a file is -> its record in JSON.
     """
 
@@ -37,10 +37,10 @@ class Answer:
             "exit_code": code,
             "lines": self.lines,
             "estimates": [
-                {"result": name, "name": one.name, "unit": one.unit or None}
-                | dict(zip(("value", "u"), one.value, strict=True))
-                for name, found in results.items()
-                for one in estimates(found)
+                {"result": name, "name": estimate.name, "unit": estimate.unit or None}
+                | dict(zip(("value", "u"), estimate.value, strict=True))
+                for name, result in results.items()
+                for estimate in estimates(result)
             ],
             "files": self.files,
             "results": results,
@@ -53,21 +53,23 @@ def answer() -> Answer | None:
     return None if context is None else context.meta.get(_KEY)
 
 
-def found(name: str, result: object) -> None:
+def keep_result(name: str, result: object) -> None:
     """Keeps a result that no file holds, for --json."""
-    if (kept := answer()) is not None:
-        kept.results[name] = as_json(result)
+    if (current := answer()) is not None:
+        current.results[name] = as_json(result)
 
 
-def written(folder: Path, files: Files) -> None:
+def keep_files(folder: Path, files: Files) -> None:
     """Keeps what was written, for --json."""
-    if (kept := answer()) is not None:
+    if (current := answer()) is not None:
         paths = {(folder / name).as_posix(): data for name, data in files.items()}
-        kept.files.extend(paths)
-        kept.results.update({path: data for path, data in paths.items() if path.endswith(".json")})
+        current.files.extend(paths)
+        current.results.update(
+            {path: data for path, data in paths.items() if path.endswith(".json")}
+        )
 
 
-def begun() -> Answer:
+def begin_answer() -> Answer:
     """The answer of the command under way, which is empty."""
-    click.get_current_context().meta[_KEY] = kept = Answer()
-    return kept
+    click.get_current_context().meta[_KEY] = current = Answer()
+    return current

@@ -21,9 +21,9 @@ from estim.cli.options import (
     report_options,
 )
 from estim.cli.terminal import (
+    checkpoint,
     conclude,
     exit_unless,
-    finished_pieces,
     groups_of,
     progress_bar,
     report_at,
@@ -97,7 +97,7 @@ def compare_models(
     groups = groups_of(loaded, runs, joint=joint)
     reserve_output(folder, "models.json", groups=groups)
     recommended = True
-    with finished_pieces(folder, resume=resume) as store:
+    with checkpoint(folder, resume=resume) as store:
         for group in groups:
             what = ", ".join(group)
 

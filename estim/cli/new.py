@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     "asked for]",
 )
 @curve_options
-def new_campaign(name: Path, files: tuple[Path, ...], said: Mapping[str, Any]) -> None:
+def new_campaign(name: Path, files: tuple[Path, ...], options: Mapping[str, Any]) -> None:
     """Write NAME.toml, a commented campaign for the table FILE, for `estim fit`.
 
     Its curve is a guess unless --formula is given.  Without --from, the program asks in the
@@ -50,10 +50,10 @@ def new_campaign(name: Path, files: tuple[Path, ...], said: Mapping[str, Any]) -
                 "must name the table to be fit (without it, questions are asked in a terminal)",
                 field="--from",
             )
-        file, choices = _asked(said)
+        file, choices = _prompted(options)
         files = (file,)
     else:
-        choices = choices_of_table(said)
+        choices = choices_of_table(options)
     text, columns = drafted_campaign(files[0], choices, *files[1:], within=path.parent)
     write_files(path.parent, {path.name: text.encode()})
     if columns:
@@ -67,11 +67,11 @@ def _in_a_terminal() -> bool:
     return sys.stdin.isatty()
 
 
-def _asked(said: Mapping[str, Any]) -> tuple[Path, TableChoices]:
-    """The file and the choices by questions and answers; what was said by options is not asked."""
+def _prompted(options: Mapping[str, Any]) -> tuple[Path, TableChoices]:
+    """The file and the choices by questions and answers; what the options state is not asked."""
     from estim.campaign import choices_of_table, columns_of
 
-    answers = dict(said)
+    answers = dict(options)
     file = Path(click.prompt("Table (or .trk) to be fit"))
     if file.suffix.lower() not in (".trk", ".trz"):
         say(f"columns: {', '.join(columns_of(file, choices_of_table(answers)))}")

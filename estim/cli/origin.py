@@ -14,8 +14,9 @@ from estim.cli.origin_record import SCHEMA, Origin
 from estim.common import Files, code, language, phrase, plain
 from estim.versions import engine_versions, version
 
-_KEPT = {"formats": chosen, "lang": language}  # options that the command does not take itself
-OF_THE_MOMENT = frozenset(
+# options that the command does not take itself
+_FROM_CONTEXT = {"formats": chosen, "lang": language}
+WITHOUT_EFFECT = frozenset(
     {"out", "resume", "jobs", "scheduler", "json"}
 )  # options that change no number
 
@@ -27,7 +28,7 @@ def inputs_so_far() -> dict[str, str]:
 
 
 def with_origin(files: Files, part: str) -> tuple[Files, Origin]:
-    """`files` of a report and the formats asked for; and how they were made."""
+    """`files` of a report and the requested formats; and how they were made."""
     from estim.reports.formats import with_formats
 
     origin = origin_of(part)
@@ -58,23 +59,23 @@ def origin_of(part: str) -> Origin:
 def _arguments(context: click.Context) -> list[str]:
     """The command as one would type it, options that have their defaults left out."""
     options: list[str] = []
-    plain: list[str] = []
+    positional: list[str] = []
     for parameter in context.command.params:
         name = parameter.name or ""
-        value = _KEPT[name]() if name in _KEPT else context.params.get(name)
+        value = _FROM_CONTEXT[name]() if name in _FROM_CONTEXT else context.params.get(name)
         if isinstance(parameter, click.Argument):
-            plain += [
+            positional += [
                 str(item)
                 for item in (value if isinstance(value, tuple) else (value,))
                 if item is not None
             ]
         elif (
             isinstance(parameter, click.Option)
-            and name not in OF_THE_MOMENT
+            and name not in WITHOUT_EFFECT
             and value != parameter.get_default(context)
         ):
             options += _option(parameter, value)
-    return [*(context.info_name or "",), *plain, *options]
+    return [*(context.info_name or "",), *positional, *options]
 
 
 def _option(option: click.Option, value: object) -> list[str]:

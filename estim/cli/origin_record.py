@@ -38,7 +38,7 @@ class Origin:
 
 def read_origin(folder: Path, *, within: Path | None = None, name: str = ORIGIN) -> Origin:
     """The origin of the report in `folder`.  Raises InputError where there is none, or it is none
-    of estim's: it may be somebody else's.
+    of estim's: it may be another program's.
     """
     path = folder / name
     data = read_file(path, at_most=_LARGEST, within=within or folder)
@@ -60,7 +60,7 @@ def read_origin(folder: Path, *, within: Path | None = None, name: str = ORIGIN)
         raise InputError(f"must be {SCHEMA}", field="schema", value=origin.schema, file=str(path))
     for field, places in (("part", [origin.part]), ("outputs", origin.outputs)):
         for place in places:
-            if not inside(place) or (field == "outputs" and not PurePosixPath(place).parts):
+            if not stays_inside(place) or (field == "outputs" and not PurePosixPath(place).parts):
                 raise InputError(
                     "must lie within what the command writes",
                     field=field,
@@ -75,11 +75,11 @@ def written_before(folder: Path, *, within: Path, name: str = ORIGIN) -> dict[st
 
     Raises InputError for an origin that is none of ours.
     """
-    there = read_file(folder / name, at_most=_LARGEST, within=within) is not None
-    return read_origin(folder, within=within, name=name).outputs if there else {}
+    exists = read_file(folder / name, at_most=_LARGEST, within=within) is not None
+    return read_origin(folder, within=within, name=name).outputs if exists else {}
 
 
-def inside(name: str) -> bool:
+def stays_inside(name: str) -> bool:
     """Whether a path that somebody may have written can be one of a file and leads no way out of
     its folder.
     """

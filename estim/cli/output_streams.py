@@ -2,7 +2,7 @@
 reader, unable to show a letter.
 
 Where nothing can be written any more, what follows is dropped and the reason kept: the numbers and
-files that a command makes do not depend on whether somebody reads what it says.
+files that a command makes do not depend on whether what it prints is read.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
-# EX_IOERR of sysexits.h; what a shell says of a command that SIGPIPE ended
+# EX_IOERR of sysexits.h; what a shell reports of a command that SIGPIPE ended
 CANNOT_SAY, NO_READER = 74, 141
 
 

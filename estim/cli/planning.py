@@ -7,7 +7,14 @@ from pathlib import Path
 import click
 
 from estim.cli.options import CAMPAIGN, OUT_PLAN, RUNS, out_folder, report_options
-from estim.cli.terminal import conclude, finish, groups_of, pieces, reserve_output, write_report
+from estim.cli.terminal import (
+    conclude,
+    counted_progress,
+    finish,
+    groups_of,
+    reserve_output,
+    write_report,
+)
 from estim.common import FigureChoice, phrase
 
 
@@ -46,7 +53,7 @@ def plan_next(
     (names,) = groups_of(loaded, runs, joint=True)
     folder = out or out_folder(campaign, "plan")
     reserve_output(folder, "plan.json")
-    with pieces(phrase("plan"), phrase("option")) as progress:
+    with counted_progress(phrase("plan"), phrase("option")) as progress:
         result = plan(loaded, names, target_names=wanted, seed=seed, progress=progress)
     write_report(folder, plan_report(result, figures=figures))
     status, reasons = plan_status(result)

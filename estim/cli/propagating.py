@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from estim.cli.options import OUT, report_options
-from estim.cli.terminal import conclude, finish, pieces, reserve_output, say, write_report
+from estim.cli.terminal import conclude, counted_progress, finish, reserve_output, say, write_report
 from estim.common import FigureChoice, InputError, Stream, phrase, stream
 
 _FORMULA = re.compile(r"(?!.*\.toml$).*[=*+^(]", re.IGNORECASE)
@@ -34,14 +34,14 @@ def propagate(
     from estim.measurement_model import propagate as propagate_model
     from estim.reports.measurement import measurement_report, statement
 
-    given = pairs(values, "NAME")
-    if not given and _FORMULA.match(file) and not os.path.exists(file):
+    inputs = pairs(values, "NAME")
+    if not inputs and _FORMULA.match(file) and not os.path.exists(file):
         rule = 'is a formula: write the values of its inputs after it, as L="0.85(1) m"'
         raise InputError(rule, field="FILE|FORMULA", value=file)
-    model = model_of_formula(file, given) if given else read_model(Path(file))
-    folder = out or Path("out") / (model.outputs[0].name if given else Path(file).stem)
+    model = model_of_formula(file, inputs) if inputs else read_model(Path(file))
+    folder = out or Path("out") / (model.outputs[0].name if inputs else Path(file).stem)
     reserve_output(folder, "result.json")
-    with pieces("Monte Carlo", phrase("draw")) as progress:
+    with counted_progress("Monte Carlo", phrase("draw")) as progress:
         propagation = propagate_model(
             model, rng=stream(seed, Stream.MEASUREMENT), progress=progress
         )

@@ -66,8 +66,8 @@ def serve(
 
 def _passphrase() -> str:
     """What the user types, or one that is made."""
-    asked = ""
+    typed = ""
     if sys.stdin.isatty():
         words = "Passphrase of the page (empty: one is made)"
-        asked = click.prompt(words, default="", show_default=False).strip()
-    return asked or secrets.token_hex(6)
+        typed = click.prompt(words, default="", show_default=False).strip()
+    return typed or secrets.token_hex(6)

@@ -1,5 +1,5 @@
-"""Options in place of a campaign file: those that say how a table is written, and those that say a
-curve (`estim fit data.csv --formula ...`).
+"""Options in place of a campaign file: those that state how a table is written, and those that
+define a curve (`estim fit data.csv --formula ...`).
 """
 
 from __future__ import annotations
@@ -195,37 +195,37 @@ _CURVE = (
 
 
 def dialect_options(command: Command) -> Command:
-    """Adds the options of `_DIALECT`; the command takes what they say as `dialect`, a mapping for
+    """Adds the options of `_DIALECT`; the command takes their values as `dialect`, a mapping for
     `dialect_of_options`.
     """
     return _gathered(command, _DIALECT, "dialect")
 
 
 def curve_options(command: Command) -> Command:
-    """Adds all options that stand for a campaign; the command takes what they say as `said`, a
+    """Adds all options that stand for a campaign; the command takes their values as `options`, a
     mapping for `load_or_make`.
     """
-    return _gathered(command, (*_CURVE, *_DIALECT), "said")
+    return _gathered(command, (*_CURVE, *_DIALECT), "options")
 
 
 def _gathered(command: Command, options: tuple[Command, ...], name: str) -> Command:
     @wraps(command)
-    def gathering(**given: Any) -> Any:
+    def gathering(**arguments: Any) -> Any:
         return command(
-            **{key: value for key, value in given.items() if key not in names},
-            **{name: {key: given[key] for key in names}},
+            **{key: value for key, value in arguments.items() if key not in names},
+            **{name: {key: arguments[key] for key in names}},
         )
 
-    whole: Command = gathering
+    decorated: Command = gathering
     for option in reversed(options):
-        whole = option(whole)
-    names = {parameter.name for parameter in whole.__click_params__[-len(options) :]}  # type: ignore[attr-defined]
-    return whole
+        decorated = option(decorated)
+    names = {parameter.name for parameter in decorated.__click_params__[-len(options) :]}  # type: ignore[attr-defined]
+    return decorated
 
 
 def load_or_make(
     file: Path,
-    said: Mapping[str, Any],
+    options: Mapping[str, Any],
     out: Path | None,
     runs: Sequence[str],
     others: Sequence[Path],
@@ -236,23 +236,23 @@ def load_or_make(
     from estim.campaign import campaign_of_table, choices_of_table, load_campaign
     from estim.reading import is_table
 
-    given = [
+    named = [
         f"--{name.replace('_', '-')}"
-        for name, value in said.items()
+        for name, value in options.items()
         if value not in (None, (), False)
     ]
-    if said["formula"] is None and not said["rolling"]:
+    if options["formula"] is None and not options["rolling"]:
         if others:
             rule = "goes with --formula and tables; runs of several campaigns: estim batch"
             raise InputError(rule, field="FILE...", value=str(others[0]))
-        if given:
+        if named:
             campaign = file.suffix.lower() == ".toml"
             rule = (
                 "needs --formula and a table; for a campaign it is stated in the file"
                 if campaign
                 else "needs --formula as well"
             )
-            raise InputError(rule, field=given[0])
+            raise InputError(rule, field=named[0])
         if is_table(file):
             rule = (
                 'is a table, not a campaign: say --formula "a*x + b", or write a campaign for '
@@ -265,7 +265,7 @@ def load_or_make(
     if other is not None:
         raise InputError(
             "needs a table of points; the curve of a campaign is stated in its file",
-            field="--formula" if said["formula"] else "--rolling",
+            field="--formula" if options["formula"] else "--rolling",
             value=str(other),
         )
     places = [path.resolve() for path in tables]
@@ -273,4 +273,4 @@ def load_or_make(
     if twice is not None:
         raise InputError("must name each table once", field="FILE...", value=str(twice))
     stem = "+".join(path.stem for path in tables)[:80]
-    return campaign_of_table(file, choices_of_table(said), *others), out or Path("out") / stem
+    return campaign_of_table(file, choices_of_table(options), *others), out or Path("out") / stem

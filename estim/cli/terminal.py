@@ -1,5 +1,5 @@
-"""What the commands share: one line said to a person, exit codes, progress bars, which runs, files
-written whole.
+"""What the commands share: one line printed for a person, exit codes, progress bars, which runs,
+files written whole.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from estim.cli.formats import chosen
-from estim.cli.machine import answer, begun, written
+from estim.cli.machine import answer, begin_answer, keep_files
 from estim.cli.origin import with_origin
 from estim.cli.origin_record import ORIGIN, written_before
 from estim.cli.output_streams import CANNOT_SAY, NO_READER, outlets
@@ -49,11 +49,11 @@ BAD_INPUT, NOT_OK, INTERRUPTED = 2, 3, 130  # exit codes; those of streams are i
 
 
 def say(line: str, *, err: bool = False) -> None:
-    """One line on stdout or stderr, whatever `line` holds.  Every word of a command goes through
+    """One line on stdout or stderr, whatever `line` holds.  Every line of a command goes through
     here.
     """
-    if not err and (kept := answer()) is not None:
-        kept.lines.append(one_line(line))
+    if not err and (result := answer()) is not None:
+        result.lines.append(one_line(line))
         return
     stream = sys.stderr if err else sys.stdout
     stream.write(one_line(line) + "\n")
@@ -61,13 +61,13 @@ def say(line: str, *, err: bool = False) -> None:
 
 
 def _reported(**facts: object) -> bool:
-    """Whether a program is told of progress and errors, as lines of JSON on stderr: where it set
-    ESTIM_PROGRESS to "json".
+    """Whether progress and errors are reported to a program, as lines of JSON on stderr: where it
+    set ESTIM_PROGRESS to "json".
     """
-    asked = os.environ.get("ESTIM_PROGRESS") == "json"
-    if asked:
+    requested = os.environ.get("ESTIM_PROGRESS") == "json"
+    if requested:
         say(json.dumps(facts), err=True)
-    return asked
+    return requested
 
 
 def exit_code(command: Callable[[], object]) -> int:
@@ -116,20 +116,20 @@ def with_json(command: click.Command) -> None:
     """Gives a command the option.  Whatever else would go to standard output, a question of `estim
     new` for instance, goes to standard error.  Nothing is written there where the input is wrong.
     """
-    plain = command.callback
-    assert plain is not None
+    callback = command.callback
+    assert callback is not None
 
-    def answering(*, json: bool, **given: Any) -> None:
+    def answering(*, json: bool, **arguments: Any) -> None:
         if not json:
-            plain(**given)
+            callback(**arguments)
             return
-        kept, code = begun(), 0
+        result, code = begin_answer(), 0
         with redirect_stdout(sys.stderr):
             try:
-                plain(**given)
+                callback(**arguments)
             except SystemExit as ended:
                 code = int(ended.code or 0)
-        sys.stdout.write(as_json(kept.record(command.name or "", code)).decode())
+        sys.stdout.write(as_json(result.record(command.name or "", code)).decode())
         sys.stdout.flush()
         sys.exit(code)
 
@@ -143,9 +143,12 @@ def with_json(command: click.Command) -> None:
 
 
 @contextmanager
-def pieces(what: str, unit: str, *, kept: bool = False) -> Iterator[Callable[[int, int], None]]:
-    """A progress bar on stderr for equal pieces of work, how many are done of how many.  kept :
-    whether an interrupted command can go on with those that are done.
+def counted_progress(
+    what: str, unit: str, *, resumable: bool = False
+) -> Iterator[Callable[[int, int], None]]:
+    """A progress bar on stderr for equal pieces of work, how many are done of how many.
+
+    resumable : whether an interrupted command can go on with those that are done.
     """
     with _bar(what, unit=unit) as bar:
 
@@ -157,7 +160,7 @@ def pieces(what: str, unit: str, *, kept: bool = False) -> Iterator[Callable[[in
         try:
             yield show
         except Interrupted as error:
-            raise Interrupted(*([_GO_ON] if kept else error.args)) from None
+            raise Interrupted(*([_GO_ON] if resumable else error.args)) from None
 
 
 def _bar(what: str, **options: Any) -> Any:
@@ -187,8 +190,8 @@ def announced(what: str) -> Iterator[Progress]:
 
 @contextmanager
 def progress_bar(what: str) -> Iterator[Progress]:
-    """A progress bar on stderr: the share of the draws needed, and what is being done or still
-    lacks.
+    """A progress bar on stderr: the share of the draws needed, and what is being done or is still
+    missing.
     """
     words = phrase("{desc} {bar:20} {n_fmt} % of the draws needed, {elapsed}{postfix}")
     with _bar(what, total=100, bar_format=words) as bar:
@@ -213,14 +216,14 @@ def write_files(folder: Path, files: Files) -> None:
     )
     for name, data in files.items():
         write_whole(folder / name, data, within=folder)
-    written(folder, dict(files))
+    keep_files(folder, dict(files))
 
 
 def reserve_output(
     folder: Path, *names: str, groups: Sequence[Sequence[str]] = (), within: Path | None = None
 ) -> None:
     """Raises EstimError, before anything is computed, where a report in `folder` would replace what
-    estim did not write, or what somebody changed.
+    estim did not write, or what was changed since.
 
     names : of what a report has beside `report.md`.
     groups : of runs, each of which has a report in the folder of its first run if they are several.
@@ -253,7 +256,7 @@ def write_report(
         lambda outputs: as_json(replace(origin, outputs=dict(outputs))),
         within=root,
     )
-    written(folder, contents)
+    keep_files(folder, contents)
 
 
 def exit_unless(ok: bool) -> None:
@@ -273,18 +276,18 @@ def report_at(folder: Path, outside: Iterable[str] = ()) -> None:
 
 
 def finish(folder: Path, ok: bool, outside: Iterable[str] = ()) -> None:
-    """The last words of a command that writes one report, and its exit code."""
+    """The last lines of a command that writes one report, and its exit code."""
     report_at(folder, outside)
     exit_unless(ok)
 
 
 @contextmanager
-def finished_pieces(folder: Path, *, resume: bool) -> Iterator[PieceStore]:
+def checkpoint(folder: Path, *, resume: bool) -> Iterator[PieceStore]:
     """Where a command keeps what it has finished, in OUT/.checkpoint, until all its reports are
     written.
 
     Without `resume` what an earlier command left there is discarded.  A signal to stop ends in a
-    line that says whether anything was finished.  Raises EstimError, before anything is computed,
+    line that states whether anything was finished.  Raises EstimError, before anything is computed,
     where another process is at work there, or nothing can be written.
     """
     store = PieceStore(folder / ".checkpoint")
@@ -311,7 +314,7 @@ def finished_pieces(folder: Path, *, resume: bool) -> Iterator[PieceStore]:
         store.clear()
 
 
-def together(runs: Sequence[str]) -> str:
+def run_label(runs: Sequence[str]) -> str:
     """The runs of a fit as they are named on the screen."""
     return (
         ", ".join(runs)

@@ -18,9 +18,9 @@ from typing import Any
 
 import click
 
-from estim.cli.machine import found
+from estim.cli.machine import keep_result
 from estim.cli.options import FOLDER, PATH
-from estim.cli.origin import OF_THE_MOMENT
+from estim.cli.origin import WITHOUT_EFFECT
 from estim.cli.origin_record import ORIGIN, Origin, read_origin
 from estim.cli.terminal import NOT_OK, say
 from estim.common import (
@@ -45,12 +45,12 @@ from estim.verification import (
 )
 
 _LARGEST = 2**28
-_TOLD = 12  # differences of one kind that are told one by one
+_MOST_LISTED = 12  # differences of one kind that are listed one by one
 _HEADER = 33  # bytes of a PNG: its signature and its first chunk
 _PAGE, _TIMES = "report.html", "times.csv"
-_OPTIONAL = (".pdf", ".nc")  # what needs an extra that may be missing here
+_OPTIONAL = (".pdf", ".nc")  # what needs an extra that may not be installed
 _OWN_BYTES = (*_OPTIONAL, ".png", _PAGE, _TIMES)  # what has no part in whether all is the same
-_FAR = 0.1  # sds: what moved by less is told together
+_FAR = 0.1  # sds: estimates that moved by less are summarised in one line
 
 
 @click.command()
@@ -70,36 +70,40 @@ def verify(report: Path, root: Path | None) -> None:
         raise InputError("cannot be found", field="report", value=str(report))
     folder = report if os.path.isdir(report) else report.parent
     origin = read_origin(folder)
-    given = _given(origin, folder)
+    options = _options_of(origin, folder)
     place = root or _root_of(folder, origin)
     say(f"recomputing: {origin.line}")
     with tempfile.TemporaryDirectory() as temporary:
         trouble = _recompute(origin, Path(temporary), place)
-        made = Path(temporary) / origin.part
-        if not trouble and not (made / ORIGIN).is_file():
+        folder_now = Path(temporary) / origin.part
+        if not trouble and not (folder_now / ORIGIN).is_file():
             trouble = "cannot be recomputed: the command makes no such report"
-        comparison = _Comparison(folder, made, str(given.get("lang", "en")))
+        comparison = _Comparison(folder, folder_now, str(options.get("lang", "en")))
         if trouble:
             comparison.wrong.extend([*comparison.changed_outputs(Path(), origin), trouble])
         else:
             comparison.compare()
-    lists = {key: getattr(comparison, key) for key in ("wrong", "compared", "aside")}
-    found("verification", {"verified": not comparison.wrong} | lists)
+    lists = {
+        "wrong": comparison.wrong,
+        "compared": comparison.compared,
+        "aside": comparison.not_compared,
+    }
+    keep_result("verification", {"verified": not comparison.wrong} | lists)
     for line in comparison.wrong:
         say(line)
-    aside = f"; not compared: {_listed(comparison.aside)}" if comparison.aside else ""
+    rest = f"; not compared: {_listed(comparison.not_compared)}" if comparison.not_compared else ""
     if comparison.wrong:
-        say(f"not verified: {folder}{aside}")
+        say(f"not verified: {folder}{rest}")
         sys.exit(NOT_OK)
     compared = _listed(comparison.compared)
-    say(f"verified: {folder} follows from its inputs; compared: {compared}{aside}")
+    say(f"verified: {folder} follows from its inputs; compared: {compared}{rest}")
 
 
-def _given(origin: Origin, folder: Path) -> dict[str, Any]:
+def _options_of(origin: Origin, folder: Path) -> dict[str, Any]:
     """The options of the command.  Raises InputError unless it is one that makes a report, without
     any option that a report never names.
 
-    The origin may be somebody else's: such options choose places and processes, and change no
+    The origin may come from elsewhere: such options choose places and processes, and change no
     number.
     """
     group = click.get_current_context().find_root().command
@@ -110,7 +114,7 @@ def _given(origin: Origin, folder: Path) -> dict[str, Any]:
     sane = all(word.isprintable() and len(word) <= 4096 for word in words)
     if command is not None and "formats" in options and sane:
         try:
-            given = command.make_parser(click.Context(command)).parse_args(list(words))[0]
+            values = command.make_parser(click.Context(command)).parse_args(list(words))[0]
         except click.ClickException as error:
             raise InputError(
                 f"is no command of estim ({error.format_message()})",
@@ -119,8 +123,8 @@ def _given(origin: Origin, folder: Path) -> dict[str, Any]:
                 file=folder / ORIGIN,
             ) from None
         # and no --help, which click adds
-        if given.keys() <= options - OF_THE_MOMENT:
-            return dict(given)
+        if values.keys() <= options - WITHOUT_EFFECT:
+            return dict(values)
     raise InputError(
         "must name a command that makes a report, and no place, processes or --resume",
         field="command",
@@ -133,11 +137,11 @@ def _root_of(folder: Path, origin: Origin) -> Path:
     """The folder in which all inputs are found under their names: this one, or the nearest above
     the report.  Raises InputError.
     """
-    here = Path.cwd()
-    for place in (here, *folder.resolve().parents):
+    working_folder = Path.cwd()
+    for place in (working_folder, *folder.resolve().parents):
         if all(os.path.exists(place / path) for path in origin.inputs):
             return place
-    missing = next(path for path in origin.inputs if not os.path.exists(here / path))
+    missing = next(path for path in origin.inputs if not os.path.exists(working_folder / path))
     raise InputError(
         "cannot be found, here or above the report; --from says from which folder it is named",
         field="input",
@@ -182,30 +186,32 @@ class _Part:
 class _Comparison:
     """A report and all below it, against those that its command makes now.
 
-    folder : of the report.  made : of the one that was made now.  lang : its language.
-    wrong : what does not hold, in lines.  compared, aside : files, and parts of them, that were
-        compared and that were not.
+    folder : of the report.  recomputed : of the one that was made now.  lang : its language.
+    wrong : what does not hold, in lines.  compared, not_compared : files, and parts of them, that
+        were compared and that were not.
     """
 
     folder: Path
-    made: Path
+    recomputed: Path
     lang: str
     wrong: list[str] = field(default_factory=list)
     compared: list[str] = field(default_factory=list)
-    aside: list[str] = field(default_factory=list)
+    not_compared: list[str] = field(default_factory=list)
 
     def compare(self) -> None:
         """Every report that the command makes there and below."""
-        folders = sorted(path.parent.relative_to(self.made) for path in self.made.rglob(ORIGIN))
+        folders = sorted(
+            path.parent.relative_to(self.recomputed) for path in self.recomputed.rglob(ORIGIN)
+        )
         parts = [part for folder in folders if (part := self._part(folder)) is not None]
-        whole = [
+        entries = [
             (name, old, new)
             for part in parts
             for name, (old, new) in part.files.items()
             if old is not None and new is not None and not name.endswith(_OWN_BYTES)
         ]
-        same_draws = all(draws_are_same(*entry) for entry in whole)
-        exact = all(old == new for name, old, new in whole if not name.endswith(".md"))
+        same_draws = all(draws_are_same(*entry) for entry in entries)
+        exact = all(old == new for name, old, new in entries if not name.endswith(".md"))
         if not same_draws:
             say(
                 "note: the draws are others, as on another processor: estimates are compared "
@@ -219,7 +225,7 @@ class _Comparison:
 
     def _part(self, folder: Path) -> _Part | None:
         """None where its origin cannot be read, which is wrong."""
-        now = read_origin(self.made / folder)
+        now = read_origin(self.recomputed / folder)
         try:
             before = read_origin(self.folder / folder, within=self.folder)
         except InputError as error:
@@ -233,7 +239,7 @@ class _Comparison:
                 name: read_file(root / folder / name, at_most=_LARGEST, within=root)
                 for name in before.outputs
             }
-            for root in (self.folder, self.made)
+            for root in (self.folder, self.recomputed)
         )
         return _Part(folder, before, now, {name: (old[name], new[name]) for name in old})
 
@@ -262,16 +268,16 @@ class _Comparison:
             and not name.endswith(_OPTIONAL)
             and (drawn or not _is_picture(name))
         )
-        self.aside.extend(self._not_named(part))
+        self.not_compared.extend(self._not_named(part))
         for name, (old, new) in part.files.items():
             label = (part.folder / name).as_posix()
             page = name == _PAGE
-            if old is None:  # which is said already
+            if old is None:  # which is reported already
                 continue
             if new is None and not name.endswith(_OPTIONAL):
                 self.wrong.append(f"{label}: is not made any more")
             elif name == _TIMES or name.endswith(".pdf") or new is None:
-                self.aside.append(label)
+                self.not_compared.append(label)
             elif not _is_picture(name):
                 new = self._page(part) if page else new
                 same = same_draws or page
@@ -282,34 +288,34 @@ class _Comparison:
             elif exact and before.versions == now.versions:
                 self.wrong.append(f"{label}: shows another picture than the one that is drawn now")
             else:
-                self.aside.append(label)
+                self.not_compared.append(label)
 
     def _compare_file(self, label: str, differing: Sequence[Difference]) -> None:
-        wrong, within, aside = (
+        wrong, within, not_compared = (
             [entry for entry in differing if entry.verdict is verdict]
             for verdict in (Verdict.WRONG, Verdict.WITHIN, Verdict.ASIDE)
         )
-        if aside and not aside[0].where:
-            self.aside.append(label)
+        if not_compared and not not_compared[0].where:
+            self.not_compared.append(label)
             return
         self.compared.append(label)
         if within:
             say(f"{label}: {len(within)} entries differ within the tolerances")
-        if aside:
-            names = [entry.where.rpartition(".")[2].partition("[")[0] for entry in aside]
+        if not_compared:
+            names = [entry.where.rpartition(".")[2].partition("[")[0] for entry in not_compared]
             words = _listed(list(dict.fromkeys(names)))
-            self.aside.append(f"of {label} {len(aside)} entries ({words})")
-        for entry in aside if label.endswith(".md") else ():
+            self.not_compared.append(f"of {label} {len(not_compared)} entries ({words})")
+        for entry in not_compared if label.endswith(".md") else ():
             say(f"not compared: {label}, {entry.where}: {entry.before!r}, recomputed {entry.now!r}")
         self.wrong.extend(
             f"{label}, {entry.where}: {entry.before!r}, recomputed {entry.now!r}"
-            for entry in wrong[:_TOLD]
+            for entry in wrong[:_MOST_LISTED]
         )
-        if len(wrong) > _TOLD:
-            self.wrong.append(f"{label}: and {len(wrong) - _TOLD} more")
+        if len(wrong) > _MOST_LISTED:
+            self.wrong.append(f"{label}: and {len(wrong) - _MOST_LISTED} more")
 
     def _not_named(self, part: _Part) -> Iterator[str]:
-        """Files that stand there and that the origin does not name: anybody may have put them
+        """Files that stand there and that the origin does not name: they may come from elsewhere
         there.
         """
         place = self.folder / part.folder
@@ -377,23 +383,23 @@ def diff(first: str, second: str, r: float | None) -> None:
     standard deviations of the first.  Of two values, one of which may be the result that has only
     one, it tells the difference, its uncertainty and E_n (ISO 13528).
     """
-    one, other = map(_result, (first, second))
-    if one is None or other is None:
+    result, other_result = map(_result, (first, second))
+    if result is None or other_result is None:
         from estim.means import compare_values
 
         two = compare_values(
-            first if one is None else only_estimate(one),
-            second if other is None else only_estimate(other),
+            first if result is None else only_estimate(result),
+            second if other_result is None else only_estimate(other_result),
             r=r or 0.0,
         )
-        found("difference", two)
+        keep_result("difference", two)
         for line in str(two).splitlines():
             say(line)
         return
     if r is not None:
         raise InputError("is for two values, not for two analyses", field="--r", value=r)
-    pair = compare_results(one, other)
-    found("comparison", pair)
+    pair = compare_results(result, other_result)
+    keep_result("comparison", pair)
     if pair.same:
         say("the results are the same")
         return
@@ -440,8 +446,8 @@ def _shift(row: Moved) -> str:
 
 
 def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:_TOLD]) + (
-        f" and {len(names) - _TOLD} more" if len(names) > _TOLD else ""
+    return ", ".join(names[:_MOST_LISTED]) + (
+        f" and {len(names) - _MOST_LISTED} more" if len(names) > _MOST_LISTED else ""
     )
 
 

@@ -94,7 +94,10 @@ class RollingBasis:
         return Outlook(problem, values, information, campaign, release, distinct)
 
     def _arguments(self, like: Observations, new: NewRun) -> dict[str, str | float]:
-        return {**like.arguments, **{name: quantity.value for name, quantity in new.said.items()}}
+        return {
+            **like.arguments,
+            **{name: quantity.value for name, quantity in new.quantities.items()},
+        }
 
     def _values(self, problem: Problem, runs: Sequence[NewRun]) -> FloatArray:
         """(n_par,) the fitted values; of a new run its stated ones, else those of the run that it

@@ -51,7 +51,9 @@ def planned_runs(campaign: Campaign) -> tuple[Change, ...]:
 def repeated(change: Change, times: int) -> Change:
     """The change with each of its runs and readings so many times."""
     runs = tuple(
-        NewRun(f"{run.name}.{k}", run.like, run.said) for run in change.runs for k in range(times)
+        NewRun(f"{run.name}.{k}", run.like, run.quantities)
+        for run in change.runs
+        for k in range(times)
     )
     readings = tuple(replace(reading, n=reading.n * times) for reading in change.readings)
     if change.which:

@@ -1,8 +1,8 @@
 """Columns whose cells are not plain numbers: with units, with uncertainties, dates and times.  They
-become columns of plain numbers, and what was assumed is said.
+become columns of plain numbers, and what was assumed is reported.
 
 Nothing is rounded: numbers stay as they are written; those that are computed here are written
-without a decimal mark (2.5 as 25e-1), so that they do not say which mark the others have.
+without a decimal mark (2.5 as 25e-1), so that they do not show which mark the others have.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ _MOMENT = re.compile(
 _DAY = 86400
 
 
-def says_a_value(cell: str) -> bool:
-    """Whether a cell says a number, a quantity with a unit or an uncertainty, a date or a time."""
+def holds_a_value(cell: str) -> bool:
+    """Whether a cell holds a number, a quantity with a unit or an uncertainty, a date or a time."""
     return looks_like_a_number(cell) or _quantity(cell) is not None or _moment(cell) is not None
 
 
@@ -46,25 +46,25 @@ def in_plain_numbers(table: Layout) -> Layout:
     uncertainties, these in further columns u_NAME.  Rows have a cell for each column, or are left
     for their reader to refuse.
 
-    Raises InputError with the line where a column is not written alike.
+    Raises InputError with the line where a column is not written in one format.
     """
     width, dates = len(table.names), -1
-    for place in reversed(range(width)):
+    for index in reversed(range(width)):
         cells = [
-            (row.number, row.cells[place])
+            (row.number, row.cells[index])
             for row in table.rows
-            if len(row.cells) >= width and not is_missing(row.cells[place])
+            if len(row.cells) >= width and not is_missing(row.cells[index])
         ]
         ends = [cells[0][1], cells[-1][1]] if cells else []
-        name = table.names[place]
-        if name.startswith("_") or place == dates or all(map(looks_like_a_number, ends)):
+        name = table.names[index]
+        if name.startswith("_") or index == dates or all(map(looks_like_a_number, ends)):
             continue
         if all(_quantity(cell) for cell in ends):
-            table = _quantities(table, place, cells)
+            table = _quantities(table, index, cells)
         elif all(_moment(cell) for cell in ends):
-            before = _dates_before(table, place, cells)
-            dates = place - 1 if before else dates
-            table = _moments(table, place, cells, before)
+            before = _dates_before(table, index, cells)
+            dates = index - 1 if before else dates
+            table = _moments(table, index, cells, before)
     return table
 
 
@@ -76,8 +76,8 @@ def _quantity(cell: str) -> re.Match[str] | None:
     return match if match[3] or match[4] or match[6] else None
 
 
-def _quantities(table: Layout, place: int, cells: Sequence[tuple[int, str]]) -> Layout:
-    name, stated = table.names[place], table.units[place]
+def _quantities(table: Layout, index: int, cells: Sequence[tuple[int, str]]) -> Layout:
+    name, stated = table.names[index], table.units[index]
     values = dict[int, list[str]]()
     converted: dict[str, list[int]] = {}
     unit, with_u, differences = stated, None, is_uncertainty(bare_name(name))
@@ -105,30 +105,30 @@ def _quantities(table: Layout, place: int, cells: Sequence[tuple[int, str]]) -> 
             texts = [_converted(text, unit_here, unit, name, number, like) for text in texts]
             converted.setdefault(unit_here, []).append(number)
         values[number] = texts
-    told = [
+    notes = [
         phrase(
             "1 value of '{name}' in {unit} was converted to {wanted} (line {lines})"
             if len(lines) == 1
             else "{n} values of '{name}' in {unit} were converted to {wanted} (lines {lines})",
             n=len(lines),
             name=name,
-            unit=given,
+            unit=unit_in_cells,
             wanted=unit,
             lines=line_numbers(lines),
         )
-        for given, lines in converted.items()
+        for unit_in_cells, lines in converted.items()
     ]
     if unit and not stated:
-        told.append(
+        notes.append(
             phrase("the values of '{name}' are in {unit}, as its cells say", name=name, unit=unit)
         )
     if not with_u:
-        return _replaced(table, place, values, unit, told)
+        return _replaced(table, index, values, unit, notes)
     if (column := uncertainty_of(name, table.names)) is not None:
         rule = "has uncertainties in its cells, and a column of their own as well"
         raise InputError(rule, field=name, value=column, line=cells[0][0])
-    told.append(phrase("the cells of '{name}' hold its standard uncertainties", name=name))
-    return _replaced(table, place, values, unit, told, (f"u_{bare_name(name)}",))
+    notes.append(phrase("the cells of '{name}' hold its standard uncertainties", name=name))
+    return _replaced(table, index, values, unit, notes, (f"u_{bare_name(name)}",))
 
 
 def _same(unit: str, other: str, differences: bool) -> bool:
@@ -137,7 +137,7 @@ def _same(unit: str, other: str, differences: bool) -> bool:
 
 
 def _last_digits(value: str, digits: str, power: str) -> str:
-    """The uncertainty that (12) says behind 1.234 and before a power: 12e-3, 12e-6 before e-3."""
+    """The uncertainty that (12) means after 1.234 and before a power: 12e-3, 12e-6 before e-3."""
     if "." in digits or "," in digits:
         return digits + power
     mantissa, _, exponent = value.lower().partition("e")
@@ -145,11 +145,11 @@ def _last_digits(value: str, digits: str, power: str) -> str:
     return f"{digits}e{int(exponent or 0) + int(power[1:] or 0) - decimals}"
 
 
-def _converted(text: str, unit: str, wanted: str, name: str, number: int, like: str) -> str:
-    factor = in_unit(1.0, unit, wanted)
+def _converted(text: str, unit: str, target: str, name: str, number: int, like: str) -> str:
+    factor = in_unit(1.0, unit, target)
     if factor is None or re.fullmatch(r"[+-]?[1-9]\d{0,2},\d{3}", text):
         raise InputError(
-            f"must be in {wanted}, as {like}", field=name, value=f"{text} {unit}", line=number
+            f"must be in {target}, as {like}", field=name, value=f"{text} {unit}", line=number
         )
     return _without_mark(Decimal(text.replace(",", ".")) * Decimal(repr(factor)))
 
@@ -161,33 +161,33 @@ def _without_mark(value: Decimal) -> str:
 
 def _replaced(
     table: Layout,
-    place: int,
+    index: int,
     values: Mapping[int, Sequence[str]],
     unit: str,
-    told: Sequence[str],
+    notes: Sequence[str],
     further: tuple[str, ...] = (),
 ) -> Layout:
-    """The table with other cells in the column at `place`, and in columns called `further` behind
+    """The table with other cells in the column at `index`, and in columns called `further` behind
     all others.  values : line -> its cells.
     """
     width = len(table.names)
 
-    def whole(row: Row) -> Row:
-        blank = (row.cells[place], *[""] * len(further))
-        cell, *behind = values.get(row.number, blank)
+    def with_cells(row: Row) -> Row:
+        blank = (row.cells[index], *[""] * len(further))
+        cell, *further_cells = values.get(row.number, blank)
         return row._replace(
-            cells=[*row.cells[:place], cell, *row.cells[place + 1 : width], *behind]
+            cells=[*row.cells[:index], cell, *row.cells[index + 1 : width], *further_cells]
         )
 
     return replace(
         table,
         names=(*table.names, *further),
-        units=(*table.units[:place], unit, *table.units[place + 1 :], *[unit] * len(further)),
+        units=(*table.units[:index], unit, *table.units[index + 1 :], *[unit] * len(further)),
         rows=[
-            row if len(row.cells) < width or any(row.cells[width:]) else whole(row)
+            row if len(row.cells) < width or any(row.cells[width:]) else with_cells(row)
             for row in table.rows
         ],
-        assumed=(*table.assumed, *told),
+        assumed=(*table.assumed, *notes),
     )
 
 
@@ -199,27 +199,31 @@ def _moment(cell: str) -> re.Match[str] | None:
     return match
 
 
-def _dates_before(table: Layout, place: int, cells: Sequence[tuple[int, str]]) -> dict[int, str]:
+def _dates_before(table: Layout, index: int, cells: Sequence[tuple[int, str]]) -> dict[int, str]:
     """Line -> date, of the column before one of times alone, where that holds dates."""
-    left = {row.number: row.cells[place - 1] for row in table.rows if len(row.cells) > place > 0}
+    date_of_line = {
+        row.number: row.cells[index - 1] for row in table.rows if len(row.cells) > index > 0
+    }
     for number, cell in (cells[0], cells[-1]):
-        day, time = _moment(left.get(number, "")), _moment(cell)
+        day, time = _moment(date_of_line.get(number, "")), _moment(cell)
         if time is None or time["y"] or time["first"] or day is None or day["hour"] is not None:
             return {}
-    return left
+    return date_of_line
 
 
 def _moments(
-    table: Layout, place: int, cells: Sequence[tuple[int, str]], before: dict[int, str]
+    table: Layout, index: int, cells: Sequence[tuple[int, str]], before: dict[int, str]
 ) -> Layout:
     """The table with a column of seconds, or of the stated unit, in the place of dates or times.
 
     before : line -> its date, where that stands in the column before; else empty.
     """
-    name, told, dialect = table.names[place], [], table.dialect
+    name, notes, dialect = table.names[index], [], table.dialect
     if before:
-        date_name = table.names[place - 1]
-        told.append(phrase("'{date}' and '{time}' are read as one time", date=date_name, time=name))
+        date_name = table.names[index - 1]
+        notes.append(
+            phrase("'{date}' and '{time}' are read as one time", date=date_name, time=name)
+        )
     matches = [
         (number, cell, _moment(cell))
         for number, time in cells
@@ -239,10 +243,10 @@ def _moments(
         rule = "must be written like the first one: all with a date or none, a zone or none"
         raise InputError(rule, field=name, value=cell, line=number)
     kind, origin, shown = moments[0][1], moments[0][2], matches[0][1]
-    back = next((i for i, (a, b) in enumerate(pairwise(moments), 1) if b[2] < a[2]), None)
-    if kind == "time" and back is not None:
+    step_back = next((i for i, (a, b) in enumerate(pairwise(moments), 1) if b[2] < a[2]), None)
+    if kind == "time" and step_back is not None:
         rule = "goes back: past midnight times need dates, in the cell or in a column before it"
-        raise InputError(rule, field=name, value=matches[back][1], line=matches[back][0])
+        raise InputError(rule, field=name, value=matches[step_back][1], line=matches[step_back][0])
     if dialect.since is not None:
         match = _moment(dialect.since)
         if match is None or match["first"]:
@@ -261,7 +265,7 @@ def _moments(
         "mdy": phrase(", dates read as month/day/year"),
         "": "",
     }
-    told.append(
+    notes.append(
         phrase(
             "'{name}' is in {unit} since {moment}{order}",
             name=name,
@@ -270,24 +274,26 @@ def _moments(
             order=words[order],
         )
     )
-    return _replaced(table, place, values, unit, told)
+    return _replaced(table, index, values, unit, notes)
 
 
 def _order(
     name: str, matches: Sequence[tuple[int, str, re.Match[str] | None]], stated: str | None
 ) -> str:
     """dmy or mdy, "" where years come first.  Raises InputError where the dates do not show it."""
-    given = [(number, cell, match) for number, cell, match in matches if match and match["first"]]
-    if not given:
+    written_first = [
+        (number, cell, match) for number, cell, match in matches if match and match["first"]
+    ]
+    if not written_first:
         return ""
     if stated is not None:
         return stated
-    number, cell, match = given[0]
+    number, cell, match = written_first[0]
     if match["mark"] == ".":
         return "dmy"
     days = {
         order
-        for _, _, match in given
+        for _, _, match in written_first
         for order, key in (("dmy", "first"), ("mdy", "second"))
         if int(match[key]) > 12
     }

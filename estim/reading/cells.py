@@ -1,4 +1,4 @@
-"""What one cell of a table says: a number, nothing, or the error of a spreadsheet; and which lines
+"""What one cell of a table holds: a number, nothing, or the error of a spreadsheet; and which lines
 are comments.
 """
 
@@ -45,7 +45,7 @@ def has_thousands(cell: str) -> bool:
 
 
 def is_missing(cell: str) -> bool:
-    """Whether a cell says that there is no value."""
+    """Whether a cell states that there is no value."""
     return cell.lower() in _MISSING
 
 
@@ -73,12 +73,12 @@ def _is_row(cells: Sequence[str], *, words: bool) -> bool:
     words of a comment.
     """
     first, *others = [cell.strip() for cell in cells]
-    says = [
+    valued = [
         looks_like_a_number(cell) or is_missing(cell) or is_spreadsheet_error(cell)
         for cell in others
     ]
     if is_spreadsheet_error(first):
-        return all(says) if words else any(says)
+        return all(valued) if words else any(valued)
     return (
         bool(_TOO_NARROW.fullmatch(first))
         and not words

@@ -15,8 +15,8 @@ from estim.reading.layout import Layout
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)  # one comma: 1,234 may be 1234
 
 
-def decimal_mark(layout: Layout, rows: Sequence[Row], places: Sequence[int]) -> str:
-    """The decimal mark of the numbers in the columns at `places`.
+def decimal_mark(layout: Layout, rows: Sequence[Row], indices: Sequence[int]) -> str:
+    """The decimal mark of the numbers in the columns at `indices`.
 
     Raises InputError where points and commas are mixed, or commas may part thousands.
     """
@@ -24,8 +24,8 @@ def decimal_mark(layout: Layout, rows: Sequence[Row], places: Sequence[int]) -> 
         return {"point": ".", "comma": ","}[layout.dialect.decimal]
     first: dict[str, tuple[Row, str]] = {}
     for row in rows:
-        for place in places:
-            cell = row.cells[place]
+        for index in indices:
+            cell = row.cells[index]
             mark = next((m for m in ",." if m in cell), None)
             if mark is not None and mark not in first and looks_like_a_number(cell):
                 first[mark] = row, cell
@@ -51,11 +51,11 @@ def decimal_mark(layout: Layout, rows: Sequence[Row], places: Sequence[int]) -> 
     return "," if "," in first else "."
 
 
-def number_in(row: Row, name: str, cell: str, mark: str, place: tuple[int, int] | None) -> float:
-    """The number in a cell that is not missing.  place : of the cell in a spreadsheet.  Raises
+def number_in(row: Row, name: str, cell: str, mark: str, position: tuple[int, int] | None) -> float:
+    """The number in a cell that is not missing.  position : of the cell in a spreadsheet.  Raises
     InputError.
     """
-    named = f"cell {cell_name(*place)}" if place else ""
+    named = f"cell {cell_name(*position)}" if position else ""
     if looks_like_a_number(cell) and ("," if mark == "." else ".") not in cell:
         value = read_number(cell.replace(",", "."))
         if not np.isfinite(value) or extreme(value):

@@ -1,7 +1,7 @@
 """How a table of numbers is written: what a person states of it, and what its lines show.
 
 Nothing is guessed that two people might read in two ways: such a file is refused with the key that
-settles it.
+resolves it.
 """
 
 from __future__ import annotations
@@ -152,11 +152,11 @@ def name_and_unit(cell: str) -> tuple[str, str]:
     in_match = _UNIT_BEHIND_A_WORD.fullmatch(cell.strip())
     if in_match is not None:
         unit = in_match[2].strip()
-        whole = _BRACKETS.fullmatch(unit)
-        if is_unit(unit := whole[1].strip() if whole else unit):
+        bracketed = _BRACKETS.fullmatch(unit)
+        if is_unit(unit := bracketed[1].strip() if bracketed else unit):
             return in_match[1].strip(), unit
-    bare = cell.startswith("u(") and is_uncertainty(cell)
-    match = None if bare else _NAMED_UNIT.fullmatch(cell.strip())
+    is_u = cell.startswith("u(") and is_uncertainty(cell)
+    match = None if is_u else _NAMED_UNIT.fullmatch(cell.strip())
     if match is None:
         over = _SYMBOL_OVER_UNIT.fullmatch(cell.strip())
         if over and is_unit(over[2]) and (over[1] in _RATHER_SYMBOLS or not is_unit(over[0])):
@@ -215,9 +215,11 @@ def uncertainty_of(column: str, names: Sequence[str]) -> str | None:
     named = {
         written for name in (column, bare_name(column)) for written in (f"u_{name}", f"u({name})")
     }
-    found = [name for name in names if not name.startswith("_") and {name, bare_name(name)} & named]
-    # of two that are called alike without their units, the one in this unit
-    return next((name for name in found if name in named), found[0] if found else None)
+    matches = [
+        name for name in names if not name.startswith("_") and {name, bare_name(name)} & named
+    ]
+    # of two that have one name without their units, the one in this unit
+    return next((name for name in matches if name in named), matches[0] if matches else None)
 
 
 def shown_delimiter(*lines: str) -> str:
@@ -247,15 +249,15 @@ def is_column(name: str, names: Sequence[str]) -> bool:
     return any(name in (column, bare_name(column)) for column in names)
 
 
-def dialect_of_options(said: Mapping[str, Any]) -> Dialect:
+def dialect_of_options(options: Mapping[str, Any]) -> Dialect:
     """How a table is written, as the options of a command describe it (`--skip-rows` is skip_rows).
     Options that are not given may be absent or None.  Raises InputError naming the option.
     """
-    columns = said.get("columns")
+    columns = options.get("columns")
     names = None if columns is None else tuple(name.strip() for name in columns.split(","))
     keys = Dialect.__dataclass_fields__.keys() - {"columns", "header"}
     try:
-        return Dialect(names, **{key: said.get(key) for key in keys})
+        return Dialect(names, **{key: options.get(key) for key in keys})
     except InputError as error:
         option = f"--{str(error.field).replace('_', '-')}"
         raise InputError(error.rule, field=option, value=error.value) from None

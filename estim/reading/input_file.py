@@ -49,7 +49,7 @@ def read_bytes(path: Path, *, limit: int = MAX_BYTES) -> bytes:
 
 def refuse_outside(path: Path) -> None:
     """Raises InputError where ESTIM_INPUTS_WITHIN names a folder and `path` lies outside it:
-    whoever runs estim on what others hand in says so, and no other file is even looked for.
+    whoever runs estim on files of others sets it, and no other file is even looked for.
     """
     home = os.environ.get("ESTIM_INPUTS_WITHIN")
     if home and leads_out(path, Path(home)):
@@ -98,7 +98,7 @@ def _without_nulls(text: str) -> str:
 
 
 def decoded(data: bytes, encoding: str | None = None) -> tuple[str, str]:
-    """Text of a table of anybody's making, and how it was read where that is not plain ("" for
+    """Text of a table from any program, and how it was read where that is not plain ("" for
     UTF-8).
 
     encoding : as stated; None: UTF-8, UTF-16 with its mark, else Windows-1252, in which numbers are
@@ -143,7 +143,7 @@ def _not_utf8(data: bytes, error: UnicodeDecodeError) -> InputError:
 
 
 def lines_of(text: str) -> list[str]:
-    r"""Lines as editors show them, ended by \n, \r\n or \r and by no other mark that Unicode knows
+    r"""Lines as editors show them, ended by \n, \r\n or \r and by no other mark of Unicode
     (in a comment, its rest would be data).
     """
     return _LINE_END.split(text)

@@ -12,7 +12,7 @@ from pathlib import Path
 from statistics import fmean, median, stdev
 
 from estim.common import InputError, in_its_file, is_unit, phrase
-from estim.reading.cell_formats import in_plain_numbers, says_a_value
+from estim.reading.cell_formats import holds_a_value, in_plain_numbers
 from estim.reading.cells import (
     Row,
     has_thousands,
@@ -85,8 +85,8 @@ _NAMED_BY_A_NUMBER = re.compile(  # 10 periods (s), 2θ (°), 1/T (1/K), 1/T
 
 @in_its_file
 def read_layout(path: Path, dialect: Dialect, *, needed: Sequence[str] = ()) -> Layout:
-    """How the table at `path` is laid out.  needed : names of columns that tell the header from
-    other lines.  Raises InputError, also where the columns have no names.
+    """How the table at `path` is laid out.  needed : names of columns that distinguish the header
+    from other lines.  Raises InputError, also where the columns have no names.
     """
     source = read_source(path, dialect)
     lines = numbered_lines(source.text)
@@ -96,8 +96,10 @@ def read_layout(path: Path, dialect: Dialect, *, needed: Sequence[str] = ()) -> 
         for number, line in lines
         if number > (dialect.skip_rows or 0) and number in inside
     ]
-    plain, footer = _footer([(number, line) for number, line in below if not is_comment(line)])
-    if not plain:
+    table_lines, footer = _footer(
+        [(number, line) for number, line in below if not is_comment(line)]
+    )
+    if not table_lines:
         raise InputError(
             "has no rows of numbers"
             + (" below the lines that are skipped" if dialect.skip_rows else "")
@@ -107,20 +109,20 @@ def read_layout(path: Path, dialect: Dialect, *, needed: Sequence[str] = ()) -> 
         or source.delimiter
         or (
             _ONE_COLUMN
-            if _is_one_column(plain, dialect)
-            else shown_delimiter(*(line for _, line in plain[-2:]))
+            if _is_one_column(table_lines, dialect)
+            else shown_delimiter(*(line for _, line in table_lines[-2:]))
         )
     )
     split, ends = (
         [Row(number, line, _cells(line, delimiter)[columns]) for number, line in part]
-        for part in (plain, footer)
+        for part in (table_lines, footer)
     )
     facts = list(source.facts)
     if any(_is_a_row(row, like=split[-1]) for row in ends):
         split += ends
         ends = []
-    if dialect.columns is None and dialect.header is None and _lies(split):
-        split = _turned(split)
+    if dialect.columns is None and dialect.header is None and _is_transposed(split):
+        split = _transposed(split)
         facts.append(phrase("names of the columns stand in the first cell of each line"))
     else:
         split, sums = _without_sums(split)
@@ -144,12 +146,12 @@ def read_layout(path: Path, dialect: Dialect, *, needed: Sequence[str] = ()) -> 
     heads = [
         cells
         for row in above
-        if len(cells := _trimmed(row.cells)) > 1 and not any(map(says_a_value, cells))
+        if len(cells := _trimmed(row.cells)) > 1 and not any(map(holds_a_value, cells))
     ]
-    again = [row for row in rows if _trimmed(row.cells) in heads]
-    if again:
-        rows = [row for row in rows if row not in again]
-        same = line_numbers([row.number for row in again])
+    repeated = [row for row in rows if _trimmed(row.cells) in heads]
+    if repeated:
+        rows = [row for row in rows if row not in repeated]
+        same = line_numbers([row.number for row in repeated])
         facts.append(
             phrase("lines that repeat the head of the table were not read ({lines})", lines=same)
         )
@@ -245,10 +247,10 @@ def _plain_number(text: str) -> float | None:
 
 
 def _sum_word(row: Row) -> str:
-    """The label of a row with a value, if it says mean, sum and so on."""
+    """The label of a row with a value, if it is mean, sum and so on."""
     words = (cell.strip(" :=").casefold() for cell in row.cells)
     word = next((word for word in words if word in _SUMS | _EXTREMES), "")
-    return word if any(map(says_a_value, row.cells)) else ""
+    return word if any(map(holds_a_value, row.cells)) else ""
 
 
 def _is_a_row(row: Row, *, like: Row) -> bool:
@@ -256,28 +258,28 @@ def _is_a_row(row: Row, *, like: Row) -> bool:
     whatever its first cell is called.
     """
     return len(_trimmed(row.cells)) == len(_trimmed(like.cells)) and any(
-        map(says_a_value, row.cells)
+        map(holds_a_value, row.cells)
     )
 
 
-def _lies(rows: Sequence[Row]) -> bool:
+def _is_transposed(rows: Sequence[Row]) -> bool:
     """Whether columns lie on their side: each line is a name, perhaps its unit, and more values
     than there are lines.
     """
     names = [cell for row in rows for cell in row.cells[:1]]
     return (
         1 < len(rows) == len(set(names))
-        and not any(says_a_value(name) or is_missing(name) for name in names)
+        and not any(holds_a_value(name) or is_missing(name) for name in names)
         and all(
             len(values) > max(2, len(rows))
-            and all(says_a_value(cell) or is_missing(cell) for cell in values)
+            and all(holds_a_value(cell) or is_missing(cell) for cell in values)
             for row in rows
             for values in [_trimmed(row.cells)[1:]]
         )
     )
 
 
-def _turned(rows: Sequence[Row]) -> list[Row]:
+def _transposed(rows: Sequence[Row]) -> list[Row]:
     """Rows of such a table, numbered from left to right."""
     width = max(len(_trimmed(row.cells)) for row in rows)
     cells = [[*row.cells, *[""] * width][:width] for row in rows]
@@ -292,27 +294,27 @@ def _without_thousands(rows: list[Row], dialect: Dialect) -> tuple[list[Row], li
         return rows, []
     mark, part = (",", r"[. '\u00a0\u202f]") if dialect.decimal == "comma" else (".", "[, ']")
     grouped = re.compile(rf"[+-]?[1-9]\d{{0,2}}({part})\d{{3}}(\1\d{{3}})*(\{mark}\d*)?", re.ASCII)
-    found = [
+    matches = [
         (row, cell, match)
         for row in rows
         for cell in row.cells
         if (match := grouped.fullmatch(cell)) and match[3]
     ]
-    if not found:
+    if not matches:
         return rows, []
-    row, cell, match = found[0]
+    row, cell, match = matches[0]
 
-    def plain(cell: str) -> str:
-        here = grouped.fullmatch(cell)
-        return cell.replace(match[1], "") if here and here[1] == match[1] else cell
+    def ungrouped(cell: str) -> str:
+        own_match = grouped.fullmatch(cell)
+        return cell.replace(match[1], "") if own_match and own_match[1] == match[1] else cell
 
-    told = phrase(
+    note = phrase(
         "'{mark}' parts thousands, as in {cell} (line {line})",
         mark=match[1],
         cell=cell,
         line=row.number,
     )
-    return [row._replace(cells=[plain(cell) for cell in row.cells]) for row in rows], [told]
+    return [row._replace(cells=[ungrouped(cell) for cell in row.cells]) for row in rows], [note]
 
 
 def _is_one_column(lines: Lines, dialect: Dialect) -> bool:
@@ -323,7 +325,7 @@ def _is_one_column(lines: Lines, dialect: Dialect) -> bool:
     def has_comma(line: str) -> bool:
         return dialect.decimal != "point" and bool(_DECIMAL_COMMA.fullmatch(line.strip()))
 
-    above = [line for _, line in lines if not (has_comma(line) or says_a_value(line.strip()))]
+    above = [line for _, line in lines if not (has_comma(line) or holds_a_value(line.strip()))]
     last = lines[-1][1]
     if last in above[-1:]:
         return False
@@ -332,7 +334,7 @@ def _is_one_column(lines: Lines, dialect: Dialect) -> bool:
 
 
 def _no_names(first: Row, delimiter: str) -> InputError:
-    """What to say of a table whose columns have no names."""
+    """The error for a table whose columns have no names."""
     width = len(first.cells)
     rule = (
         f"has no line of column names: name its {width} columns from left to right "
@@ -358,7 +360,7 @@ def numeric_columns(layout: Layout) -> tuple[str, ...]:
 
 
 def _is_numeric(rows: Sequence[Row], column: int) -> bool:
-    def number(cell: str) -> bool:  # thousands are told where the column is read
+    def number(cell: str) -> bool:  # thousands are reported where the column is read
         return looks_like_a_number(cell) or has_thousands(cell)
 
     ends = [row.cells[column : column + 1] for row in (*rows[:1], *rows[-1:])]
@@ -413,18 +415,18 @@ def _start(rows: Sequence[Row], delimiter: str) -> int:
     """
     last = rows[-1]
     shape = _shape(last.cells)
-    wanted = {
-        place: looks_like_a_number if looks_like_a_number(cell) else says_a_value
-        for place, cell in enumerate(last.cells)
-        if says_a_value(cell)
+    checks = {
+        index: looks_like_a_number if looks_like_a_number(cell) else holds_a_value
+        for index, cell in enumerate(last.cells)
+        if holds_a_value(cell)
     }
     for first, row in enumerate(rows):  # noqa: B007
-        alike = shape & _shape(row.cells) and all(
-            is_alike(cell) or is_missing(cell)
-            for place, is_alike in wanted.items()
-            for cell in row.cells[place : place + 1]
+        fits = shape & _shape(row.cells) and all(
+            check(cell) or is_missing(cell)
+            for index, check in checks.items()
+            for cell in row.cells[index : index + 1]
         )
-        if alike and any(map(says_a_value, row.cells)):
+        if fits and any(map(holds_a_value, row.cells)):
             break
     else:
         rule = "must hold numbers: the last line holds none"
@@ -498,7 +500,7 @@ def _header(
         return fits(cells) and not any(map(looks_like_a_number, cells))
 
     def odd_row(width: int) -> InputError:
-        """What is said of the first row that has another number of cells than there are names."""
+        """The error for the first row that has another number of cells than there are names."""
         row = next(row for row in rows if len(row.cells) != width)
         return cells_differ(len(row.cells), width, delimiter, row.number)
 
@@ -590,14 +592,14 @@ def _all_in(needed: Sequence[str], cells: Sequence[str]) -> bool:
 
 
 def _are_units(cells: Sequence[str]) -> bool:
-    """Whether a line below the names says units alone."""
+    """Whether a line below the names holds units alone."""
     return all(_is_in_symbols(unit) for cell in cells if (unit := _unit_in(cell))) and any(
         cell not in ("", "1") for cell in cells
     )
 
 
 def _unit_in(cell: str) -> str:
-    """The unit that a cell below a name says, without brackets; "1" for a pure number."""
+    """The unit in a cell below a name, without brackets; "1" for a pure number."""
     unit = cell.strip("()[] ")
     return "1" if unit.lower() in _NO_UNIT else unit
 

@@ -13,12 +13,12 @@ from estim.common import InputError
 Attributes = dict[str, str]
 
 
-def walk(
+def parse_xml(
     text: str | bytes,
-    ended: Callable[[str, Attributes, str], None],
-    begun: Callable[[str, Attributes, int], None] | None = None,
+    on_end: Callable[[str, Attributes, str], None],
+    on_start: Callable[[str, Attributes, int], None] | None = None,
 ) -> None:
-    """Calls `begun(tag, attributes, line)` and `ended(tag, attributes, text)` for each element,
+    """Calls `on_start(tag, attributes, line)` and `on_end(tag, attributes, text)` for each element,
     tags without their prefix.  Raises InputError where the XML is not whole, or is not what they
     look for.
     """
@@ -26,14 +26,14 @@ def walk(
     parser.buffer_text = True
     stack: list[tuple[str, Attributes, list[str]]] = []
 
-    def start(tag: str, said: Attributes) -> None:
-        stack.append((tag.rpartition(":")[2], said, []))
-        if begun is not None:
-            begun(stack[-1][0], said, parser.CurrentLineNumber)
+    def start(tag: str, attributes: Attributes) -> None:
+        stack.append((tag.rpartition(":")[2], attributes, []))
+        if on_start is not None:
+            on_start(stack[-1][0], attributes, parser.CurrentLineNumber)
 
     def end(_: str) -> None:
-        tag, said, texts = stack.pop()
-        ended(tag, said, "".join(texts))
+        tag, attributes, texts = stack.pop()
+        on_end(tag, attributes, "".join(texts))
 
     def characters(text: str) -> None:
         stack[-1][2].append(text)

@@ -1,8 +1,9 @@
 """Columns by name out of tables of other people's making: any delimiter, header, decimal mark and
 number of further columns.
 
-What the lines show beyond doubt is taken from them; the rest is asked for by one line that says the
-cure (`dialect`).  Rows without a value in one of the columns are left out, and the table says so.
+What the lines show beyond doubt is taken from them; the rest is requested by one line that names
+the cure (`dialect`).  Rows without a value in one of the columns are left out, and the table
+reports them.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ def read_columns(
     """The columns `needed` of the table at `path`; all others are left unread.
 
     Raises InputError with file, line, field, rule and value; where the file may be read in two
-    ways, the rule names the key that settles it.
+    ways, the rule names the key that resolves it.
     """
     return table_of(read_layout(path, dialect, needed=needed), needed, min_rows)
 
@@ -62,23 +63,23 @@ def table_of(
 def _columns(
     layout: Layout, needed: Sequence[str], min_rows: int, complete: bool, optional: Sequence[str]
 ) -> Table:
-    places = [place_of(name, layout.names, layout.header_line) for name in needed]
+    indices = [place_of(name, layout.names, layout.header_line) for name in needed]
     dialect = layout.dialect
     if (
         layout.delimiter == ","
         and dialect.delimiter is None
         and dialect.decimal is None
-        and len(layout.names) > len(set(places))
+        and len(layout.names) > len(set(indices))
         and may_be_decimal_commas(row.line for row in layout.rows)
     ):
         rule = f'{DECIMAL_COMMAS}, or say --decimal point (decimal = "point" in a campaign)'
         raise row_refused(layout.rows[0], rule, "row", layout.rows[0].line)
-    rows = [row._replace(cells=_whole(row, layout)) for row in layout.rows]
-    mark = decimal_mark(layout, rows, places)
+    rows = [row._replace(cells=_cells_of(row, layout)) for row in layout.rows]
+    mark = decimal_mark(layout, rows, indices)
     numbers, values, left_out = [], [], dict[str, list[int]]()
     lines, copies = dict[tuple[str, ...], int](), dict[int, int]()
     for row in rows:
-        cells = {name: row.cells[place] for name, place in zip(needed, places, strict=True)}
+        cells = {name: row.cells[index] for name, index in zip(needed, indices, strict=True)}
         empty = [name for name, cell in cells.items() if is_missing(cell)]
         blank = next((name for name in empty if name not in optional), None)
         if blank is not None and complete:
@@ -93,8 +94,8 @@ def _columns(
             [
                 np.nan
                 if name in empty
-                else number_in(row, name, cells[name], mark, _named(row, place, layout))
-                for name, place in zip(needed, places, strict=True)
+                else number_in(row, name, cells[name], mark, _position(row, index, layout))
+                for name, index in zip(needed, indices, strict=True)
             ]
         )
     if len(values) < min_rows:
@@ -117,12 +118,12 @@ def _columns(
             *layout.assumed,
             *(_left_out(name, lines) for name, lines in left_out.items()),
         ),
-        units={name: layout.units[place] for name, place in zip(needed, places, strict=True)},
+        units={name: layout.units[index] for name, index in zip(needed, indices, strict=True)},
         blank=tuple(sorted(line for lines in left_out.values() for line in lines)),
         imported=bool(layout.head),
         assumed=layout.assumed,
         unread=tuple(
-            name for name in numeric_columns(layout) if layout.names.index(name) not in places
+            name for name in numeric_columns(layout) if layout.names.index(name) not in indices
         ),
     ).with_columns(columns)
 
@@ -141,7 +142,7 @@ def read_known_columns(
 
     Where nothing is stated of how the table is written, any other column must begin with _ and no
     cell may be empty; else both are left out.  Raises InputError as `read_columns` does, and where
-    a column has an uncertain place or another unit than its name says.
+    a column has an uncertain place or another unit than its name states.
     """
     stated = dialect != PLAIN
     layout = read_layout(path, dialect, needed=known)
@@ -180,41 +181,41 @@ def place_of(name: str, names: Sequence[str], line: int | None = None) -> int:
     """Where among `names`, on this line, the column `name` is: called just so, or so before its
     unit.  Raises InputError listing what there is.
     """
-    places = [i for i, column in enumerate(names) if column == name] or [
+    indices = [i for i, column in enumerate(names) if column == name] or [
         i for i, column in enumerate(names) if bare_name(column) == name
     ]
-    if not places:
+    if not indices:
         raise InputError(
             "is missing",
             field=name,
             line=line,
             quoted=f"the header has {listed([column for column in names if column])}",
         )
-    if len(places) > 1:
+    if len(indices) > 1:
         raise InputError(
             "occurs twice in the header: name all columns from left to right (--columns a,b,c; "
             "columns = [...] in a campaign)",
             field=name,
             line=line,
         )
-    return places[0]
+    return indices[0]
 
 
-def _whole(row: Row, layout: Layout) -> list[str]:
+def _cells_of(row: Row, layout: Layout) -> list[str]:
     """The cells of a row, one for each column.  Raises InputError."""
     width = len(layout.names)
     if row.cells == [row.line]:
-        row_of(row.line, layout.delimiter, row.number)  # says why it is not split
+        row_of(row.line, layout.delimiter, row.number)  # its error gives the reason
     cells = row.cells if any(row.cells[width:]) else row.cells[:width]
     if len(cells) != width:
         raise cells_differ(len(cells), width, layout.delimiter, row.number)
     return cells
 
 
-def _named(row: Row, place: int, layout: Layout) -> tuple[int, int] | None:
+def _position(row: Row, index: int, layout: Layout) -> tuple[int, int] | None:
     """Line and column of a cell of a spreadsheet."""
     first = layout.first_column
-    return None if first is None else (row.number, first + place)
+    return None if first is None else (row.number, first + index)
 
 
 def _left_out(name: str, lines: Sequence[int]) -> str:
@@ -229,7 +230,7 @@ def _left_out(name: str, lines: Sequence[int]) -> str:
 
 
 def _copied(copies: Mapping[int, int], table: FloatArray) -> list[str]:
-    """What is said of lines that repeat an earlier one in every cell, where no other value of the
+    """The warning about lines that repeat an earlier one in every cell, where no other value of the
     first of several columns stands twice.
 
     copies : line -> the earlier one.
@@ -256,12 +257,12 @@ def _copied(copies: Mapping[int, int], table: FloatArray) -> list[str]:
 
 
 def columns_sentence(
-    read: Sequence[tuple[str, str, str]], unread: Sequence[str], bare: Sequence[str] = ()
+    read: Sequence[tuple[str, str, str]], unread: Sequence[str], without_u: Sequence[str] = ()
 ) -> str:
     """Which columns are what, and which columns of numbers are not read.
 
     read : "x", its column, its unit or "1" where none is known.
-    bare : "x" and "y" where no uncertainties are stated: columns that may hold them are told.
+    without_u : "x" and "y" where no uncertainties are stated: columns that may hold them are named.
     """
     names = names_and_units([column for _, column, _ in read])
     pairs = [
@@ -272,7 +273,7 @@ def columns_sentence(
     columns = phrase("columns: {pairs}", pairs=", ".join(pairs))
     if unread:
         columns += phrase("; columns not used: {columns}", columns=listed(unread))
-    for axis in bare:
+    for axis in without_u:
         of = next((name for key, name, _ in read if key == axis), "")
         for name in [name for name in unread if _may_be_uncertainty(name, of, axis)][:1]:
             columns += phrase(
@@ -289,7 +290,7 @@ def _may_be_uncertainty(name: str, column: str, axis: str) -> bool:
     err.
     """
     short, own = (re.sub(r"[\s_.()]+", "", bare_name(text)) for text in (name, column or "-"))
-    before = rf"(d|Δ|∆|δ|σ|s|sd|std|sigma|err|error|delta){re.escape(own)}"
-    behind = rf"{re.escape(own)}(err|error|sd|std|stdev|unc|uncertainty|fehler)"
+    prefixed = rf"(d|Δ|∆|δ|σ|s|sd|std|sigma|err|error|delta){re.escape(own)}"
+    suffixed = rf"{re.escape(own)}(err|error|sd|std|stdev|unc|uncertainty|fehler)"
     alone = "err|error|errors|sd|std|stdev|sigma|σ|unc|uncertainty|fehler" if axis == "y" else "_"
-    return re.fullmatch(f"{before}|{behind}|{alone}", short, re.IGNORECASE) is not None
+    return re.fullmatch(f"{prefixed}|{suffixed}|{alone}", short, re.IGNORECASE) is not None

@@ -40,7 +40,7 @@ class Run(Table):
 
     columns : standard column name -> (n_row,) read-only array, SI units.
     facts : where an imported track comes from and how x was made of it, in words; also for a CSV
-        made by `estim import`; what a table lacks.
+        made by `estim import`; what is missing in a table.
     tilt : rad, of an imported track against the x axis of its video, positive uphill; None where it
         is not known.
     left_out : how many rows of the file were left out by `without`.
@@ -58,7 +58,7 @@ class Run(Table):
 
     @property
     def coordinate(self) -> str:
-        """The column that says where the body is: `x_m` or `theta_rad`."""
+        """The column of the position of the body: `x_m` or `theta_rad`."""
         return "x_m" if "x_m" in self.columns else "theta_rad"
 
     @property
@@ -93,7 +93,7 @@ class Run(Table):
 
     @property
     def rate(self) -> str:
-        """The column that says how fast it is there: `v_m_s` or `omega_rad_s`."""
+        """The column of its speed there: `v_m_s` or `omega_rad_s`."""
         return "v_m_s" if self.coordinate == "x_m" else "omega_rad_s"
 
 

@@ -1,5 +1,5 @@
 """The text of a table, whatever file it comes in: text, one sheet of a workbook, one table in a zip
-archive, or what the reader of an installed package knows.  All that follows reads lines
+archive, or what the reader of an installed package reads.  All that follows reads lines
 (`estim.reading.layout`).
 """
 
@@ -26,7 +26,7 @@ _OWN = (*_TABLES, ".trk", ".trz", ".xls", ".xlsx", ".ods", ".zip", ".toml")
 
 @dataclass(frozen=True)
 class Source:
-    """text : its lines.  delimiter : between the cells, where the kind of the file says it.
+    """text : its lines.  delimiter : between the cells, where the kind of the file determines it.
 
     facts : what was chosen, in words.
     """
@@ -78,8 +78,8 @@ def read_source(path: Path, dialect: Dialect) -> Source:
 
 def _refuse(dialect: Dialect, rule: str, *keys: str) -> None:
     for key in keys:
-        if (said := getattr(dialect, key)) is not None:
-            raise InputError(rule, field=key, value=said)
+        if (value := getattr(dialect, key)) is not None:
+            raise InputError(rule, field=key, value=value)
 
 
 def is_table(path: Path) -> bool:
@@ -108,14 +108,14 @@ def read_suffixes() -> tuple[str, ...]:
 def known_readers() -> Iterator[str | InputError]:
     """Suffixes that installed packages read, or what is wrong with a reader."""
 
-    def said(plugin: Plugin) -> str:
+    def described(plugin: Plugin) -> str:
         path = Path(f"a.{plugin.name}")
         if reader_of(path) != plugin:
             raise plugin.error("must be a suffix in small letters that estim does not read itself")
         plugin.make(lambda read: read.__call__, object)
         return f"*{path.suffix}"
 
-    return told(GROUP, said)
+    return told(GROUP, described)
 
 
 def _of_archive(data: bytes, dialect: Dialect) -> tuple[bytes, str]:

@@ -72,7 +72,7 @@ class Table:
     blank : lines of the rows that are left out, since a column has no value there.
     imported : whether `estim import` made the file.
     unread : further columns of numbers that the file has.
-    assumed : those of the facts that say how the table was read.
+    assumed : those of the facts that describe how the table was read.
     """
 
     file: str
@@ -119,9 +119,9 @@ class Layout:
     """Where the numbers of a table are.
 
     names : of the columns.  header_line : where they stand, None where they are stated.
-    units : of the columns, as the header says; "" where it says none.
+    units : of the columns, as the header states them; "" where it states none.
     rows : from the first row of numbers on, comments taken out.
-    head : what the head of a file that `estim import` made says; empty for other files.
+    head : what the head of a file that `estim import` made states; empty for other files.
     first_column : place of the first one among those of a spreadsheet, None where cells have no
         names of their own.
     assumed : how the table was read, where that is not plain.
@@ -147,15 +147,15 @@ def require_unit(
     """Raises InputError where `units` has one for the column `u` of uncertainties, and another or
     none for the column that they are of: 2 % of y is not 2.
     """
-    stated, wanted = (units.get(name, "").strip() for name in (u, of))
-    if not wanted and is_unit(stated) and same_unit(stated, "1") is False:
+    stated, expected = (units.get(name, "").strip() for name in (u, of))
+    if not expected and is_unit(stated) and same_unit(stated, "1") is False:
         rule = (
             f"has a unit, and '{of}' states none: write the uncertainties in the unit of '{of}', "
             "and state it for both"
         )
         if stated != "%":
             rule += f", {_NAME_THEM}"
-    elif stated and wanted and not same_numbers(stated, wanted, differences=True):
+    elif stated and expected and not same_numbers(stated, expected, differences=True):
         rule = f"must be in the unit of '{of}', {units[of]}; write it in that unit, {_NAME_THEM}"
     else:
         return
@@ -163,7 +163,7 @@ def require_unit(
 
 
 def facts_of(rows: Lines, header_line: int) -> tuple[str, ...]:
-    """What the head of a file that `estim import` made says of where it comes from."""
+    """What the head of a file that `estim import` made states about its origin."""
     head = [line for number, line in rows if number < header_line]
     if not head or head[0].strip() != IMPORTED:
         return ()
@@ -197,7 +197,7 @@ def numbered_lines(text: str) -> Lines:
 
 def may_be_decimal_commas(lines: Iterable[str]) -> bool:
     """Whether the commas of every line may be those of numbers like 0,5: with columns left unread,
-    the count of the cells does not tell.
+    the count of the cells does not decide.
     """
     return all(_WHOLE.fullmatch(line.strip()) for line in lines)
 
@@ -233,19 +233,19 @@ def row_of(line: str, delimiter: str, number: int) -> list[str]:
 
 
 def line_numbers(lines: Sequence[int]) -> str:
-    """Lines of a file as people say them, `3, 5, 8 to 12`; of many the first, and how many more
+    """Lines of a file in short form, `3, 5, 8 to 12`; of many the first, and how many more
     there are.
     """
-    parts, told = list[str](), 0
+    parts, counted = list[str](), 0
     for _, pairs in groupby(enumerate(lines), lambda pair: pair[1] - pair[0]):
         stretch = [line for _, line in pairs]
-        said = (
+        labels = (
             [phrase("{first} to {last}", first=stretch[0], last=stretch[-1])]
             if len(stretch) > 2
             else [*map(str, stretch)]
         )
-        if len(parts) + len(said) > 6:
-            return ", ".join([*parts, phrase("and {n} more", n=len(lines) - told)])
-        parts += said
-        told += len(stretch)
+        if len(parts) + len(labels) > 6:
+            return ", ".join([*parts, phrase("and {n} more", n=len(lines) - counted)])
+        parts += labels
+        counted += len(stretch)
     return ", ".join(parts)

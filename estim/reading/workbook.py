@@ -18,7 +18,7 @@ from estim.common import Files, InputError, listed
 from estim.reading.archive import opened, unpacked
 from estim.reading.cells import looks_like_a_number
 from estim.reading.dialect import Dialect, column_number
-from estim.reading.markup import Attributes, walk
+from estim.reading.markup import Attributes, parse_xml
 
 _MAX_CELLS = 4_000_000
 _MAX_BYTES = 128 * 1024**2  # of all parts, unpacked
@@ -105,73 +105,73 @@ def _uncomputed_of_xlsx(parts: Files, index: int) -> Cells:
     """
     sheets, targets = list[str](), dict[str, str]()
 
-    def of_book(tag: str, said: Attributes, _: str) -> None:
+    def of_book(tag: str, attributes: Attributes, _: str) -> None:
         if tag == "sheet":
-            sheets.append(next(said[key] for key in said if key.endswith(":id")))
+            sheets.append(next(attributes[key] for key in attributes if key.endswith(":id")))
         elif tag == "Relationship":
-            targets[said["Id"]] = said["Target"]
+            targets[attributes["Id"]] = attributes["Target"]
 
-    walk(parts.get("xl/workbook.xml", b"<none/>"), of_book)
-    walk(parts.get("xl/_rels/workbook.xml.rels", b"<none/>"), of_book)
+    parse_xml(parts.get("xl/workbook.xml", b"<none/>"), of_book)
+    parse_xml(parts.get("xl/_rels/workbook.xml.rels", b"<none/>"), of_book)
     target = targets.get(sheets[index], "") if index < len(sheets) else ""
     part = str(PurePosixPath("/xl") / target)[1:]
     if part not in parts:
         raise InputError("is not in the workbook", field="sheet", value=target)
     sheet, texts = _Sheet(), dict[str, str]()
 
-    def begun(tag: str, said: Attributes, _: int) -> None:
+    def on_start(tag: str, attributes: Attributes, _: int) -> None:
         if tag == "row":
-            sheet.row, sheet.column = int(said.get("r", sheet.row + 2)) - 1, -1
+            sheet.row, sheet.column = int(attributes.get("r", sheet.row + 2)) - 1, -1
         elif tag == "c":
             texts.clear()
-            place = said.get("r", "").rstrip("0123456789")
+            place = attributes.get("r", "").rstrip("0123456789")
             sheet.column = column_number(place) if place else sheet.column + 1
 
-    def ended(tag: str, said: Attributes, text: str) -> None:
+    def on_end(tag: str, attributes: Attributes, text: str) -> None:
         texts[tag] = text
         if tag == "c":
-            error = texts.get("v") if said.get("t") == "e" else None
+            error = texts.get("v") if attributes.get("t") == "e" else None
             empty = "f" in texts and not texts.get("v")
             sheet.cell(1, 1, f"={texts['f']}" if empty else error)
 
-    walk(parts[part], ended, begun)
+    parse_xml(parts[part], on_end, on_start)
     return sheet.uncomputed
 
 
 def _uncomputed_of_ods(content: bytes) -> dict[str, Cells]:
     """The same of every sheet, by its name."""
-    found, sheet, texts, rows = dict[str, Cells](), _Sheet(), list[str](), 1
+    uncomputed_cells, sheet, texts, rows = dict[str, Cells](), _Sheet(), list[str](), 1
 
-    def begun(tag: str, said: Attributes, _: int) -> None:
+    def on_start(tag: str, attributes: Attributes, _: int) -> None:
         nonlocal sheet, rows
         if tag == "table":
             sheet = _Sheet()
-            found[said.get("table:name", "")] = sheet.uncomputed
+            uncomputed_cells[attributes.get("table:name", "")] = sheet.uncomputed
         elif tag == "table-row":
             sheet.row, sheet.column = sheet.row + 1, 0
-            rows = int(said.get("table:number-rows-repeated", 1))
+            rows = int(attributes.get("table:number-rows-repeated", 1))
         elif tag in ("table-cell", "covered-table-cell"):
             texts.clear()
 
-    def ended(tag: str, said: Attributes, text: str) -> None:
+    def on_end(tag: str, attributes: Attributes, text: str) -> None:
         if tag == "p":
             texts.append(text)
         elif tag in ("table-cell", "covered-table-cell"):
-            columns = int(said.get("table:number-columns-repeated", 1))
-            kind, shown = said.get("office:value-type"), " ".join(texts)
+            columns = int(attributes.get("table:number-columns-repeated", 1))
+            kind, shown = attributes.get("office:value-type"), " ".join(texts)
             uncomputed = None
-            if said.get("calcext:value-type") == "error" or shown.startswith(("#", "Err:")):
+            if attributes.get("calcext:value-type") == "error" or shown.startswith(("#", "Err:")):
                 uncomputed = shown
-            elif "table:formula" in said and kind is None:
-                uncomputed = said["table:formula"].removeprefix("of:")
+            elif "table:formula" in attributes and kind is None:
+                uncomputed = attributes["table:formula"].removeprefix("of:")
             if kind is not None or shown or uncomputed:
                 sheet.cell(rows, columns, uncomputed)
             sheet.column += columns
         elif tag == "table-row":
             sheet.row += rows - 1
 
-    walk(content, ended, begun)
-    return found
+    parse_xml(content, on_end, on_start)
+    return uncomputed_cells
 
 
 def _written(cell: object, dialect: Dialect) -> str:

@@ -162,8 +162,8 @@ def shown_options(options: Sequence[Option]) -> tuple[Option, ...]:
                 if run is None
                 else (
                     run.like,
-                    *(run.said[q].value for q in ("phi", "gamma") if q in run.said),
-                    bool(run.said),
+                    *(run.quantities[q].value for q in ("phi", "gamma") if q in run.quantities),
+                    bool(run.quantities),
                 )
             )
             if key in keys or len(keys) == 8:  # suggested further runs that are shown

@@ -1,4 +1,4 @@
-"""Who may ask: every request passes here before any page sees it.
+"""Who may ask: every request passes here before it reaches a page.
 
 A page on this machine can be reached by every site that its user has open.  So the Host header must
 be the bound address (DNS rebinding), a POST must come from the page itself (Origin), and all but
@@ -53,7 +53,7 @@ class Gate:
         names = _LOCAL if at.is_local else re.escape(host)
         names += f"|localhost|{_NUMBER}" * (at.host in ALL)
         self._hosts = re.compile(f"({names}):{port}" + f"|{names}" * (port == "80"), re.IGNORECASE)
-        self._cookie = f"estim-{port}"  # cookies do not tell ports apart
+        self._cookie = f"estim-{port}"  # cookies do not distinguish ports
         self._session = secrets.token_urlsafe(32)
         self._guessing = asyncio.Lock()
 
@@ -91,12 +91,12 @@ class Gate:
             return None
         if not self._passphrase or path != "/enter" or request.method != "POST":
             return closed(401, ask=bool(self._passphrase))
-        given = str((await request.form()).get("passphrase", "")).strip()
+        passphrase = str((await request.form()).get("passphrase", "")).strip()
         async with self._guessing:  # one wrong guess a second, whoever guesses
-            if _same(given, self._passphrase):
+            if _same(passphrase, self._passphrase):
                 return self._let_in()
             await asyncio.sleep(1.0)
-        return closed(401, given, ask=True)
+        return closed(401, passphrase, ask=True)
 
     def _let_in(self) -> Response:
         answer = RedirectResponse("/", 303)
@@ -104,5 +104,5 @@ class Gate:
         return answer
 
 
-def _same(given: str, known: str) -> bool:
-    return hmac.compare_digest(given.encode("utf-8", "replace"), known.encode())
+def _same(text: str, known: str) -> bool:
+    return hmac.compare_digest(text.encode("utf-8", "replace"), known.encode())

@@ -1,4 +1,4 @@
-"""Commands in processes of their own: a queue, limits, progress, and an end that nobody waits for.
+"""Commands in processes of their own: a queue, limits, progress, and an end without a wait.
 
 A process has its own group, which is killed as a whole: at a limit, on a click, or with the server
 (`worker` ends when its standard input does).
@@ -32,7 +32,7 @@ _ENVIRONMENT = {
 
 
 class Job:
-    """One process: what it is to do, how far it is, and what it said.
+    """One process: what it is to do, how far it is, and the lines that it printed.
 
     state : "waiting", "running", "done", "cancelled", "interrupted", "stopped" (a limit).
     """
@@ -41,7 +41,7 @@ class Job:
         self.folder, self.task, self.seconds = folder, task, seconds
         self.state, self.percent, self.doing, self.error, self.field = "waiting", 0, "", "", ""
         self.code: int | None = None
-        self.said = list[str]()
+        self.lines = list[str]()
         self._process: subprocess.Popen[bytes] | None = None
         self._lock = threading.Lock()
 
@@ -73,7 +73,7 @@ class Job:
         timer.cancel()
         assert process.stdin is not None
         process.stdin.close()
-        # a signal that nobody here sent is a limit
+        # a signal from elsewhere is a limit
         self.end("done" if self.code >= 0 else "stopped")
 
     def _started(self, output: int) -> subprocess.Popen[bytes]:
@@ -108,8 +108,8 @@ class Job:
             self.doing = record.get("doing", self.doing)
             if record:
                 return
-        if len(self.said) < _MOST_LINES and line.strip():
-            self.said.append(one_line(shorten(line.rstrip(), 500)))
+        if len(self.lines) < _MOST_LINES and line.strip():
+            self.lines.append(one_line(shorten(line.rstrip(), 500)))
 
 
 class JobQueue:

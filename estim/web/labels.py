@@ -1,6 +1,6 @@
-"""What the fields of a question are called, and what a command says in these words: of an error or
-a warning that names an option or a key, the page names its own field.  `estim` is told nothing of
-the page, so that its report is the same at each door.
+"""What the fields of a question are called, and the messages of a command in these words: of an
+error or a warning that names an option or a key, the page names its own field.  `estim` knows
+nothing of the page, so that its report is the same at each door.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ LABELS = PhraseTable(
     }
 )
 """Name of a field, which is that of the option or of the key of a rolling disk -> its label."""
-AGAIN = PhraseTable(
+REFITS = PhraseTable(
     {
         "formula": "Fit again with another formula",
         "value": "Fit again with a known value of {name}",
@@ -68,7 +68,7 @@ AGAIN = PhraseTable(
         "jitter": "Fit again with further errors of y, of a size that the points show",
     }
 )
-"""A choice that a result advises -> what the way to it is called."""
+"""An option that a result advises -> the label of its link."""
 _AS_OPTIONS = {"ux": "u-x", "uy": "u-y"}  # of `estim line`
 _NAME = r"[a-z]\w*(?:-[a-z]+)*"
 _OPTION = re.compile(
@@ -88,15 +88,15 @@ _IN_A_CAMPAIGN = re.compile(
 
 
 def on_page(words: str) -> str:
-    """`words` of a command, with fields of the page for its options, and without what is said to
-    whoever writes a campaign.
+    """`words` of a command, with fields of the page for its options, and without what is written
+    for whoever writes a campaign.
     """
     words = _IN_A_CAMPAIGN.sub("", words.removeprefix("command line: "))
     return _TWICE.sub(r"\1", _OPTION.sub(_called, words))
 
 
-def _called(found: re.Match[str]) -> str:
-    name = found["quoted"] or found["given"] or found["key"] or found["plain"] or ""
-    name = name.replace("_", "-") if found["key"] else name
+def _called(match: re.Match[str]) -> str:
+    name = match["quoted"] or match["given"] or match["key"] or match["plain"] or ""
+    name = name.replace("_", "-") if match["key"] else name
     label = LABELS.get(_AS_OPTIONS.get(name, name))
-    return f"“{label}”{found['behind'] or ''}" if label else found[0]
+    return f"“{label}”{match['behind'] or ''}" if label else match[0]

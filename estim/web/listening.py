@@ -1,4 +1,4 @@
-"""Where the page is to be had, and the socket that listens there."""
+"""The address of the page, and the socket that listens there."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ALL = ("0.0.0.0", "::")
 
 @dataclass(frozen=True)
 class At:
-    """port : None for the usual one, or any other where that is taken.  passphrase : for a page
+    """port : None for the default one, or any other where that is taken.  passphrase : for a page
     that other machines reach; "" where none does.
     """
 

@@ -22,8 +22,8 @@ LANGUAGE = "estim-lang"
 def language_of(request: Request) -> str:
     """The language that was chosen, else the first of the browser's that there is."""
     accepted = request.headers.get("accept-language", "").split(",")
-    asked = (request.cookies.get(LANGUAGE, ""), *(part.strip()[:2] for part in accepted))
-    return next((name for name in asked if name in LANGUAGES), "en")
+    preferred = (request.cookies.get(LANGUAGE, ""), *(part.strip()[:2] for part in accepted))
+    return next((name for name in preferred if name in LANGUAGES), "en")
 
 
 def page(template: str, status: int = 200, **values: object) -> HTMLResponse:
@@ -33,12 +33,12 @@ def page(template: str, status: int = 200, **values: object) -> HTMLResponse:
     return HTMLResponse(text, status)
 
 
-def closed(status: int, said: str = "", *, ask: bool = False) -> HTMLResponse:
-    """A sentence in place of a page: the one of the status, or what estim `said` itself.
+def closed(status: int, message: str = "", *, ask: bool = False) -> HTMLResponse:
+    """A sentence in place of a page: the one of the status, or the `message` of estim itself.
 
-    ask : for the passphrase, where `said` is the one that was given.
+    ask : for the passphrase, where `message` is the one that was typed.
     """
-    return page("closed", status, said=said, ask=ask)
+    return page("closed", status, message=message, ask=ask)
 
 
 @cache

@@ -31,7 +31,7 @@ from starlette.staticfiles import StaticFiles
 from estim.common import LANGUAGES, EstimError, InputError, language, phrase
 from estim.reading import read_suffixes
 from estim.web.job_queue import Job, JobQueue
-from estim.web.labels import AGAIN
+from estim.web.labels import REFITS
 from estim.web.page_template import LANGUAGE, closed, page
 from estim.web.preview import picture_name, preview_name, start_name
 from estim.web.question import (
@@ -66,7 +66,7 @@ EXAMPLES = {  # name of a table in examples/ -> fields with which its question b
 
 
 class Pages:
-    """What is shown of a store, and asked of workers."""
+    """What is shown of a store, and requested of workers."""
 
     def __init__(self, store: Store, fits: JobQueue, previews: JobQueue) -> None:
         self._store, self._fits, self._previews = store, fits, previews
@@ -121,25 +121,29 @@ class Pages:
     async def take_in(self, request: Request) -> Response:
         """Keeps what is handed in, for a question that follows, or for that of a batch."""
         async with self._taking, request.form(max_files=MOST_FILES, max_fields=3) as form:
-            said = fields_of(form.multi_items())
-            batch = _found(self._store.batches, request, said["batch"]) if "batch" in said else None
-            row = self._row(said, batch)
+            fields = fields_of(form.multi_items())
+            batch = (
+                _record_of(self._store.batches, request, fields["batch"])
+                if "batch" in fields
+                else None
+            )
+            row = self._row(fields, batch)
             handed = [
                 value
                 for value in form.getlist("files")
                 if isinstance(value, UploadFile) and value.filename
             ]
-            given = {
+            contents = {
                 (file.filename or "").replace("\\", "/").rpartition("/")[2]: await file.read()
                 for file in handed
             }
             try:
-                if not given:
+                if not contents:
                     raise InputError(phrase("Choose a file first."))
-                if len(given) < len(handed):
+                if len(contents) < len(handed):
                     raise InputError(phrase("Two files have the same name: rename one of them."))
-                who = said.get("who", "") if batch else None
-                uploads = await asyncio.to_thread(self._store.take_in, given, who)
+                who = fields.get("who", "") if batch else None
+                uploads = await asyncio.to_thread(self._store.take_in, contents, who)
                 if batch is not None:
                     return self._answered(batch, uploads, row)
                 if len(uploads) > 1:
@@ -186,34 +190,38 @@ class Pages:
         """
         upload = self._upload(request)
         fields = fields_of(request.query_params.multi_items())
-        before = self._store.answers.records.get(fields.pop("answer", ""))
+        previous = self._store.answers.records.get(fields.pop("answer", ""))
         if (row := self._row(fields, upload)) is not None:
             return await self._form(upload, row.fields, row.error, row.field, row=row)
-        if before is not None:
-            return await self._form(upload, before.fields, before.error, before.field)
+        if previous is not None:
+            return await self._form(upload, previous.fields, previous.error, previous.field)
         if "model" in fields:
             fields["formula"] = fields.pop("model")
         if upload and fields.pop("show", ""):
-            return await self._begun(upload, fields)
+            return await self._form_with_start(upload, fields)
         return await self._form(upload, fields or (upload.asked if upload else {}))
 
-    async def _begun(self, upload: Upload, fields: Fields) -> Response:
+    async def _form_with_start(self, upload: Upload, fields: Fields) -> Response:
         """The form with the curve at which the search begins."""
-        asked = json.dumps({"formula": "", **fields}, sort_keys=True)
-        name = start_name(language(), asked)
-        data = await self._seen(upload, f"{name}.json", "start", asked)
-        found: dict[str, Any] = {"busy": data is None}
+        question = json.dumps({"formula": "", **fields}, sort_keys=True)
+        name = start_name(language(), question)
+        data = await self._preview_file(upload, f"{name}.json", "start", question)
+        result: dict[str, Any] = {"busy": data is None}
         if data == b"":
-            found["error"] = phrase(
+            result["error"] = phrase(
                 "The search for starting values was ended after {seconds} s. State one or more of "
                 "them below, under More about the curve; or get the report, which may search for "
                 "{most} s.",
                 seconds=_PREVIEW_SECONDS,
                 most=_SECONDS,
             )
-        found |= json.loads(data or b"{}")
+        result |= json.loads(data or b"{}")
         return await self._form(
-            upload, fields, found.get("error", ""), found.get("field"), begun=found | {"name": name}
+            upload,
+            fields,
+            result.get("error", ""),
+            result.get("field"),
+            start=result | {"name": name},
         )
 
     async def _form(
@@ -223,15 +231,15 @@ class Pages:
         error: str = "",
         wrong: str | None = None,
         status: int = 200,
-        begun: Mapping[str, Any] = {},
+        start: Mapping[str, Any] = {},
         row: Answer | None = None,
     ) -> Response:
         if upload is None:
             return page("propagate", status, fields=fields, error=error)
-        seen = await self._preview(upload)
+        preview = await self._preview(upload)
         if not upload.parts:  # of several files each keeps the name that tells it from the others
             error = error.replace(upload.file, upload.given)
-            seen |= {"error": seen.get("error", "").replace(upload.file, upload.given)}
+            preview |= {"error": preview.get("error", "").replace(upload.file, upload.given)}
         known = self._store.uploads.records
         fields = {"asked": "formula", **fields}
         return page(
@@ -239,8 +247,8 @@ class Pages:
             status,
             upload=upload,
             parts={n: known[at].given if at in known else n for n, at in upload.parts.items()},
-            seen={**seen, "busy": seen.get("busy") or begun.get("busy")},
-            begun=begun,
+            preview={**preview, "busy": preview.get("busy") or start.get("busy")},
+            start=start,
             seconds=_PREVIEW_SECONDS,
             row=row,
             fields=fields,
@@ -250,7 +258,9 @@ class Pages:
         )
 
     async def ask(self, request: Request) -> Response:
-        """Begins the command.  Its answer is kept whole when it ends, whoever still looks."""
+        """Begins the command.  Its answer is kept whole when it ends, whether or not the page is
+        still open.
+        """
         upload = self._upload(request)
         fields = fields_of((await request.form(max_files=0)).multi_items())
         if upload and upload.parts:
@@ -280,9 +290,9 @@ class Pages:
         """
         if self._fits.is_full:
             raise HTTPException(503)
-        file, given = (upload.file, upload.given.rpartition(".")[0]) if upload else ("", "")
+        file, title = (upload.file, upload.given.rpartition(".")[0]) if upload else ("", "")
         file, *others = _ticked(upload, fields) if upload and upload.parts else [file]
-        arguments = arguments_of(fields, file, given, others)
+        arguments = arguments_of(fields, file, title, others)
         instead = row.id if row else ""
         answer = self._store.begin(upload, fields, arguments, batch=batch, instead=instead)
         folder = self._store.answers.folder / answer.id
@@ -293,7 +303,7 @@ class Pages:
                 answer,
                 state=job.state,
                 code=job.code,
-                said=tuple(job.said),
+                said=tuple(job.lines),
                 error=job.error,
                 field=job.field,
             )
@@ -309,53 +319,53 @@ class Pages:
         """What is known of a file; "busy" where that takes too long, "failed" where its process
         did.
         """
-        data = await self._seen(upload, preview_name(language()), "preview")
+        data = await self._preview_file(upload, preview_name(language()), "preview")
         return {"busy": True} if data is None else dict(json.loads(data or b'{"failed": true}'))
 
-    async def _made(self, shelf: Shelf[Kept], at: str, name: str, *task: str) -> bytes | None:
+    async def _made_once(self, shelf: Shelf[Kept], at: str, name: str, *task: str) -> bytes | None:
         """A file of the folder of an id, which a process makes once; None where it is not there
         yet, b"" where it could not be made.
         """
         place = shelf.folder / at
-        made = self._being_made.get((place, name))
-        if (data := shelf.read(at, name)) is None and (made or not self._previews.is_full):
-            if made is None:
+        future = self._being_made.get((place, name))
+        if (data := shelf.read(at, name)) is None and (future or not self._previews.is_full):
+            if future is None:
                 job = Job(place, task, seconds=_PREVIEW_SECONDS)
-                made = self._being_made[place, name] = self._previews.submit(job, lambda: None)
-            # who looks again later waits for the same process
-            await asyncio.wait([asyncio.wrap_future(made)], timeout=_PATIENCE)
+                future = self._being_made[place, name] = self._previews.submit(job, lambda: None)
+            # a later request waits for the same process
+            await asyncio.wait([asyncio.wrap_future(future)], timeout=_PATIENCE)
             data = shelf.read(at, name)
-            if made.done():
+            if future.done():
                 self._being_made.pop((place, name), None)
                 data = data or b""
         return data
 
-    async def _seen(self, upload: Upload, name: str, task: str, *more: str) -> bytes | None:
+    async def _preview_file(self, upload: Upload, name: str, task: str, *more: str) -> bytes | None:
         """A part of what is shown of a file before an answer."""
         words = (task, language(), upload.file, *more)
-        return await self._made(self._store.uploads, upload.id, name, *words)
+        return await self._made_once(self._store.uploads, upload.id, name, *words)
 
     async def points(self, request: Request) -> Response:
         """The picture of two columns, by their numbers."""
-        upload = _found(self._store.uploads, request)
+        upload = _record_of(self._store.uploads, request)
         numbers = request.path_params["x"], request.path_params["y"]
         data = None
         if max(numbers) < len((await self._preview(upload)).get("columns", [])):
             x, y = map(str, numbers)
             others = list(upload.parts)[1:]
-            data = await self._seen(upload, picture_name(x, y), "preview", x, y, *others)
+            data = await self._preview_file(upload, picture_name(x, y), "preview", x, y, *others)
         return _picture(data)
 
     async def start_picture(self, request: Request) -> Response:
         """The picture of a start that was shown, by its number."""
-        upload = _found(self._store.uploads, request)
+        upload = _record_of(self._store.uploads, request)
         name = f"start-{request.path_params['n']}.png"
         return _picture(self._store.uploads.read(upload.id, name))
 
     # ---- the answer ----
 
     async def answer(self, request: Request) -> Response:
-        answer = _found(self._store.answers, request)
+        answer = _record_of(self._store.answers, request)
         if answer.standing == "refused" and not answer.batch:
             place = f"/files/{answer.upload}" if answer.upload else "/propagate"
             return _to(f"{place}?answer={answer.id}")
@@ -365,14 +375,14 @@ class Pages:
             answer=answer,
             progress=self._progress(answer),
             ended=result.get("status", ""),
-            again=_again(answer, result.get("choices", [])),
+            refits=_refits(answer, result.get("choices", [])),
             files=self._store.report_files(answer),
             pdf=find_spec("weasyprint") is not None,
             command=command_line(answer.arguments),
         )
 
     async def state(self, request: Request) -> Response:
-        return JSONResponse(self._progress(_found(self._store.answers, request)))
+        return JSONResponse(self._progress(_record_of(self._store.answers, request)))
 
     def _progress(self, answer: Answer) -> dict[str, object]:
         job = self._jobs.get(answer.id)
@@ -383,7 +393,7 @@ class Pages:
         return {"ended": False, "percent": job.percent, "doing": doing}
 
     async def cancel(self, request: Request) -> Response:
-        answer = _found(self._store.answers, request)
+        answer = _record_of(self._store.answers, request)
         if job := self._jobs.get(answer.id):
             self._fits.cancel(job)
         while answer.id in self._jobs:  # until its record is written
@@ -391,7 +401,7 @@ class Pages:
         return _to(f"/answers/{answer.id}")
 
     async def report_file(self, request: Request) -> Response:
-        answer, path = _found(self._store.answers, request), request.path_params["path"]
+        answer, path = _record_of(self._store.answers, request), request.path_params["path"]
         if path not in self._store.report_files(answer):
             raise HTTPException(404)
         data = self._store.answers.read(answer.id, f"report/{path}")
@@ -402,12 +412,12 @@ class Pages:
         return Response(data, media_type=kind, headers=headers)
 
     async def on_paper(self, request: Request) -> Response:
-        """The report as PDF, made when it is first asked for."""
-        answer = _found(self._store.answers, request)
+        """The report as PDF, made when it is first requested."""
+        answer = _record_of(self._store.answers, request)
         if answer.id in self._jobs:  # its report is not whole yet
             raise HTTPException(404)
         lang = dict(pairwise(answer.arguments)).get("--lang", "en")
-        data = await self._made(self._store.answers, answer.id, "report.pdf", "paper", lang)
+        data = await self._made_once(self._store.answers, answer.id, "report.pdf", "paper", lang)
         if not data:
             words = phrase("The PDF could not be made: print the report.")
             return closed(503, words)
@@ -416,7 +426,7 @@ class Pages:
 
     async def everything(self, request: Request) -> Response:
         """The report, what it was made of and the command that repeats it, as a zip."""
-        answer = _found(self._store.answers, request)
+        answer = _record_of(self._store.answers, request)
         upload = self._store.uploads.records.get(answer.upload)
         names = [f"report/{path}" for path in self._store.report_files(answer)]
         words = phrase("In this folder, with the same version of estim, this repeats the answer:")
@@ -432,16 +442,16 @@ class Pages:
 
     async def set_batch(self, request: Request) -> Response:
         """The question of an answer, for other files."""
-        answer = _found(self._store.answers, request)
+        answer = _record_of(self._store.answers, request)
         if not answer.is_curve:
             raise HTTPException(404)
-        said = fields_of((await request.form(max_files=0)).multi_items())
-        return _to(f"/batches/{self._store.set_batch(answer.fields, said.get('title', '')).id}")
+        fields = fields_of((await request.form(max_files=0)).multi_items())
+        return _to(f"/batches/{self._store.set_batch(answer.fields, fields.get('title', '')).id}")
 
     async def batch(self, request: Request) -> Response:
-        batch = _found(self._store.batches, request)
-        said = fields_of(request.query_params.multi_items())
-        return self._hand_in(batch, self._row(said, batch))
+        batch = _record_of(self._store.batches, request)
+        fields = fields_of(request.query_params.multi_items())
+        return self._hand_in(batch, self._row(fields, batch))
 
     def _hand_in(
         self, batch: Batch, row: Answer | None, status: int = 200, error: str = ""
@@ -453,11 +463,11 @@ class Pages:
         only one or the table.
         """
         answers = [self._begin(upload, batch.fields, batch.id, row) for upload in uploads]
-        one = len(answers) == 1
-        return _to(f"/answers/{answers[0].id}" if one else f"/batches/{batch.id}/table")
+        single = len(answers) == 1
+        return _to(f"/answers/{answers[0].id}" if single else f"/batches/{batch.id}/table")
 
     async def table(self, request: Request) -> Response:
-        batch = _found(self._store.batches, request)
+        batch = _record_of(self._store.batches, request)
         answers = answers_of(self._store, batch.id)
         rows, spreads = await asyncio.to_thread(rows_of, self._store, answers)
         still = "still" in request.query_params
@@ -475,7 +485,7 @@ class Pages:
         return answer
 
     async def summary(self, request: Request) -> Response:
-        answers = answers_of(self._store, _found(self._store.batches, request).id)
+        answers = answers_of(self._store, _record_of(self._store.batches, request).id)
         data = await asyncio.to_thread(summary_of, self._store, answers)
         headers = {"Content-Disposition": "attachment"}
         return Response(data, media_type="text/csv", headers=headers)
@@ -490,30 +500,32 @@ class Pages:
         answer.set_cookie(LANGUAGE, name, samesite="strict", httponly=True, max_age=31_536_000)
         return answer
 
-    def _row(self, said: Fields, of: Batch | Upload | None) -> Answer | None:
-        """The row that is to be replaced, if fields say one, in the batch `of`, or of that file."""
-        row = self._store.answers.records.get(said.get("row", ""))
+    def _row(self, fields: Fields, of: Batch | Upload | None) -> Answer | None:
+        """The row that is to be replaced, if the fields name one, in the batch `of`, or of that
+        file.
+        """
+        row = self._store.answers.records.get(fields.get("row", ""))
         if row is None or of is None or row.batch not in self._store.batches.records:
             return None
         return row if of.id in (row.batch, row.upload) else None
 
     def _upload(self, request: Request) -> Upload | None:
         """The file that a question is about; None on the page that has none."""
-        return _found(self._store.uploads, request) if "id" in request.path_params else None
+        return _record_of(self._store.uploads, request) if "id" in request.path_params else None
 
 
-def _found(shelf: Shelf[Kept], request: Request, at: str = "") -> Kept:
+def _record_of(shelf: Shelf[Kept], request: Request, at: str = "") -> Kept:
     """The record of the id `at`, else of that in the address."""
     if (record := shelf.records.get(at or request.path_params["id"])) is None:
         raise HTTPException(404)
     return record
 
 
-def _again(answer: Answer, choices: Iterable[Fields]) -> list[tuple[str, str]]:
+def _refits(answer: Answer, choices: Iterable[Fields]) -> list[tuple[str, str]]:
     """Addresses of the question with one field changed, as a result advises, and their names;
     without those that the question would refuse.
     """
-    found = []
+    links = []
     for choice in choices if answer.is_curve and answer.upload else ():
         fields, name, value = dict(answer.fields), choice["option"], choice["value"]
         parameter, of_one, _ = value.partition("=")
@@ -524,12 +536,12 @@ def _again(answer: Answer, choices: Iterable[Fields]) -> list[tuple[str, str]]:
         if of_one:  # what is known of a parameter stands in the place of its start and limits
             for field in NAMED.split():
                 lines = (line.partition("=") for line in lines_of(fields.get(field, "")))
-                kept = (f"{n} {mark} {text}" for n, mark, text in lines if n != parameter)
-                fields[field] = "\n".join(kept)
+                remaining = (f"{n} {mark} {text}" for n, mark, text in lines if n != parameter)
+                fields[field] = "\n".join(remaining)
             value = f"{fields[name]}\n{parameter} = "
         place = f"/files/{answer.upload}?{urlencode(fields | ({name: value} if value else {}))}"
-        found.append((f"{place}#{name}", AGAIN[name].format(name=parameter)))
-    return found
+        links.append((f"{place}#{name}", REFITS[name].format(name=parameter)))
+    return links
 
 
 def _picture(data: bytes | None) -> Response:
@@ -551,6 +563,6 @@ def _to(place: str) -> Response:
 
 
 async def _in_words(_request: Request, error: Exception) -> Response:
-    """A sentence in place of a page; what estim says itself, of a full disk say, as it is."""
+    """A sentence in place of a page; a message of estim itself, of a full disk say, as it is."""
     status = error.status_code if isinstance(error, HTTPException) else 500
     return closed(status, str(error) if isinstance(error, EstimError) else "")

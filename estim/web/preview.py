@@ -1,5 +1,5 @@
-"""What a page shows of a file before an answer: its columns, what the import told, a plot, and the
-curve at which a search begins; and a report on paper.
+"""What a page shows of a file before an answer: its columns, the notes of the import, a plot, and
+the curve at which a search begins; and a report on paper.
 
 It runs in a worker process, in the folder of the file, and is shown by `pages`.
 """
@@ -26,39 +26,41 @@ if TYPE_CHECKING:
 _LARGEST = 2**28  # bytes of a part of a report
 
 
-def preview(lang: str, file: str, *asked: str) -> None:
-    """Writes what was read of `file`, or the message why it cannot be read, told in the language
+def preview(lang: str, file: str, *arguments: str) -> None:
+    """Writes what was read of `file`, or the message why it cannot be read, in the language
     `lang`; with two numbers of columns the picture of their points instead, and of the columns of
     the same names in the files named behind the numbers.
     """
     with spoken(lang):
         try:
-            seen = _campaign(Path(file)) if file.endswith(".toml") else _table(Path(file), *asked)
+            content = (
+                _campaign(Path(file)) if file.endswith(".toml") else _table(Path(file), *arguments)
+            )
         except EstimError as error:
-            seen = {"error": str(error), "field": getattr(error, "field", "")}
-        if isinstance(seen, dict) and not file.endswith(".toml"):
+            content = {"error": str(error), "field": getattr(error, "field", "")}
+        if isinstance(content, dict) and not file.endswith(".toml"):
             from estim.reading import is_track
 
-            seen["track"] = is_track(Path(file))
-    name = picture_name(*asked[:2]) if isinstance(seen, bytes) else preview_name(lang)
-    write_whole(Path(name), seen if isinstance(seen, bytes) else as_json(seen))
+            content["track"] = is_track(Path(file))
+    name = picture_name(*arguments[:2]) if isinstance(content, bytes) else preview_name(lang)
+    write_whole(Path(name), content if isinstance(content, bytes) else as_json(content))
 
 
-def start(lang: str, file: str, asked: str) -> None:
+def start(lang: str, file: str, question: str) -> None:
     """Writes where the search for the curve of a question begins: its parameters and a picture, or
-    the message why it cannot, told in the language `lang`.
+    the message why it cannot, in the language `lang`.
 
-    asked : fields of the page, as JSON.
+    question : fields of the page, as JSON.
     """
-    name = start_name(lang, asked)
+    name = start_name(lang, question)
     with spoken(lang):
         try:
-            values, picture = _start(Path(file), json.loads(asked))
+            values, picture = _start(Path(file), json.loads(question))
             write_whole(Path(f"{name}.png"), picture)
-            seen: dict[str, Any] = {"values": values}
+            content: dict[str, Any] = {"values": values}
         except InputError as error:
-            seen = {"error": str(error), "field": error.field or ""}
-    write_whole(Path(f"{name}.json"), as_json(seen))
+            content = {"error": str(error), "field": error.field or ""}
+    write_whole(Path(f"{name}.json"), as_json(content))
 
 
 def paper(lang: str) -> None:
@@ -75,9 +77,9 @@ def paper(lang: str) -> None:
         write_whole(Path("report.pdf"), pdf_page(files))
 
 
-def start_name(lang: str, asked: str) -> str:
+def start_name(lang: str, question: str) -> str:
     """The name of the files of `start`: start-N, the same for the same question."""
-    return f"start-{int(sha256((lang + asked).encode()).hexdigest()[:12], 16)}"
+    return f"start-{int(sha256((lang + question).encode()).hexdigest()[:12], 16)}"
 
 
 def preview_name(lang: str) -> str:
@@ -88,20 +90,20 @@ def picture_name(x: str, y: str) -> str:
     return f"points-{x}-{y}.png"
 
 
-def _table(file: Path, *asked: str) -> dict[str, Any] | bytes:
+def _table(file: Path, *arguments: str) -> dict[str, Any] | bytes:
     """The columns of a file and which two a fit would take, or the picture of two of them."""
     from estim.reading import is_tracker_file
 
     table, tracks = _read(file)
     names = list(table.columns)
-    if asked:
+    if arguments:
         from estim.drawing import png
 
         tables = {file.name: table}
-        for other in map(Path, asked[2:]):
-            with suppress(EstimError):  # its own answer says what is wrong
+        for other in map(Path, arguments[2:]):
+            with suppress(EstimError):  # its own answer reports the error
                 tables[other.name] = _read(other)[0]
-        x_name, y_name = (names[int(number)] for number in asked[:2])
+        x_name, y_name = (names[int(number)] for number in arguments[:2])
         return png(lambda: _points(x_name, y_name, tables))
     heights = [float(np.ptp(values)) for values in table.columns.values()]
     values = [  # a column of one value, a date say, is not asked about

@@ -1,7 +1,7 @@
-"""A question as it is asked on a page, and the arguments of the command that answers it.
+"""A question as it is put on a page, and the arguments of the command that answers it.
 
 What a person wrote is one argument together with its option (`--formula=...`), or stands behind
-`--`: it can be no other option, and it is never the name of a file.  What is missing is said in a
+`--`: it can be no other option, and it is never the name of a file.  What is missing is named in a
 sentence for the page (`InputError.rule`).
 """
 
@@ -61,25 +61,25 @@ _FURTHER = {"formula": f"{NAMED} own", "rolling": _ROLLING}
 
 
 def fields_of(form: Iterable[tuple[str, object]]) -> dict[str, str]:
-    """What was filled in, without characters that nobody can write; of several alike, a line
+    """What was filled in, without characters that cannot be typed; of several of one name, a line
     each.
     """
-    found: dict[str, str] = {}
+    fields: dict[str, str] = {}
     for name, value in form:
         text = _UNWRITTEN.sub("", value).strip() if isinstance(value, str) else ""
         if text:
-            found[name] = "\n".join(filter(None, (found.get(name), text)))
-    return found
+            fields[name] = "\n".join(filter(None, (fields.get(name), text)))
+    return fields
 
 
-def arguments_of(fields: Fields, file: str, given: str, others: Iterable[str] = ()) -> list[str]:
-    """Arguments of `estim` for a question, in the language that is spoken.
+def arguments_of(fields: Fields, file: str, title: str, others: Iterable[str] = ()) -> list[str]:
+    """Arguments of `estim` for a question, in the current language.
 
     file : the stored name of a table or campaign; "": a formula of named values.
-    given : what a person calls it, the title of the report of a curve.
+    title : what a person calls it, the title of the report of a curve.
     others : stored names of tables that are fit together with it.
 
-    Raises InputError where nothing was asked.
+    Raises InputError where there is no question.
     """
     end = ["--format", "html", "--out", "report"]
     end += [] if language() == "en" else ["--lang", language()]
@@ -96,38 +96,40 @@ def arguments_of(fields: Fields, file: str, given: str, others: Iterable[str] = 
     if kind not in _ASKED:
         raise InputError(phrase("Choose what you want to know."))
     command, options = _ASKED[kind]
-    said = dict(fields) | {"formula": formula_of(fields)}
+    entries = dict(fields) | {"formula": formula_of(fields)}
     if kind == "formula" and "formula" not in fields:
         raise InputError(phrase("Write a formula, or choose a model."), field="--formula")
     if kind == "rolling":
         for keys in _NEEDED:
-            if not said.keys() & {*keys}:
+            if not entries.keys() & {*keys}:
                 raise InputError(phrase("This value is needed."), field=keys[0])
-        if "imported" in said:  # of a track nothing is chosen
-            said = {key: text for key, text in said.items() if key not in ("x", "y")}
-    if command == "fit" and file.rpartition(".")[0] != given:
-        said = {"title": given} | said
-    words = [f"--{name}={said[name]}" for name in (options + _OF_TABLES).split() if name in said]
+        if "imported" in entries:  # of a track nothing is chosen
+            entries = {key: text for key, text in entries.items() if key not in ("x", "y")}
+    if command == "fit" and file.rpartition(".")[0] != title:
+        entries = {"title": title} | entries
+    words = [
+        f"--{name}={entries[name]}" for name in (options + _OF_TABLES).split() if name in entries
+    ]
     if kind == "formula":
         words += [
-            f"--{name}={text}" for name in NAMED.split() for text in lines_of(said.get(name, ""))
+            f"--{name}={text}" for name in NAMED.split() for text in lines_of(entries.get(name, ""))
         ]
-        words += [f"--{name}" for name in _FLAGS if name in said]
+        words += [f"--{name}" for name in _FLAGS if name in entries]
     if kind == "rolling":
-        words += [f"--rolling={key}={said[key]}" for key in _ROLLING.split() if key in said]
+        words += [f"--rolling={key}={entries[key]}" for key in _ROLLING.split() if key in entries]
     if others:
-        own = re.split(r"[\s,;]+", said.get("own", ""))
+        own = re.split(r"[\s,;]+", entries.get("own", ""))
         words += ["--joint", *(f"--own={name}" for name in own if name)]
     return [command, file, *others, *words, *end]
 
 
 def options_of(fields: Fields) -> dict[str, Any]:
-    """What the options of `estim fit` say of a table and its curve, of the fields of a question."""
-    said: dict[str, Any] = {name.replace("-", "_"): text for name, text in fields.items()}
-    said |= {name: lines_of(fields.get(name, "")) for name in NAMED.split()}
-    said |= {name: name in fields for name in _FLAGS}
+    """The options of `estim fit` for a table and its curve, of the fields of a question."""
+    options: dict[str, Any] = {name.replace("-", "_"): text for name, text in fields.items()}
+    options |= {name: lines_of(fields.get(name, "")) for name in NAMED.split()}
+    options |= {name: name in fields for name in _FLAGS}
     rows = fields.get("skip-rows", "")
-    return said | {
+    return options | {
         "formula": formula_of(fields),
         "x": [fields["x"]] if "x" in fields else [],
         "skip_rows": int(rows) if rows.isdecimal() else None,
@@ -152,19 +154,19 @@ def with_columns(fields: Fields, chosen: Fields) -> dict[str, str]:
     from estim.curves import read_formula
 
     names, formula = _OF_COLUMNS.split(), fields["formula"]
-    asked = {name: text for name, text in fields.items() if name not in names}
-    asked |= {name: chosen[name] for name in names if name in chosen}
-    if fields.get("x") != asked.get("x"):
+    question = {name: text for name, text in fields.items() if name not in names}
+    question |= {name: chosen[name] for name in names if name in chosen}
+    if fields.get("x") != question.get("x"):
         variable = variable_of(read_formula(formula), fields.get("x", ""), None, ())
-        asked["formula"] = re.sub(rf"(?<!\w){variable}(?!\w)", "x", formula)
-    return asked
+        question["formula"] = re.sub(rf"(?<!\w){variable}(?!\w)", "x", formula)
+    return question
 
 
-def field_of(option: str, asked: str) -> str:
-    """The field that an error is about, "" where the question that was asked has none for it."""
+def field_of(option: str, kind: str) -> str:
+    """The field that an error is about, "" where the question has none for it."""
     name = option.removeprefix("--rolling ").removeprefix("--").partition(" ")[0]
-    options = _ASKED[asked][1] if asked in _ASKED else ""
-    shown = f"{options}{_OF_TABLES} {_FURTHER.get(asked, '')}".split()
+    options = _ASKED[kind][1] if kind in _ASKED else ""
+    shown = f"{options}{_OF_TABLES} {_FURTHER.get(kind, '')}".split()
     return name if name in shown else ""
 
 
@@ -174,8 +176,8 @@ def command_line(arguments: Iterable[str]) -> str:
 
 
 def lines_of(text: str) -> list[str]:
-    """One NAME=VALUE a line, without blanks about the mark; several may stand on a line, parted by
-    a semicolon.
+    """One NAME=VALUE a line, without blanks about the mark; several may stand on a line, separated
+    by a semicolon.
     """
     parts = [part.strip() for part in re.split(r"[\n;]", text)]
     return [re.sub(r"\s*=\s*", "=", part, count=1) for part in parts if part]

@@ -1,5 +1,5 @@
 """The table of a batch: a row for each file, made of the results by the code of `estim batch`.  A
-server loads it when the first table is asked for.
+server loads it when the first table is requested.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ def _row(store: Store, answer: Answer) -> Row:
     from estim.batch import Unit, failed, row_of
 
     unit = Unit(Path(), "", answer.id)
-    made = answer.standing in ("ok", "doubtful")
-    result = store.answers.read(answer.id, "report/result.json") if made else None
+    has_result = answer.standing in ("ok", "doubtful")
+    result = store.answers.read(answer.id, "report/result.json") if has_result else None
     row = (
         failed(unit, on_page(answer.error))
         if result is None

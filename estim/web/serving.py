@@ -1,5 +1,5 @@
-"""The server: where it listens, the address that it tells, and its end.  Starlette and uvicorn are
-imported only once it starts.
+"""The server: where it listens, the address that it announces, and its end.  Starlette and uvicorn
+are imported only once it starts.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ def missing_packages() -> list[str]:
     return [name for name in _NEEDED if find_spec(name) is None]
 
 
-def serve(at: At, tell: Callable[[str], None], *, browser: bool) -> None:
+def serve(at: At, announce: Callable[[str], None], *, browser: bool) -> None:
     """Serves the page until it is interrupted.
 
-    tell : is given the address, with its token, as soon as the page can be had.  browser : whether
-        it is opened.  Raises InputError where the port is taken, EstimError where another server
-        has the folder.
+    announce : is called with the address, with its token, as soon as the page is available.
+        browser : whether it is opened.  Raises InputError where the port is taken, EstimError where
+        another server has the folder.
     """
     import uvicorn
 
@@ -52,7 +52,7 @@ def serve(at: At, tell: Callable[[str], None], *, browser: bool) -> None:
             limit_concurrency=500,
         )
         url = f"http://{address}/?token={token}"
-        tell(url)
+        announce(url)
         if browser:
             webbrowser.open_new_tab(url)
         uvicorn.Server(config).run(sockets=[listener])

@@ -1,4 +1,4 @@
-"""What was handed in and what was answered: a folder each, with a record that is written whole.
+"""Files that were handed in, and answers: a folder each, with a record that is written whole.
 
     FOLDER/files/ID/      record.json, the tables, preview-LANG.json, pictures of the points
     FOLDER/answers/ID/    record.json, the tables that the command reads, report/
@@ -103,8 +103,8 @@ class Answer:
     @property
     def is_curve(self) -> bool:
         """Whether it fits a curve to a table, which may be asked of other tables too."""
-        asked = self.fields.get("asked", "formula")
-        return self.arguments[0] == "fit" and asked == "formula" and "formula" in self.fields
+        kind = self.fields.get("asked", "formula")
+        return self.arguments[0] == "fit" and kind == "formula" and "formula" in self.fields
 
     @property
     def standing(self) -> str:
@@ -171,13 +171,15 @@ class Store:
         campaign = next((name for name in files if name.lower().endswith(".toml")), None)
         if campaign is None:
             by = f"{shorten(who)}: " if who else ""
-            return [self._kept(by + name, {_stored(name): data}) for name, data in files.items()]
+            return [
+                self._keep_upload(by + name, {_stored(name): data}) for name, data in files.items()
+            ]
         if who is not None:
             raise InputError(
                 phrase("A campaign already contains a question: hand in its table instead.")
             )
-        beside = {name: data for name, data in files.items() if _PLAIN.fullmatch(name)}
-        return [self._kept(campaign, {"campaign.toml": files[campaign]} | beside)]
+        tables = {name: data for name, data in files.items() if _PLAIN.fullmatch(name)}
+        return [self._keep_upload(campaign, {"campaign.toml": files[campaign]} | tables)]
 
     def together(self, parts: Sequence[Upload]) -> Upload:
         """Tables that were handed in, for one question about all of them.  Raises InputError with
@@ -191,11 +193,13 @@ class Store:
             files[name], ids[name] = self.uploads.read(part.id, part.file) or b"", part.id
         if sum(map(len, files.values())) > MOST_BYTES:
             raise InputError(phrase("That is too large."))
-        return self._kept(", ".join(part.given for part in parts), files, ids)
+        return self._keep_upload(", ".join(part.given for part in parts), files, ids)
 
-    def _kept(self, given: str, files: Files, parts: Mapping[str, str] | None = None) -> Upload:
+    def _keep_upload(
+        self, name: str, files: Files, parts: Mapping[str, str] | None = None
+    ) -> Upload:
         names = tuple(files)
-        shown = shorten(given, 120)
+        shown = shorten(name, 120)
         upload = Upload(self.uploads.new_id(), shown, names[0], names, parts=parts or {})
         return self.uploads.keep(upload, files)
 
@@ -222,19 +226,19 @@ class Store:
 
     def set_batch(self, fields: Fields, title: str) -> Batch:
         """A new batch of the question about a curve that `fields` hold."""
-        asked = {name: text for name, text in fields.items() if name != "title"}
+        question = {name: text for name, text in fields.items() if name != "title"}
         shown = shorten(title or fields["formula"], 120)
-        return self.batches.keep(Batch(self.batches.new_id(), shown, asked), {})
+        return self.batches.keep(Batch(self.batches.new_id(), shown, question), {})
 
     def report_files(self, answer: Answer) -> list[str]:
         """Paths below report/ of what the command wrote for a reader, in order."""
         place = self.answers.folder / answer.id / "report"
-        found = [path for path in place.rglob("*") if path.suffix in _FOR_READERS]
-        return sorted(path.relative_to(place).as_posix() for path in found)
+        paths = [path for path in place.rglob("*") if path.suffix in _FOR_READERS]
+        return sorted(path.relative_to(place).as_posix() for path in paths)
 
 
-def _stored(given: str) -> str:
+def _stored(name_given: str) -> str:
     """A name of small letters, digits and hyphens that reminds of the one that a person gave."""
-    stem, _, ending = given.lower().rpartition(".")
+    stem, _, ending = name_given.lower().rpartition(".")
     name = re.sub(r"[^a-z0-9]+", "-", stem)[:40].strip("-")
     return f"{'points' if _RESERVED.fullmatch(name) else name}.{ending}"

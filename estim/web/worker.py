@@ -7,7 +7,7 @@
     python worker.py SECONDS BYTES paper LANG                        report.pdf
 
 The working folder is that of the answer or the file.  The process ends, and all that it started,
-as soon as its standard input does: a server that is killed can tell nobody.
+as soon as its standard input does: a server that is killed can send no signal.
 """
 
 from __future__ import annotations

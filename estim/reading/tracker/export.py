@@ -3,8 +3,8 @@ names, in every dialect.
 
 Tabs, semicolons, commas, bars or blanks separate the cells; decimals have a point or a comma, never
 both.  Columns may come in any order; v and a are magnitudes and are not used as speeds.  An export
-does not say its unit of length unless the column's name does (`x (cm)`).  Where the columns are is
-found here; their cells are read as those of any table (`estim.reading.named_columns`).
+does not state its unit of length unless the column's name does (`x (cm)`).  Where the columns are
+is found here; their cells are read as those of any table (`estim.reading.named_columns`).
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def read_export(
 ) -> Track:
     """The track in the text export at `path`; `track` chooses where there are several.
 
-    unit : of x and y; metres if neither it nor the column's name says otherwise.
+    unit : of x and y; metres if neither it nor the column's name states otherwise.
     drop_duplicates : leave out rows of which every number read is that of the row before.  Raises
         InputError with file, line, field, rule and value.
     """
@@ -73,26 +73,26 @@ def read_export(
     name, layout = _laid_out(str(path), digest, lines, track)
     units = dict(zip(layout.names, layout.units, strict=True))
     factor, unit_fact = _length_unit(units, unit, layout.header_line)
-    places = [key for key in ("t", "x", "y") if key in units]
+    read_names = [key for key in ("t", "x", "y") if key in units]
     table = table_of(
-        layout, places, 0, optional=[key for key in ("frame", "v") if key in layout.names]
+        layout, read_names, 0, optional=[key for key in ("frame", "v") if key in layout.names]
     )
     scales = {"t": _SECONDS[units["t"] or "s"], "frame": 1.0}
     table = table.with_columns(
         {key: scales.get(key, factor) * c for key, c in table.columns.items()}
     )
-    for key in places:
+    for key in read_names:
         rule = f"must lie within ±{_LIMIT:g} {'s' if key == 't' else 'm'}"
         table.require(key, np.abs(table.columns[key]) <= _LIMIT, rule)
-    kept = np.full(table.lines.size, True)
+    mask = np.full(table.lines.size, True)
     if drop_duplicates:
-        kept[1:] = ~_copies(table.columns.values())
-    columns = {key: column[kept] for key, column in table.columns.items()}
+        mask[1:] = ~_copies(table.columns.values())
+    columns = {key: column[mask] for key, column in table.columns.items()}
     frames = columns.get("frame")
-    whole = frames is not None and bool(
+    whole_numbers = frames is not None and bool(
         np.all((np.abs(frames) < 1e9) & (frames == np.rint(frames)))
     )
-    copies = int(np.sum(~kept))
+    copies = int(np.sum(~mask))
     dropped = (
         phrase("1 row that copies the previous one was dropped")
         if copies == 1
@@ -105,8 +105,8 @@ def read_export(
         t=columns["t"],
         x=columns.get("x"),
         y=columns.get("y"),
-        frames=frames.astype(np.int64) if frames is not None and whole else None,
-        lines=table.lines[kept],
+        frames=frames.astype(np.int64) if frames is not None and whole_numbers else None,
+        lines=table.lines[mask],
         speed=columns.get("v"),
         calibration=(unit_fact, *table.facts),
         warnings=(dropped,) if copies else (),
@@ -141,8 +141,8 @@ def _is_header(line: str) -> bool:
     return "t" in names and bool({"x", "y"} & names)
 
 
-def _laid_out(file: str, digest: str, lines: Lines, wanted: str | None) -> tuple[str, Layout]:
-    """The name of the wanted track, and where its columns are: all others have no name.  Raises
+def _laid_out(file: str, digest: str, lines: Lines, track_name: str | None) -> tuple[str, Layout]:
+    """The name of the chosen track, and where its columns are: all others have no name.  Raises
     InputError.
     """
     at = _header_at(lines)
@@ -155,19 +155,19 @@ def _laid_out(file: str, digest: str, lines: Lines, wanted: str | None) -> tuple
         cells.pop()
     columns = [name_and_unit(cell) for cell in cells]
     starts = _track_names(lines[:at], delimiter, len(cells))
-    track, low, high = _chosen(starts, len(cells), wanted, number)
-    places: dict[str, int] = {}
+    track, low, high = _chosen(starts, len(cells), track_name, number)
+    indices: dict[str, int] = {}
     for i, (name, _) in enumerate(columns):
         if name in _COLUMNS and (low <= i < high or (name in ("t", "frame") and i < starts[0][1])):
-            if name in places and places[name] >= low:
+            if name in indices and indices[name] >= low:
                 raise InputError("occurs twice in the header", field=name, line=number)
-            places[name] = i
-    if "t" not in places:
-        places["t"] = next(i for i, (name, _) in enumerate(columns) if name == "t")
-    if not {"x", "y"} & set(places):
+            indices[name] = i
+    if "t" not in indices:
+        indices["t"] = next(i for i, (name, _) in enumerate(columns) if name == "t")
+    if not {"x", "y"} & set(indices):
         raise InputError("must have a column x or y", field=f"track {track}", line=number)
     for name, known in (("t", _SECONDS), ("x", METRES), ("y", METRES)):
-        unit = columns[places[name]][1] if name in places else ""
+        unit = columns[indices[name]][1] if name in indices else ""
         if unit and unit not in known:
             raise InputError(
                 f"must be in one of {', '.join(known)}", field=name, value=unit, line=number
@@ -176,16 +176,16 @@ def _laid_out(file: str, digest: str, lines: Lines, wanted: str | None) -> tuple
     rows = [row._replace(cells=row.cells + [""] * (len(cells) - len(row.cells))) for row in rows]
     if (
         delimiter == ","
-        and len(cells) > len(places)
+        and len(cells) > len(indices)
         and rows
         and may_be_decimal_commas(row.line for row in rows)
     ):
         raise InputError(DECIMAL_COMMAS, field="row", value=rows[0].line, line=rows[0].number)
-    used = set(places.values())
+    used = set(indices.values())
     return track, Layout(
         file,
         digest,
-        Dialect(decimal=_decimal_mark(rows, list(places.values()))),
+        Dialect(decimal=_decimal_mark(rows, list(indices.values()))),
         delimiter,
         tuple(name if i in used else "" for i, (name, _) in enumerate(columns)),
         number,
@@ -195,11 +195,11 @@ def _laid_out(file: str, digest: str, lines: Lines, wanted: str | None) -> tuple
     )
 
 
-def _decimal_mark(rows: Sequence[Row], places: Sequence[int]) -> Decimal:
-    """The decimal mark of the first number that has one in the columns at `places`; a comma parts
+def _decimal_mark(rows: Sequence[Row], indices: Sequence[int]) -> Decimal:
+    """The decimal mark of the first number that has one in the columns at `indices`; a comma parts
     no thousands.
     """
-    cells = (row.cells[place] for row in rows for place in places)
+    cells = (row.cells[index] for row in rows for index in indices)
     first = next((c for c in cells if ("." in c or "," in c) and looks_like_a_number(c)), "")
     return "comma" if "," in first else "point"
 
@@ -220,28 +220,28 @@ def _track_names(lines: Lines, delimiter: str, width: int) -> list[tuple[str, in
 
 
 def _chosen(
-    starts: list[tuple[str, int]], width: int, wanted: str | None, line: int
+    starts: list[tuple[str, int]], width: int, track_name: str | None, line: int
 ) -> tuple[str, int, int]:
-    """Name and range of columns of the wanted track."""
+    """Name and range of columns of the chosen track."""
     names = [name for name, _ in starts]
-    if wanted is None and len(starts) > 1:
+    if track_name is None and len(starts) > 1:
         raise InputError(
             "must be named, as there are several", field="track", quoted=listed(names), line=line
         )
-    if wanted is not None and names.count(wanted) != 1 and names != ["unnamed"]:
+    if track_name is not None and names.count(track_name) != 1 and names != ["unnamed"]:
         raise InputError(
             "must name one of the tracks",
             field="track",
-            value=wanted,
+            value=track_name,
             quoted=listed(names),
             line=line,
         )
-    i = names.index(wanted) if wanted in names else 0
-    return wanted or names[i], starts[i][1], starts[i + 1][1] if i + 1 < len(starts) else width
+    i = names.index(track_name) if track_name in names else 0
+    return track_name or names[i], starts[i][1], starts[i + 1][1] if i + 1 < len(starts) else width
 
 
 def _no_header(lines: Lines) -> InputError:
-    """What is said of a file without a line of names."""
+    """The error for a file without a line of names."""
     rule = (
         "must have a line of column names with t and x or y, as Tracker exports it (where a "
         "spreadsheet has changed it: export it again); any table may be fit (estim fit FILE "
@@ -254,12 +254,12 @@ def _no_header(lines: Lines) -> InputError:
 def _length_unit(
     units: Mapping[str, str], stated: str | None, line: int | None
 ) -> tuple[float, str]:
-    """Metres in the unit of x and y, and where that is said."""
+    """Metres in the unit of x and y, and where that is stated."""
     named = {units[name] for name in ("x", "y") if units.get(name)}
     if len(named) > 1 or (stated is not None and named and named != {stated}):
-        given = f"; --unit says {stated}" if stated else ""
+        other = f"; --unit says {stated}" if stated else ""
         raise InputError(
-            f"must all have one unit{given}",
+            f"must all have one unit{other}",
             field="x, y",
             value=", ".join(sorted(named)),
             line=line,

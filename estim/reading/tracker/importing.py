@@ -1,7 +1,7 @@
 """From a file of the program Tracker to the columns of a run: t_s, and x_m along the ramp since the
 release.
 
-One page says how: the track is read (`trk`, `export`), laid along one direction
+The steps are: the track is read (`trk`, `export`), laid along one direction
 (`ramp`), counted from the release, and looked at for what is suspicious (`plausibility`).
 `docs/tracker.md` explains it to users.
 """
@@ -33,7 +33,7 @@ _MIN_ROWS = 5
 
 @dataclass(frozen=True)
 class Choices:
-    """What the user says about a file.
+    """What the user states about a file.
 
     track : name of the track; the only one if None.
     along : see `ramp`.  unit : of the lengths, if not the file's.
@@ -58,7 +58,7 @@ class Imported:
     rows : (n,) rows of the track from the release on.
     t : (n,) s, as in the file.  x : (n,) m along the ramp since the release.
     facts, warnings : where it comes from, and what is suspicious, in words.
-    source, release : those of the facts that say the file and x = 0.
+    source, release : those of the facts that state the file and x = 0.
     """
 
     track: Track
@@ -77,7 +77,7 @@ def is_tracker_file(path: Path) -> bool:
 
 
 def head_of_export_file(path: Path) -> tuple[int, str, bool] | None:
-    """`head_of_export` of a file; None where it cannot be read (its reader says why)."""
+    """`head_of_export` of a file; None where it cannot be read (its reader reports the reason)."""
     try:
         start = read_bytes(path)[:20_000]
     except InputError:
@@ -150,14 +150,14 @@ def track_columns(imported: Imported, needed: Sequence[str]) -> Table:
     Raises InputError with file, field, rule and value.
     """
     track, rows = imported.track, imported.rows
-    held = {
+    sources = {
         "t": track.t,
         "x": track.x,
         "y": track.y,
         "frame": None if track.frames is None else track.frames.astype(np.float64),
         "across_m": imported.ramp.across,
     }
-    columns = {name: column[rows] for name, column in held.items() if column is not None} | {
+    columns = {name: column[rows] for name, column in sources.items() if column is not None} | {
         "t_s": imported.t,
         "x_m": imported.x,
     }

@@ -25,13 +25,13 @@ def suspicions(track: Track, ramp: Ramp, *, from_row: int) -> tuple[str, ...]:
     on.
     """
     t, along = track.t[from_row:], ramp.along[from_row:]
-    usual, steps = _steps(t)
+    step, steps = _steps(t)
     reach = float(np.ptp(along))
     return (
-        *_times(t, usual, steps),
-        *_scale(t, along, usual, reach),
+        *_times(t, step, steps),
+        *_scale(t, along, step, reach),
         *_off_line(ramp, reach),
-        *_first_speed(t, along, usual),
+        *_first_speed(t, along, step),
         *_speed_column(track, ramp),
     )
 
@@ -57,18 +57,18 @@ def of_any_curve(warnings: Iterable[str]) -> tuple[str, ...]:
 
 
 def _steps(t: FloatArray) -> tuple[float, FloatArray]:
-    """The usual step of time, and the steps in its units."""
+    """The median step of time, and the steps in its units."""
     steps = np.diff(t)
-    usual = float(np.median(steps))
-    return usual, steps / usual
+    step = float(np.median(steps))
+    return step, steps / step
 
 
 def _n_missing(steps: FloatArray) -> int:
     return int(np.sum(np.maximum(np.rint(steps), 1.0) - 1.0))
 
 
-def _times(t: FloatArray, usual: float, steps: FloatArray) -> list[str]:
-    whole, missing = np.rint(steps), _n_missing(steps)
+def _times(t: FloatArray, step: float, steps: FloatArray) -> list[str]:
+    multiples, missing = np.rint(steps), _n_missing(steps)
     sentences = []
     if missing:
         sentences.append(
@@ -78,20 +78,20 @@ def _times(t: FloatArray, usual: float, steps: FloatArray) -> list[str]:
                 n=t.size + missing,
             )
         )
-    if np.any(np.abs(steps - whole) > 0.1) or np.any(whole < 1):
-        worst = int(np.argmax(np.abs(steps - whole)))
+    if np.any(np.abs(steps - multiples) > 0.1) or np.any(multiples < 1):
+        worst = int(np.argmax(np.abs(steps - multiples)))
         sentences.append(
             phrase(
                 "the times are not spaced by whole multiples of {usual:.5g} s (after t = "
                 "{t:.6g} s), so no speeds can be computed from differences",
-                usual=usual,
+                usual=step,
                 t=t[worst],
             )
         )
     return sentences
 
 
-def _scale(t: FloatArray, along: FloatArray, usual: float, reach: float) -> list[str]:
+def _scale(t: FloatArray, along: FloatArray, step: float, reach: float) -> list[str]:
     # no ramp in a laboratory is so long, in metres
     if reach > 20.0:
         return [
@@ -101,7 +101,7 @@ def _scale(t: FloatArray, along: FloatArray, usual: float, reach: float) -> list
                 reach=reach,
             )
         ]
-    width = max(7, int(np.ceil(_WINDOW / usual)) if _WINDOW / usual < t.size else t.size)
+    width = max(7, int(np.ceil(_WINDOW / step)) if _WINDOW / step < t.size else t.size)
     largest = 0.0
     for first in range(0, t.size - width + 1, max(1, width // 2)):
         inside = slice(first, first + width)
@@ -133,9 +133,9 @@ def _off_line(ramp: Ramp, reach: float) -> list[str]:
     ]
 
 
-def _first_speed(t: FloatArray, along: FloatArray, usual: float) -> list[str]:
+def _first_speed(t: FloatArray, along: FloatArray, step: float) -> list[str]:
     """A track that begins in motion: then its first point is not the release."""
-    few = max(2, min(int(0.1 / usual) if usual > 1e-4 else 1000, t.size // 5))
+    few = max(2, min(int(0.1 / step) if step > 1e-4 else 1000, t.size // 5))
     speeds = np.abs(along[few:] - along[:-few]) / (t[few:] - t[:-few])
     largest = float(np.max(speeds))
     first = float(speeds[0])
@@ -165,18 +165,18 @@ def _speed_column(track: Track, ramp: Ramp) -> list[str]:
     sentences = []
     v = track.speed[1:-1]
     span = track.t[2:] - track.t[:-2]
-    usual, _ = _steps(track.t)
+    step, _ = _steps(track.t)
     computed = np.hypot(track.x[2:] - track.x[:-2], track.y[2:] - track.y[:-2]) / span
-    compared = np.isfinite(v) & (span < 2.5 * usual)
+    compared = np.isfinite(v) & (span < 2.5 * step)
     if np.any(compared):
-        off = root_mean_square((v - computed)[compared])
-        if off > 0.02 * float(np.max(computed)):
+        rms = root_mean_square((v - computed)[compared])
+        if rms > 0.02 * float(np.max(computed)):
             sentences.append(
                 phrase(
                     "the column v is not the central difference of x and y (they differ by "
                     "{off:.3g} m/s, rms): v, the times or the "
                     "lengths have been altered",
-                    off=off,
+                    off=rms,
                 )
             )
     moved = np.diff(ramp.along)
@@ -198,15 +198,15 @@ def odd_intervals(intervals: Mapping[str, float]) -> dict[str, str]:
     """
     if len(intervals) < 3:
         return {}
-    usual = float(np.median(list(intervals.values())))
+    typical = float(np.median(list(intervals.values())))
     return {
         name: phrase(
             "the frames are {interval:.4g} s apart, while those of most runs are "
             "{usual:.4g} s apart: is the frame "
             "rate right?",
             interval=interval,
-            usual=usual,
+            usual=typical,
         )
         for name, interval in intervals.items()
-        if abs(interval / usual - 1.0) > 0.2
+        if abs(interval / typical - 1.0) > 0.2
     }

@@ -2,8 +2,8 @@
 horizontal of the axes.
 
 - `fit` (default): the principal axis of the points, the straight line of least squared
-  perpendicular distances; it points the way the motion starts.  Use it when the axes were left as
-  the camera saw them.
+  perpendicular distances; it points in the direction in which the motion starts.  Use it when the
+  axes were left as the camera saw them.
 - `x`, `y`, `-x`, `-y`: an axis, when it was laid along the ramp in Tracker.
 - a number of degrees: a stated direction, counter-clockwise from the x axis.
 """
@@ -48,9 +48,11 @@ def run_along(track: Track, direction: str | float = "fit") -> Ramp:
     direction makes no sense.
     """
     stated = _stated(direction)
-    known = {name: one for name, one in (("x", track.x), ("y", track.y)) if one is not None}
+    known = {
+        name: column for name, column in (("x", track.x), ("y", track.y)) if column is not None
+    }
     x, y = (known.get(name, np.zeros_like(track.t)) for name in ("x", "y"))
-    dx, dy = _way(track, x, y)
+    dx, dy = _initial_displacement(track, x, y)
     fitted, u, scatter = _principal_axis(x, y)
     if math.cos(fitted) * dx + math.sin(fitted) * dy < 0.0:
         fitted += math.pi
@@ -65,8 +67,8 @@ def run_along(track: Track, direction: str | float = "fit") -> Ramp:
                 field="along",
                 value=f"{math.degrees(angle):g}",
             )
-        way = name if cos + sin > 0.0 else f"-{name}"
-        words = phrase("along {name}, the only coordinate in the file", name=way)
+        axis = name if cos + sin > 0.0 else f"-{name}"
+        words = phrase("along {name}, the only coordinate in the file", name=axis)
         return Ramp(_fixed(along), None, words, None, math.nan)
     if stated is None:
         words = phrase(
@@ -98,9 +100,9 @@ def _stated(direction: str | float) -> float | None:
     return math.radians(degrees)
 
 
-def _way(track: Track, x: FloatArray, y: FloatArray) -> tuple[float, float]:
-    """Displacement at the first point that is half as far from the start as any: the way the motion
-    starts.  Raises InputError where there is none.
+def _initial_displacement(track: Track, x: FloatArray, y: FloatArray) -> tuple[float, float]:
+    """Displacement at the first point that is half as far from the start as any: the direction in
+    which the motion starts.  Raises InputError where there is none.
     """
     distance = np.hypot(x - x[0], y - y[0])
     reach = float(np.max(distance))

@@ -32,11 +32,11 @@ class Track:
 
     t : (n,) s, increasing.
     x, y : (n,) m in the calibrated axes; None where an export leaves the column out.
-    frames : (n,) number of each frame; None where an export does not say.
+    frames : (n,) number of each frame; None where an export does not state it.
     lines : (n,) line of the file of each point.
     speed : (n,) m/s, the column v of an export, NaN where blank; a magnitude.  None where there is
         no such column.
-    calibration : what the file says of scale, origin, axes and frames, in words.
+    calibration : what the file states of scale, origin, axes and frames, in words.
     sha256 : of the file's bytes.
     warnings : what is suspicious but no error, in words.
     """

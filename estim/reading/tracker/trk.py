@@ -128,9 +128,9 @@ def _name(track: Element) -> str:
     return " ".join(element.text.split())[:100] if element and element.text else "unnamed"
 
 
-def _choose(panel: Element, wanted: str | None) -> tuple[str, Element]:
-    """The point mass called `wanted` and its points; the only one where no name is given.  Raises
-    InputError listing what there is.
+def _choose(panel: Element, track_name: str | None) -> tuple[str, Element]:
+    """The point mass called `track_name` and its points; the only one where no name is given.
+    Raises InputError listing what there is.
     """
     tracks = _tracks(panel)
     masses = [(name, track) for name, kind, track in tracks if kind == "PointMass"]
@@ -142,17 +142,19 @@ def _choose(panel: Element, wanted: str | None) -> tuple[str, Element]:
             field="tracks",
             quoted=f"it holds {other}",
         )
-    if wanted is None and len(masses) > 1:
+    if track_name is None and len(masses) > 1:
         raise InputError("must be named, as there are several", field="track", quoted=names)
-    chosen = [(name, track) for name, track in masses if wanted is None or name == wanted]
+    chosen = [(name, track) for name, track in masses if track_name is None or name == track_name]
     if not chosen:
-        kind = next((kind for name, kind, _ in tracks if name == wanted), None)
+        kind = next((kind for name, kind, _ in tracks if name == track_name), None)
         rule, what = (
             ("is not in the file", "")
             if kind is None
             else ("has no marked positions to read", f"it is a {kind}; ")
         )
-        raise InputError(rule, field="track", value=wanted, quoted=f"{what}point masses: {names}")
+        raise InputError(
+            rule, field="track", value=track_name, quoted=f"{what}point masses: {names}"
+        )
     if len(chosen) > 1:
         raise InputError(
             "must be the name of one track: several are called so",
@@ -262,17 +264,17 @@ def _unequal(
     scaled = (of_video - of_video[start]) * (
         duration * (end - start) / (of_video[end] - of_video[start])
     )
-    off = float(
+    largest = float(
         np.max(np.abs(scaled - (np.arange(of_video.size) - start) * duration)[start : end + 1])
     )
     # equal but for rounding
-    if off <= max(1e-3 * duration, 0.002):
+    if largest <= max(1e-3 * duration, 0.002):
         return None, ()
     warning = phrase(
         "the frames of the video are not equally spaced (times differ by up to {off:.3g} "
         "ms): the video's own times are used, as in "
         "Tracker",
-        off=off,
+        off=largest,
     )
     return scaled, (warning,)
 
@@ -349,7 +351,7 @@ def _read_axes(panel: Element) -> _Axes:
 
 
 def _unit(panel: Element, stated: str | None) -> tuple[float, str]:
-    """Metres in the unit of the calibration, and where that is said."""
+    """Metres in the unit of the calibration, and where that is stated."""
     element = panel.find("length_unit")
     written = element.text if element else ""
     if stated is not None:
@@ -372,8 +374,8 @@ def _unit(panel: Element, stated: str | None) -> tuple[float, str]:
 
 
 def _sticks(panel: Element, axes: _Axes) -> tuple[list[str], list[str]]:
-    """What the file says of every calibration stick at its first frame, and of a stick whose length
-    by the scale is not its stated length; sticks set the scale, so they agree unless one was
+    """What the file states of every calibration stick at its first frame, and of a stick whose
+    length by the scale is not its stated length; sticks set the scale, so they agree unless one was
     edited.
     """
     facts, warnings = [], []

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from estim.common import InputError, listed
 from estim.reading.archive import opened, unpacked
 from estim.reading.input_file import decoded
-from estim.reading.markup import Attributes, walk
+from estim.reading.markup import Attributes, parse_xml
 
 _MAX_ELEMENTS = 300_000
 _MAX_DEPTH = 100
@@ -107,7 +107,7 @@ def parse_tracker_xml(data: bytes) -> Element:
     stack = [(0, top)]  # line and parts of each element that has begun
     count = 0
 
-    def begun(tag: str, _: Attributes, line: int) -> None:
+    def on_start(tag: str, _: Attributes, line: int) -> None:
         nonlocal count
         count += 1
         if count > _MAX_ELEMENTS:
@@ -119,13 +119,13 @@ def parse_tracker_xml(data: bytes) -> Element:
             raise InputError(rule, field="XML", value=tag, line=line)
         stack.append((line, []))
 
-    def ended(tag: str, attributes: Attributes, text: str) -> None:
+    def on_end(tag: str, attributes: Attributes, text: str) -> None:
         line, parts = stack.pop()
         kind = attributes.get("class" if tag == "object" else "type", "")
         element = Element(line, tag, attributes.get("name", ""), kind, text.strip(), parts)
         stack[-1][1].append(element)
 
-    walk(written, ended, begun)
+    parse_xml(written, on_end, on_start)
     return top[0]
 
 
