@@ -121,7 +121,7 @@ def diagnose(
             *beyond_their_priors(fit.forces),
             *wrong_curves(fit.deviations),
             *(
-                [Finding(Kind.METHODS_DIFFER, parts=comparison.told)]
+                [Finding(Kind.METHODS_DIFFER, parts=comparison.findings)]
                 if sampled and comparison.verdict == "disagree"
                 else []
             ),
@@ -226,7 +226,9 @@ def sampling_findings(chain: Chain) -> list[Finding]:
     findings = []
     if not chain.convergence.met:
         findings.append(
-            Finding(Kind.CHAIN_SHORT, size=chain.convergence.n_step, parts=chain.convergence.told)
+            Finding(
+                Kind.CHAIN_SHORT, size=chain.convergence.n_step, parts=chain.convergence.findings
+            )
         )
     if chain.stuck:
         findings.append(Finding(Kind.WALKERS_STUCK, size=chain.stuck))
