@@ -36,9 +36,9 @@ def counts_as_readings(run: Observations) -> list[Finding]:
 
 def _are_counts(y: FloatArray, u: FloatArray) -> bool:
     root = np.sqrt(np.maximum(y, 1.0))  # an empty bin is often given the error 1
-    whole = bool(np.all((y >= 0.0) & (y == np.rint(y))))
+    integers = bool(np.all((y >= 0.0) & (y == np.rint(y))))
     return (
-        whole
+        integers
         and y.size >= 3
         and bool(np.ptp(y) > 0.0)
         and bool(np.all(np.abs(u - root) <= _CLOSE * root))
