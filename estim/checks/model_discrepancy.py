@@ -26,7 +26,7 @@ def deviation_finding(deviation: FoundDeviation, *, x_unit: str, y_unit: str) ->
         Kind.DEVIATION_UNDECIDED if deviation.probability > LIKELY else Kind.DEVIATION_UNLIKELY
     )
     kind = Kind.DEVIATION_FOUND if deviation.probability > SURE else undecided
-    numbers = {"typical": deviation.visible.typical, "most": deviation.visible.most}
+    numbers = {"typical": deviation.residual_part.typical, "most": deviation.residual_part.most}
     for name, size in (("smooth", deviation.smooth), ("correlated", deviation.correlated)):
         if size is not None:
             numbers[name] = (

@@ -110,7 +110,7 @@ def _best(
     """The reading by whose shift chi-squared falls most, what that does to the points (n_obs,), and
     how many readings were tried.
     """
-    back = shifts.felt(patterns, root.turned_back(np.column_stack([jacobian, z]).T).T)
+    back = shifts.projections(patterns, root.turned_back(np.column_stack([jacobian, z]).T).T)
     size, along, pulled = shifts.squares(root, patterns), back[:, :-1], back[:, -1]
     remainder = size - np.einsum("kp,pq,kq->k", along, inverse, along)
     # of its size, what the fit leaves of the error of a reading; less cannot be seen

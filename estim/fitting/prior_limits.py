@@ -81,7 +81,7 @@ def around(fit: Fit) -> Quadratic:
     scale = positive_or(fit.scale[curve], 1.0)
     whole = fit.forces or fit.deviations
     if whole:
-        told, score = whole[0].told
+        told, score = whole[0].information
         slope = told[:, curve] @ (fit.values - whole[0].about)[curve] - score
     else:
         told = fit.posterior.information(fit.values)
