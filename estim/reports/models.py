@@ -269,7 +269,7 @@ def _summary(row: ComparedModel) -> Json:
 
 
 def _predicted(one: Predicted) -> Json:
-    low, middle, high = np.quantile(one.again, [0.025, 0.5, 0.975], method="nearest")
+    low, middle, high = np.quantile(one.replicated, [0.025, 0.5, 0.975], method="nearest")
     return {
         "run": one.run,
         "statistic": one.name,
@@ -398,7 +398,7 @@ def predictive_figure(predicted: Sequence[Predicted], model: str) -> Figure:
 
 
 def _histogram(ax: Axes, one: Predicted) -> None:
-    again, observed = one.again * one.label.factor, one.observed * one.label.factor
+    again, observed = one.replicated * one.label.factor, one.observed * one.label.factor
     ends = (
         np.quantile(again[np.isfinite(again)], [_FAR / 2.0, 1.0 - _FAR / 2.0])
         if np.any(np.isfinite(again))
