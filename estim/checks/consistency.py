@@ -97,7 +97,7 @@ class Consistency:
     largest_spread : the parameter about which the runs differ most, and by how much between them;
         None where no campaign lets it vary.
     suspects : sources without which the rest agrees, most suspicious first; more than one where the
-        data cannot tell them apart.
+        data cannot distinguish them.
     agree : whether nothing is wrong.
     """
 

@@ -1,8 +1,8 @@
 """Counts that were stated as readings: whole y whose u_y is their own square root.
 
 Errors taken from the counts themselves make what came out low look precise, and drop an empty bin
-or give it an arbitrary error: the curve is pulled down, and its intervals hold less than they say
-(docs/statistics.md).
+or give it an arbitrary error: the curve is pulled down, and its intervals have less than their
+nominal coverage (docs/statistics.md).
 """
 
 from __future__ import annotations

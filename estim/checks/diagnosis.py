@@ -187,8 +187,8 @@ def _held_covariances(fit: Fit, kind: Kind) -> list[Finding]:
 
 
 def _equally_weighted_runs(fit: Fit) -> list[Finding]:
-    """That readings of runs count alike whatever the shared parameters, where flat weights of their
-    true values would show.
+    """That readings of runs have equal weights whatever the shared parameters, where flat weights
+    of their true values would show.
     """
     measure, readings = fit.measure, fit.problem.readings
     if measure is None or not readings or not measure.felt > _WEIGHTS_SHIFT:

@@ -66,7 +66,7 @@ def curve_findings(
 
 
 def _even_at_zero(fit: Fit, name: str) -> bool:
-    """Whether the posterior density has its mode where a parameter is 0, and falls off alike on
+    """Whether the posterior density has its mode where a parameter is 0, and falls off equally on
     both sides: the curve has no derivative there, however well the data determine the parameter.
     """
     sizes, i = np.logspace(-30.0, 30.0, 121), fit.names.index(name)  # in any unit

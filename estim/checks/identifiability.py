@@ -46,7 +46,7 @@ class Direction:
         0 for uniform ones.
     held_by : "data", "prior", or "nothing" (neither data nor prior: only edges of a range, if any).
     moves : the parameters that a step of one prior standard deviation along it changes, by how
-        much, and `whole` the value where a share of it says something.
+        much, and `whole` the value where a share of it is meaningful.
         words : the same in a sentence.
     """
 
@@ -94,8 +94,8 @@ def identify(fit: Fit) -> Identifiability:
 def _direction(
     fit: Fit, value: float, vector: FloatArray, pull: float, sds: FloatArray, responses: FloatArray
 ) -> Direction:
-    """One direction; of a silent one those that make up for one another are named, however short
-    their steps.
+    """One direction; of one without information those that compensate each other are named, however
+    short their steps.
 
     responses : (n_par,) by how many times the noise one prior sd of each parameter moves the data.
     """
@@ -115,7 +115,7 @@ def _moves(fit: Fit, vector: FloatArray, shares: FloatArray, sds: FloatArray) ->
             break
         parameter = fit.problem.parameters[i]
         label, value = parameter.label, abs(float(fit.values[i]))
-        # a percentage says something only of a value that is well away from zero, and nothing of an
+        # a percentage is meaningful only for a value that is well away from zero, and never for an
         # angle
         relative = label.factor == 1.0 and value > 3.0 * sds[i]
         moves.append(

@@ -50,7 +50,7 @@ _FAR = 2.0  # standard deviations from which the farthest point is stated
 class Estimate:
     """One quantity.
 
-    stated : what was said of it before the data, with its unit; "" for nothing.
+    stated : its value before the data, with its unit; "" for nothing.
     measured : whether the data constrain it.
     inferred : what was taken of it where nobody had stated it; else "".
     upper : 95 % limit of what may be zero, in its own unit; None for all others.

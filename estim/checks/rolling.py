@@ -88,7 +88,7 @@ def check_rolling(
 
 
 def way_of(run: Observations) -> float:
-    """The farthest reading of a run that is fit: what comes after it, the fit knows nothing of."""
+    """The farthest reading of a run that is fit: the fit has no information beyond it."""
     return float(np.max(run.position))
 
 

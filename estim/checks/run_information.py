@@ -1,6 +1,6 @@
 """The information of each run of a joint fit about what the runs share, apart from the others: a
 quadratic in copies of the shared parameters, one for each run; and all of it as measurements with
-unit errors.  `estim.checks.consistency` asks whether one value does for all copies.
+unit errors.  `estim.checks.consistency` tests whether one value fits all copies.
 
 The information of a run with an unmodelled force is that of a fit of its own, where the mean of its
 force over the track is part of the rolling resistance.  The joint fit gives each run a force of its

@@ -74,7 +74,7 @@ class DeviationSize:
 class FoundDeviation:
     """What the curve of one run lacks.
 
-    lacks : what was asked for.
+    lacks : the options.
     probability : P(amplitude > 0).  smooth, correlated : how it is read; None where it was not
         an option.
     residual_part : what of it the curve cannot make up for, with the points.
@@ -124,7 +124,7 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
     Where other runs share parameters, their information is that without a deviation.
     """
     lacks = run.lacks
-    assert lacks is not None, "asked for runs that may lack something"
+    assert lacks is not None, "called for runs that may lack something"
     root, shift, residuals, jacobian = _measured(run, problem, values, stated=lacks.stated)
     precision, pull = _other_information(run, problem, values)
     scales = _scales(lacks, root, residuals)
@@ -235,7 +235,7 @@ def _typical(root: Root) -> float:
 def _shapes(
     run: Observations, lacks: Discrepancy, scales: Mapping[str, float]
 ) -> tuple[Shape, ...]:
-    """What was asked for, each in units of the scale of its amplitude."""
+    """The shapes of the options, each in units of the scale of its amplitude."""
     groups = [deviation_shapes(run.x)] if lacks.deviation else []
     groups += [correlated_shapes(lacks.along)] if lacks.along is not None else []
     return tuple(shape.times(scales[shape.kind]) for shape in equally_probable(*groups))

@@ -425,7 +425,7 @@ class Tracked:
         scale: float,
         speeds: Sequence[FloatArray | None] | None = None,
     ) -> Tracked:
-        """speeds : of each run (n_obs,), where more is known than the curve at `named` says.
+        """speeds : of each run (n_obs,), where more is known than by the curve at `named`.
 
         scale : of the prior of the force.
         """
@@ -456,7 +456,7 @@ def _forced(
     *,
     speeds: Sequence[FloatArray | None] | None = None,
 ) -> _Forced:
-    """speeds : of each run (n_obs,), where more is known than the curve at `values` says."""
+    """speeds : of each run (n_obs,), where more is known than by the curve at `values`."""
     named, several = problem.named(values), len(runs) > 1
     frames = BadFrames() if several else bad.get(runs[0].name, BadFrames())
     points = StackedPoints(tuple(frames.moved(run.points) for run in runs))

@@ -13,8 +13,8 @@ and the probability of k from the integral over p.  Exact for a linear curve; el
 answer, and the proposal for the slow one.
 
 What was stated of the noise is never narrowed: a scale s < 1 may be the most probable (residuals
-that are too small, or red with little white noise in them), and then says how large the deviation
-is, but p is inferred with s = 1 beside it.
+that are too small, or red with little white noise in them), and then determines how large the
+deviation is, but p is inferred with s = 1 beside it.
 """
 
 from __future__ import annotations

@@ -176,5 +176,5 @@ def _inertias(
 def normal_covariance(base: Noise, points: Points, named: Named) -> StatedErrors:
     """The stated errors at the values `named`; they must be normal."""
     likelihood: Likelihood = base.likelihood(points, named)
-    assert likelihood.normal is not None, "asked where a campaign is read"
+    assert likelihood.normal is not None, "tested where a campaign is read"
     return StatedErrors(likelihood.normal.root(named), points.y - likelihood.y)

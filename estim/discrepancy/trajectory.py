@@ -97,9 +97,9 @@ class Trajectory:
         """(n_row,) the readings, for evaluations of the curve that must not depend on their
         errors.
         """
-        assert self.rows is not None, "asked where speeds are made of positions"
+        assert self.rows is not None, "called where speeds are made of positions"
         positions = self.rows.positions
-        assert positions is not None, "asked where speeds are made of positions"
+        assert positions is not None, "called where speeds are made of positions"
         return smoothed_positions(
             self.rows.t, positions, evaluated.speed(positions), _reading(noise, named)
         )

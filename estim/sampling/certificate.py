@@ -3,12 +3,12 @@
 
 Pareto-smoothed importance sampling from a proposal that was adapted to the posterior
 (`estim.sampling.proposal`): weights density/proposal, their largest replaced by quantiles of a
-fitted generalised Pareto distribution, whose shape k-hat says whether the weights can be trusted
+fitted generalised Pareto distribution, whose shape k-hat shows whether the weights can be trusted
 (below 0.7) (Vehtari, Simpson, Gelman, Yao, Gabry, J. Mach. Learn. Res. 25 (2024) 72).  It gives
 means, standard deviations, quantiles and the evidence, each with its Monte-Carlo error.
 
 What to use when: up to 14 parameters importance sampling checks a chain in some milliseconds;
-beyond, weights degenerate and the comparison says "missing" instead of a verdict.
+beyond, weights degenerate and the comparison is "missing" instead of a verdict.
 """
 
 from __future__ import annotations

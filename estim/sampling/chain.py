@@ -2,7 +2,7 @@
 
 Several independent ensembles of walkers start from the fit.  Sampling stops by itself when
 rank-normalised R-hat between the ensembles, effective sample sizes in bulk and tails, and the
-autocorrelation time all are good enough; a hard cap ends it otherwise, and the chain says
+autocorrelation time all are good enough; a hard cap ends it otherwise, and the chain is
 "not converged".
 
 What is fixed about the diagnostics: walkers of one ensemble move by each other, so R-hat compares

@@ -1,13 +1,13 @@
 """One run of a joint fit as a function of the parameters that it shares with others.
 
-Given the shared parameters s the runs are independent, and what a run says about s is its
+Given the shared parameters s the runs are independent, and the information of a run about s is its
 likelihood with its own parameters l (angle of release, tilt, its own noise) integrated out:
 
     m(s) = log integral of p(y | s, l) p(l) dl
 
 The integrand is close to a normal density in l around its mode l*(s).  Mode and covariance are
-found by Gauss-Newton steps at each s (`RunTerm.around`), from where the fit says that l follows s.
-They only say where to look: `RunTerm.log_marginal` evaluates the posterior itself there, at one
+found by Gauss-Newton steps at each s (`RunTerm.around`), from the regression of l on s at the fit.
+They only place the nodes: `RunTerm.log_marginal` evaluates the posterior itself there, at one
 node (Laplace) or at n x n Gauss-Hermite nodes, and `RunTerm.log_joint` serves exact importance
 weights, which hold however good they are.
 

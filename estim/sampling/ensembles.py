@@ -95,7 +95,7 @@ class EnsembleRun:
                 skip_initial_state_check=True,
             ):
                 self._state = state
-        except ValueError:  # of emcee, where a walker is asked to go to infinity
+        except ValueError:  # of emcee, where a walker moves to infinity
             if np.max(np.abs(self._state.coords)) < 1e100:
                 raise
             raise NumericalError(_RUNAWAY) from None

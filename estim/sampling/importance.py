@@ -110,7 +110,7 @@ def tempered(log_weights: FloatArray, least: float) -> FloatArray:
 
 
 def systematic(weights: FloatArray, n: int, rng: np.random.Generator) -> IntArray:
-    """(n,) indices, each draw as often as its weight says to within one."""
+    """(n,) indices, each draw in proportion to its weight, to within one."""
     edges = np.cumsum(weights)
     positions = (rng.random() + np.arange(n)) / n * edges[-1]
     return np.minimum(np.searchsorted(edges, positions), weights.size - 1)

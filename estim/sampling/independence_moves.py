@@ -78,7 +78,7 @@ class IndependenceMoves:
 
 
 class Moves:
-    """The moves of the walkers, as emcee asks for them: independent ones where
+    """The moves of the walkers, as emcee calls them: independent ones where
     `independence` has them, else one of `others`.
 
     others : moves with their probabilities, sum 1.

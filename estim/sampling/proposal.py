@@ -86,7 +86,7 @@ class Proposal:
 
         A proposal that was adapted to draws of itself may miss a long tail (of an outlier's width,
         say), and weights cannot show what was never drawn.  Where the wide draws find something,
-        k-hat and the effective size say so.
+        k-hat and the effective size show it.
         """
         return self.guarded(_FAR_SHARE, _FAR_FACTOR)
 
