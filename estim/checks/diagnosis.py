@@ -387,7 +387,7 @@ def marginal_tests(run: Goodness) -> list[Finding]:
             p=run.checks[name].p_value,
             numbers={"least": P_FLOOR},
         )
-        for name in run.hardly
+        for name in run.marginal
     ]
 
 

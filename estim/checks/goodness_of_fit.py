@@ -62,7 +62,7 @@ from estim.words import TESTS
 P_POOR_FIT = 1e-3  # of each test
 P_TOLD = 5e-3  # of `speed`, below which it is reported
 _CLIP = 3.0  # medians of the residuals, at which their size is clipped for it
-P_HARDLY = 0.01  # of `uneven` and `repeated`, of little power with few points: a note below it
+P_MARGINAL = 0.01  # of `uneven` and `repeated`, of little power with few points: a note below it
 # times what the instrument explains: nine tenths of the variance would be something else
 SCATTER_LIMIT = 3.0
 _NO_ERRORS = 1e-9  # standard deviations; residuals that are all smaller are rounding errors
@@ -167,12 +167,12 @@ class Goodness:
         return self._below if small else ()
 
     @property
-    def hardly(self) -> tuple[str, ...]:
+    def marginal(self) -> tuple[str, ...]:
         """Names of tests of the noise that the run passes, but not well."""
         return tuple(
             n
             for n in ("uneven", "repeated")
-            if n in self.checks and self.level <= self.checks[n].p_value < P_HARDLY / self.among
+            if n in self.checks and self.level <= self.checks[n].p_value < P_MARGINAL / self.among
         )
 
     @property

@@ -223,10 +223,10 @@ def inverse_times(rows: FloatArray, causes: FloatArray, white: float) -> FloatAr
 
 
 def keep_probable(
-    linearised: Linearised, *, columns: FloatArray | None = None, lost: float = 5e-3
+    linearised: Linearised, *, columns: FloatArray | None = None, neglected: float = 5e-3
 ) -> Mixture:
     """The mixture of the most probable components: those left out hold at most the posterior
-    probability `lost` together, and no probability that follows is off by more.
+    probability `neglected` together, and no probability that follows is off by more.
 
     columns : (n_obs, n_column) shifts of the observations by one standard deviation of each small
         systematic effect; None for none.  Give them to `linearise` as well (columns of the Jacobian
@@ -234,7 +234,7 @@ def keep_probable(
     """
     deviation, n_obs = linearised.deviation, linearised.deviation.n_obs
     order = np.argsort(linearised.weights)
-    dropped = order[np.cumsum(linearised.weights[order]) <= lost]
+    dropped = order[np.cumsum(linearised.weights[order]) <= neglected]
     keep = np.ones(order.size, dtype=bool)
     keep[dropped] = False
     families = [
