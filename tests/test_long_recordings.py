@@ -107,7 +107,7 @@ def test_of_dense_frames_none_beside_the_release_is_named(tmp_path, monkeypatch)
 
     assert named_of() == []
     assert named_of(bad=0.004) == [("frame", 400)]
-    monkeypatch.setattr(trajectory, "settled", lambda t, x, speed, sd: x)
+    monkeypatch.setattr(trajectory, "smoothed_positions", lambda t, x, speed, sd: x)
     named = named_of()
     assert named
     assert max(row for _, row in named) < 100
