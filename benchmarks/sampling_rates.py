@@ -54,7 +54,7 @@ def rates(seed: int) -> tuple[float, float]:
     spent = time.process_time() - began
     draws = np.moveaxis(chain.draws, 1, 2)
     ess = described(draws.reshape(-1, *draws.shape[2:]))[0]
-    mixed = adapted.beside(
+    mixed = adapted.mixed_with(
         ridge_proposal(density, optima.value, optima.cov, starts=optima.modes, support=support), 0.5
     )
     began = time.process_time()

@@ -417,7 +417,7 @@ def lacking() -> Case:
         root_of(sds**2), shapes, prior_grid(0.1, scales=(0.5, 1.0, 1.6), n_amplitude=4)
     )
     found = linearise(deviation, Y - line(VALUES), slopes, precision=np.diag([0.0, 0.0, 1.0]))
-    mixture = keep_probable(found, columns=push[:, None], lost=0.0)
+    mixture = keep_probable(found, columns=push[:, None], neglected=0.0)
     parts = [
         (
             np.exp(log),

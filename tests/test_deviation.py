@@ -97,7 +97,7 @@ def test_what_is_asked_at_a_point_is_that_of_dense_matrices(rng, diagonal):
         precision=np.eye(1),
     )
     for extra in (np.zeros((n, 0)), columns):
-        mixture = keep_probable(found, columns=extra, lost=0.0)
+        mixture = keep_probable(found, columns=extra, neglected=0.0)
         parts = [(w, c + extra @ extra.T) for w, c in dense(found.deviation, base, shapes)]
         truth = np.empty((3, n))
         for i in range(n):
@@ -135,12 +135,12 @@ def test_the_likelihood_of_draws_is_that_of_dense_matrices(rng, diagonal, few):
     residuals = rng.standard_normal((7, n)) * 0.4
     jacobian = np.vander(np.linspace(-1.0, 1.0, n), 2)
     found = linearise(deviation, residuals[0], jacobian, precision=np.eye(2))
-    everything = keep_probable(found, lost=0.0)
+    everything = keep_probable(found, neglected=0.0)
     truth = dense_likelihood(found.deviation, base, shapes, residuals)
     np.testing.assert_allclose(everything.log_likelihood(residuals), truth, atol=1e-6)
 
     columns = 0.3 * jacobian
-    tilted = keep_probable(found, columns=columns, lost=0.0)
+    tilted = keep_probable(found, columns=columns, neglected=0.0)
     truth = dense_likelihood(found.deviation, base, shapes, residuals, columns @ columns.T)
     np.testing.assert_allclose(tilted.log_likelihood(residuals), truth, atol=1e-6)
 
@@ -164,7 +164,7 @@ def test_what_is_left_out_is_no_more_than_stated(rng):
     deviation = diagonalise(root_of(np.full(n, 0.04)), two_shapes(n), prior_grid(2.0))
     r = rng.standard_normal(n) * 0.2 + 0.5 * np.sin(np.linspace(0.0, 6.0, n))
     found = linearise(deviation, r, np.ones((n, 1)), precision=np.eye(1))
-    whole, part = keep_probable(found, lost=0.0), keep_probable(found, lost=1e-3)
+    whole, part = keep_probable(found, neglected=0.0), keep_probable(found, neglected=1e-3)
     assert part.deviation.column("scale").size < 0.5 * whole.deviation.column("scale").size
     shifts = found.mean + 3.0 * np.sqrt(found.covariance[0]) * np.linspace(-1.0, 1.0, 41)[:, None]
     log_prior = -0.5 * np.square(shifts[:, 0])
@@ -181,7 +181,7 @@ def _moved_by(found, r, monkeypatch, *, roughness, **choices):
     """
     shifts = found.mean + np.sqrt(found.covariance[0]) * np.linspace(-5.0, 5.0, 401)[:, None]
     moments = []
-    for kept, left in (({"lost": 0.0}, 0.0), (choices, roughness)):
+    for kept, left in (({"neglected": 0.0}, 0.0), (choices, roughness)):
         monkeypatch.setattr("estim.discrepancy.mixture_likelihood._ROUGHNESS", left)
         logs = keep_probable(found, **kept).log_likelihood(r - shifts)
         density = np.exp(logs - np.max(logs)) * np.exp(-0.5 * np.square(shifts[:, 0]))
@@ -202,7 +202,7 @@ def test_what_is_left_out_moves_no_result(rng, monkeypatch, missing):
     found = linearise(deviation, r, np.ones((n, 1)), precision=np.eye(1))
     usual = _moved_by(found, r, monkeypatch, roughness=mixture_likelihood._ROUGHNESS)
     assert np.all(usual < 4000.0**-0.5)
-    assert np.any(_moved_by(found, r, monkeypatch, roughness=1e3, lost=0.5) > 0.03)
+    assert np.any(_moved_by(found, r, monkeypatch, roughness=1e3, neglected=0.5) > 0.03)
 
 
 def test_nothing_but_noise_may_be_left(rng):
@@ -214,7 +214,7 @@ def test_nothing_but_noise_may_be_left(rng):
         root_of(np.full(n, 0.04)), two_shapes(n), prior_grid(1.0, scales=(1.0,))
     )
     found = linearise(deviation, np.zeros(n), np.ones((n, 1)), precision=np.eye(1))
-    left = keep_probable(found, lost=1.0 - 0.99 * found.weights.max())
+    left = keep_probable(found, neglected=1.0 - 0.99 * found.weights.max())
     assert left.deviation.column("scale").size == 1
     residuals = 0.2 * rng.standard_normal((700, n))
     white = np.sum(stats.norm(scale=0.2).logpdf(residuals), axis=1)

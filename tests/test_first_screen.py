@@ -388,7 +388,7 @@ def test_probabilities_and_shares_are_written_one_way() -> None:
 
 def test_progress_is_the_share_of_the_draws_needed_by_the_criterion_farthest_from_met() -> None:
     at = Convergence(
-        n_step=300, rhat=1.005, ess_bulk=3000.0, ess_tail=1000.0, tau=3.0, met=False, told=()
+        n_step=300, rhat=1.005, ess_bulk=3000.0, ess_tail=1000.0, tau=3.0, met=False, findings=()
     )
     assert _percent(at, Target(ess=4000.0)) == 25
     assert _percent(replace(at, n_step=30), Target(ess=4000.0)) == 20  # of 50 autocorrelation times

@@ -73,7 +73,7 @@ def tied(
     parts = [SD**2 * np.eye(2 * X.size) + size**2 * factor @ factor.T for size in sizes]
     likely = root_of(parts[-1])
     shared = Together(
-        ("r0", "r2"), keep_probable(linear, lost=0.0), likely, Residuals(np.zeros(2 * X.size))
+        ("r0", "r2"), keep_probable(linear, neglected=0.0), likely, Residuals(np.zeros(2 * X.size))
     )
     return Problem(problem.parameters, problem.runs, (shared,)), parts
 

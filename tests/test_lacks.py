@@ -20,7 +20,7 @@ from estim.common.finding_kinds import Status
 from estim.discrepancy.curve_covariances import correlated_shapes, deviation_shapes, relative_grid
 from estim.discrepancy.kernels import root, without_mean
 from estim.discrepancy.linearised import linearise
-from estim.discrepancy.residual_part import see_deviation
+from estim.discrepancy.residual_part import find_residual_part
 from estim.discrepancy.scale_mixture import diagonalise
 from estim.fitting import fit_problem
 from estim.fitting.discrepancy_fit import fit_discrepancy
@@ -88,8 +88,8 @@ def test_a_wave_is_found_with_its_size_and_widens_what_it_can_be_mistaken_for(fo
     # what shows of it is the wave without its straight line, to three sds of a smoothed reading
     design = np.vander(X, 2)
     rest = WAVE - design @ np.linalg.lstsq(design, WAVE, rcond=None)[0]
-    np.testing.assert_allclose(lack.visible.mean, rest, atol=0.015)
-    inside = (lack.visible.quantiles[0] < rest) & (rest < lack.visible.quantiles[4])
+    np.testing.assert_allclose(lack.residual_part.mean, rest, atol=0.015)
+    inside = (lack.residual_part.quantiles[0] < rest) & (rest < lack.residual_part.quantiles[4])
     assert np.mean(inside) > 0.8
     sds = np.sqrt(np.diag(lack.cov))
     white = 0.01 * np.sqrt(np.diag(np.linalg.inv(design.T @ design)))[::-1]
@@ -334,7 +334,7 @@ def test_what_shows_is_that_of_dense_matrices(folder):
         design,
         precision=np.zeros((2, 2)),
     )
-    seen = see_deviation(linear, run, (shape.times(0.05),))
+    seen = find_residual_part(linear, run, (shape.times(0.05),))
     scaled = np.sqrt(3.0) * np.abs(X[:, None] - X) / shape.length
     kernel = 0.04**2 * (1.0 + scaled) * np.exp(-scaled)
     plain = np.linalg.inv(kernel + 1e-4 * np.eye(40))

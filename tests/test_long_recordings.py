@@ -15,7 +15,7 @@ from estim import fit_curve, levenberg_marquardt, load_campaign
 from estim.checks.goodness_of_fit import Goodness
 from estim.discrepancy import BadFrames, FreeStart, Trajectory, bad_frames, pose_forces, trajectory
 from estim.discrepancy.autocorrelated import AutoCorrelated
-from estim.discrepancy.smoothing import settled
+from estim.discrepancy.smoothing import smoothed_positions
 from estim.model import Body, back_and_forth
 from estim.problem import correlated_normal, roots
 from estim.problem.roots import LowRankRoot
@@ -107,7 +107,7 @@ def test_of_dense_frames_none_beside_the_release_is_named(tmp_path, monkeypatch)
 
     assert named_of() == []
     assert named_of(bad=0.004) == [("frame", 400)]
-    monkeypatch.setattr(trajectory, "settled", lambda t, x, speed, sd: x)
+    monkeypatch.setattr(trajectory, "smoothed_positions", lambda t, x, speed, sd: x)
     named = named_of()
     assert named
     assert max(row for _, row in named) < 100
@@ -127,7 +127,7 @@ def test_readings_settle_where_they_are_dense_and_nowhere_else():
         t = np.linspace(0.09, 1.0, n)
         true = 0.5 * a * t**2
         errors = sd * rng.standard_normal(n)
-        off = settled(t, true + errors, a * t, sd) - true
+        off = smoothed_positions(t, true + errors, a * t, sd) - true
         if dense:
             half = 2.0 * sd / (a * t) * n / 0.91  # readings to either side
             many = (half > 2.0) & (t > 0.12)
@@ -144,7 +144,7 @@ def test_beside_a_turning_point_readings_stay_on_their_path():
     sd, a, t = 2e-4, 0.3, np.linspace(-1.0, 1.0, 4001)
     x = -0.5 * a * t**2
     # the curve stops too early
-    off = settled(t, x, np.zeros(t.size) + 1.0 * (np.abs(t) > 0.9) * a, sd) - x
+    off = smoothed_positions(t, x, np.zeros(t.size) + 1.0 * (np.abs(t) > 0.9) * a, sd) - x
     assert 0.01 * sd < np.max(np.abs(off)) < sd / 15.0
 
 

@@ -297,7 +297,7 @@ def test_many_runs_share_the_foremost_parameters(rng):
 
 def test_of_many_runs_priors_are_asked_for_where_a_run_needs_both(rng):
     problem, _ = lines(MANY, rng, Normal(1.0, 0.5))
-    beside = prior_sensitivity._beside(problem)
+    beside = prior_sensitivity._neighbours(problem)
     assert [problem.names[i] for i in beside[2]] == ["slope", "bend", "offset[0]"]
     assert len(beside[0]) == problem.n_par
 

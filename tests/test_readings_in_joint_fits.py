@@ -15,7 +15,7 @@ from joint_runs import U_OFFSET, U_TILT, U_Y, readings
 from estim import DataSet, fit_curves, load_campaign
 from estim.calibration.experiment import PointDesign
 from estim.calibration.trial import ESS, TrialPlan, _experiment, posterior_draws
-from estim.checks.diagnosis import _counting_alike
+from estim.checks.diagnosis import _equally_weighted_runs
 from estim.fitting import fit_problem
 from estim.fitting.incidental_parameters import measure_of
 from estim.fitting.least_squares import Fit, fit_least_squares
@@ -194,7 +194,9 @@ def test_a_force_changes_nothing_about_how_readings_count() -> None:
 
 
 def test_it_is_told_where_flat_weights_would_show() -> None:
-    few, many = (_counting_alike(fitted(readings(n, np.random.default_rng(1)))) for n in (1, 16))
+    few, many = (
+        _equally_weighted_runs(fitted(readings(n, np.random.default_rng(1)))) for n in (1, 16)
+    )
     assert few == []
     assert many[0].numbers == {"runs": 16}
     assert many[0].size == pytest.approx(U_TILT * 4.0, rel=0.3)

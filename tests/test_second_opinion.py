@@ -137,7 +137,10 @@ def test_adapted_proposal_alone_leaves_it_out_and_its_own_weights_do_not_show_th
     # along the ridges it is seen, by importance sampling as well
     ridges = ridge_proposal(fit.posterior, fit.values, fit.cov, support=fit.problem.support())
     other = certify(
-        fit.posterior, alone.beside(ridges, 0.5), rng=np.random.default_rng(3), least_ess=20_000.0
+        fit.posterior,
+        alone.mixed_with(ridges, 0.5),
+        rng=np.random.default_rng(3),
+        least_ess=20_000.0,
     )
     assert other.reliable
     assert abs(other.sd[1] - grid().sd) < 4.0 * other.mcse_sd[1] < 0.04 * grid().sd
@@ -160,7 +163,7 @@ def second_proposal(fit: Fit) -> Proposal:
         fit.posterior, fit.values, fit.cov, rng=np.random.default_rng(2), starts=tuple(fit.others)
     )
     ridges = ridge_proposal(fit.posterior, fit.values, fit.cov, support=fit.problem.support())
-    return adapted.beside(ridges, 0.5)
+    return adapted.mixed_with(ridges, 0.5)
 
 
 def test_importance_sampling_goes_on_until_the_ends_of_a_heavy_tail_are_known(

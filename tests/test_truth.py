@@ -184,7 +184,7 @@ def test_neighbours_that_are_alike_are_borne_beside_a_force_and_no_larger_than_s
     (borne,) = check_goodness(
         fit_problem(problem, rng=np.random.default_rng(1)), rng=np.random.default_rng(1)
     )
-    assert borne.alike == ("autocorrelation",)
+    assert borne.tolerated == ("autocorrelation",)
     assert borne.failed == ()
     (finding,) = tolerated_pattern(borne)
     assert finding.status.ok

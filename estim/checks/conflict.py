@@ -8,16 +8,16 @@ stated values in their standard uncertainties, the two differ by
     T = sum (e . z)^2 (1 + 1/lambda)          chi^2 with as many degrees of freedom as terms
 
 which is chi^2 at the joint minimum minus that of the data alone: exact for a linear curve and
-normal priors, when the true values come from the priors.  Directions of which the data know less
-than 1 % of what the prior knows are left out: there is nothing to compare.
+normal priors, when the true values come from the priors.  Directions in which the data have less
+than 1 % of the information of the prior are left out: there is nothing to compare.
 
-The pull of one stated value is its distance from what data and all other stated values say, in
-standard deviations of that distance,
+The pull of one stated value is its distance from the estimate by the data and all other stated
+values, in standard deviations of that distance,
 
     z_i / sqrt(1 - u_i^2/s_i^2),      u_i the standard uncertainty after and s_i before,
 
 whose square is chi^2 at the joint minimum minus that without the one stated value.  Values of a
-joint prior are left out one by one too: the others keep what they say without it.
+joint prior are left out one by one too: the others keep their marginal distribution.
 
 A free parameter that meets the hard edge of its range gives way no further, so what it would have
 taken up stays in chi^2.  Therefore each of these minima is sought within the edges: a bounded
@@ -51,7 +51,7 @@ from estim.problem import Prior, Problem
 P_CONFLICT = 0.01
 P_FLAGRANT = 1e-6  # then there is nothing to sample
 _LOOSER, _MOST_LOG_SD, _N_START = 100.0, 10.0, 6
-_HOPELESS = 100.0  # mean square of whitened residuals: no settling of weights makes 1 of it
+_HOPELESS = 100.0  # mean square of whitened residuals: no iteration of weights makes 1 of it
 NOTE_BELOW = 0.05
 # information of the data, in units of the prior's, below which there is nothing to compare
 _LEAST = 0.01
@@ -64,8 +64,9 @@ _NAMED = 3
 class Conflict:
     """The data against the stated values.
 
-    chi2, dof, p_value : T; dof 0 where the data say nothing about anything stated (then p is 1).
-    pulls : parameter -> pull of its stated value, positive where all else says more, largest first;
+    chi2, dof, p_value : T; dof 0 where the data constrain nothing that was stated (then p is 1).
+    pulls : parameter -> pull of its stated value, positive where all else gives more, largest
+        first;
         parameters that the data narrow by less than 0.5 % are left out.
     explained : whether the curve explains the data where nothing is stated; then what was stated is
         wrong, else the curve.
@@ -114,20 +115,20 @@ def check_stated_values(fit: Fit) -> Conflict:
         1.0 - np.sum((each.T @ vectors) ** 2 / (1.0 + np.maximum(values, 0.0)), axis=1) > least
     )  # 1 - u^2/s^2
     pulled = [p.prior.pull(value) for p, value in zip(problem.parameters, fit.values, strict=True)]
-    off = problem.decorrelated(np.array(pulled))[curve[stated]]
-    together = model.least(pull_rows, off)[1]
+    offset = problem.decorrelated(np.array(pulled))[curve[stated]]
+    joint = model.least(pull_rows, offset)[1]
     uncompared = vectors[:, ~compared].T
-    chi2 = max(0.0, together - model.least(uncompared @ pull_rows, uncompared @ off)[1])
+    chi2 = max(0.0, joint - model.least(uncompared @ pull_rows, uncompared @ offset)[1])
     dof = int(np.sum(compared))
-    pull_values = _pulls_at_once(model, pull_rows, off, each)
+    pull_values = _pulls_at_once(model, pull_rows, offset, each)
     pulls = {}
     for k in np.flatnonzero(informed):
         if math.isnan(pull_values[k]):
             others = np.eye(stated.size) - np.outer(each[:, k], each[:, k])
-            step, without = model.least(others @ pull_rows, others @ off)
+            step, without = model.least(others @ pull_rows, others @ offset)
             pull_values[k] = math.copysign(
-                math.sqrt(max(0.0, together - without)),
-                float(each[:, k] @ (pull_rows @ step + off)),
+                math.sqrt(max(0.0, joint - without)),
+                float(each[:, k] @ (pull_rows @ step + offset)),
             )
         pulls[fit.names[curve[stated[k]]]] = float(pull_values[k])
     p_value = chi2_p(chi2, dof)
@@ -143,7 +144,7 @@ def check_stated_values(fit: Fit) -> Conflict:
 
 
 def _pulls_at_once(
-    model: Quadratic, pull_rows: FloatArray, off: FloatArray, each: FloatArray
+    model: Quadratic, pull_rows: FloatArray, offset: FloatArray, each: FloatArray
 ) -> FloatArray:
     """(n_stated,) the pulls of all stated values from one solution; nan where leaving one out would
     lead beyond an edge.  each : (n_stated, n_stated) which combination of the rows is one of them.
@@ -155,25 +156,25 @@ def _pulls_at_once(
         np.vstack([model.rows, pull_rows]) * model.scale,
         each.T @ pull_rows * model.scale,
     )
-    aim = np.concatenate([model.aim, -off])
+    aim = np.concatenate([model.aim, -offset])
     try:
         np.linalg.cholesky(rows.T @ rows)
         solved = np.linalg.solve(rows.T @ rows, np.column_stack([rows.T @ aim, scaled.T]))
     except np.linalg.LinAlgError:
-        return np.full(off.size, np.nan)
-    step, follow = solved[:, 0], solved[:, 1:]
-    residual, room = scaled @ step + each.T @ off, 1.0 - np.sum(scaled * follow.T, axis=1)
+        return np.full(offset.size, np.nan)
+    step, responses = solved[:, 0], solved[:, 1:]
+    residual, room = scaled @ step + each.T @ offset, 1.0 - np.sum(scaled * responses.T, axis=1)
     room = np.where(room > ALONE, room, np.nan)
     # with all of them, and without each
-    ends = np.column_stack([step, step[:, None] + follow * (residual / room)])
+    ends = np.column_stack([step, step[:, None] + responses * (residual / room)])
     low, high = (edge[:, None] / model.scale[:, None] for edge in (model.low, model.high))
     inside = np.all((ends >= low) & (ends <= high), axis=0)
     return np.where(inside[0] & inside[1:], residual / np.sqrt(room), np.nan)
 
 
 def _distance(problem: Problem, unstated: Fit, i: int) -> float:
-    """Of one stated value from what data and all other stated values say, in standard deviations of
-    that distance.
+    """Of one stated value from the estimate by the data and all other stated values, in standard
+    deviations of that distance.
     """
     stated = problem.parameters[i]
     prior = stated.prior

@@ -2,7 +2,7 @@
 
 Pooling runs is only right if they do.  Around the joint mode every run is a quadratic in the shared
 parameters s (its own ones are fitted for each s, with their priors), which is the same as a
-measurement  t_r = G_r^T s + unit errors  of as many combinations of s as the run says anything
+measurement  t_r = G_r^T s + unit errors  of as many combinations of s as the run has information
 about; stated values (priors) of shared parameters are one more such source.  With Q(F) the joint
 least squares of all of them where the sources F have values of their own,
 
@@ -11,19 +11,19 @@ least squares of all of them where the sources F have values of their own,
                               from all others together
 
 Both are exact for a linear problem, and the first is then the joint minimum of chi^2 minus the sum
-of the separate ones, with the priors counted once.  Values of their own are asked about in those
-directions of s that the runs together tell; where only the stated values do (a tilt, masses), they
-stay common, with the uncertainty that was stated.
+of the separate ones, with the priors counted once.  Values of their own are tested in those
+directions of s that the runs together constrain; where only the stated values do (a tilt, masses),
+they stay common, with the uncertainty that was stated.
 
-A run with an unmodelled force enters with what it says by itself
+A run with an unmodelled force enters with its information by itself
 (`estim.checks.run_information`), the errors of the runs taken as independent: where a force
 repeats, runs are closer to each other than that, and the test is cautious.  Which run disagrees:
-the one whose D_r^2 is least probable, after Holm's correction for asking every source; if without
+the one whose D_r^2 is least probable, after Holm's correction for testing every source; if without
 it the rest agrees, it is named.
 
 Separate fits of other runs are not needed: alone, a run leaves directions to its priors and leans
 on their edges, where a fit is no normal variable.  Directions in which a source has next to no
-information are left out: there it is silent, and far from linear.
+information are left out: there it is far from linear.
 
 Sources: Rao, Linear Statistical Inference (1973) 4a.2 (tests of nested hypotheses) and 6e (scores);
 Holm, Scand. J. Stat. 6 (1979) 65.
@@ -94,10 +94,10 @@ class Consistency:
         any).
     alone : run -> estimate from this run and the stated values; others : run -> from all but this
         run; joint : from all.
-    apart : the parameter about which the runs differ most, and by how much between them; None where
-        no campaign lets it vary.
+    largest_spread : the parameter about which the runs differ most, and by how much between them;
+        None where no campaign lets it vary.
     suspects : sources without which the rest agrees, most suspicious first; more than one where the
-        data cannot tell them apart.
+        data cannot distinguish them.
     agree : whether nothing is wrong.
     """
 
@@ -111,13 +111,13 @@ class Consistency:
     alone: Mapping[str, SharedEstimate]
     others: Mapping[str, SharedEstimate]
     joint: SharedEstimate
-    apart: Amount | None
+    largest_spread: Amount | None
     suspects: tuple[str, ...]
     agree: bool
 
     @property
     def finding(self) -> Finding:
-        """What to say of it."""
+        """The result as a finding."""
         kind = (
             Kind.RUNS_UNCOMPARED
             if self.dof == 0
@@ -137,16 +137,16 @@ class Consistency:
         run = self.suspects[0] if kind is Kind.RUN_DISAGREES else ""
         quantified = (
             kind in (Kind.RUNS_DISAGREE, Kind.RUN_DISAGREES, Kind.RUNS_TIED)
-            and self.apart is not None
+            and self.largest_spread is not None
         )
-        apart = (self.apart,) if quantified and self.apart else ()
+        largest_spread = (self.largest_spread,) if quantified and self.largest_spread else ()
         return Finding(
             kind,
             run=run,
             p=self.p_value,
             size=len(self.alone),
             names=self.suspects,
-            parameters=apart,
+            parameters=largest_spread,
         )
 
     @property
@@ -163,7 +163,7 @@ def comparable(fit: Fit) -> bool:
 
 
 def _shared(problem: Problem) -> IntArray:
-    """Places of the parameters of the curve that more than one run uses."""
+    """Indices of the parameters of the curve that more than one run uses."""
     users = Counter(name for run in problem.runs for name in run.parameters)
     return np.flatnonzero(
         [
@@ -203,17 +203,19 @@ def check_consistency(fit: Fit) -> Consistency:
     rows = measurements(copies)
     tested = [name for name in (*names, PRIORS) if rows.moves[name].size]
     chi2, dof = rows.between((), tested)
-    judged = _each_against_others(tested, rows)
+    comparisons = _each_against_others(tested, rows)
     p_value = chi2_p(chi2, dof)
-    agree = p_value >= P_INCONSISTENT and all(row.p_holm >= P_INCONSISTENT for row in judged)
-    suspects = () if agree else _suspects(judged, rows)
+    agree = p_value >= P_INCONSISTENT and all(row.p_holm >= P_INCONSISTENT for row in comparisons)
+    suspects = () if agree else _suspects(comparisons, rows)
     centre = fit.values[shared]
     prior = copies[-1].together
-    of = {name: copy for copy in copies for name in copy.sources}
+    copy_of = {name: copy for copy in copies for name in copy.sources}
     others = {
         copy: total_of([other.together for other in copies if other is not copy]) for copy in copies
     }
-    alone = {name: _estimate(centre, total_of([of[name].alone(name), prior])) for name in names}
+    alone = {
+        name: _estimate(centre, total_of([copy_of[name].alone(name), prior])) for name in names
+    }
     return Consistency(
         shared=tuple(problem.names[i] for i in shared),
         labels=tuple(problem.parameters[i].label for i in shared),
@@ -226,20 +228,20 @@ def check_consistency(fit: Fit) -> Consistency:
         chi2=chi2,
         dof=dof,
         p_value=p_value,
-        rows=judged,
+        rows=comparisons,
         alone=alone,
         others={
-            name: _estimate(centre, total_of([of[name].without(name), others[of[name]]]))
+            name: _estimate(centre, total_of([copy_of[name].without(name), others[copy_of[name]]]))
             for name in names
         },
         joint=SharedEstimate(centre, fit.scale[shared]),
-        apart=_apart(fit, shared, list(alone.values())),
+        largest_spread=_largest_spread(fit, shared, list(alone.values())),
         suspects=suspects,
         agree=agree,
     )
 
 
-def _apart(fit: Fit, shared: IntArray, alone: Sequence[SharedEstimate]) -> Amount | None:
+def _largest_spread(fit: Fit, shared: IntArray, alone: Sequence[SharedEstimate]) -> Amount | None:
     """The shared parameter whose values by each run and what was stated differ most in their
     standard deviations, and their own deviation.
     """
@@ -249,16 +251,16 @@ def _apart(fit: Fit, shared: IntArray, alone: Sequence[SharedEstimate]) -> Amoun
     weights = np.square([estimate.sd for estimate in alone]) ** -1.0  # 0: undetermined
     values = np.where(weights > 0.0, means, 0.0)
     total = np.maximum(weights.sum(axis=0), np.finfo(float).tiny)
-    off = weights * np.square(values - np.sum(weights * values, axis=0) / total)
-    excess = np.sum(off, axis=0) / np.maximum(np.sum(weights > 0.0, axis=0) - 1, 1)
+    squares = weights * np.square(values - np.sum(weights * values, axis=0) / total)
+    excess = np.sum(squares, axis=0) / np.maximum(np.sum(weights > 0.0, axis=0) - 1, 1)
     i = int(np.argmax(excess))
     parameter = fit.problem.parameters[shared[i]]
-    spread = float(np.sqrt(np.sum(off[:, i]) / total[i]))
+    spread = float(np.sqrt(np.sum(squares[:, i]) / total[i]))
     return Amount(parameter.name, spread, parameter.label) if spread > 0.0 else None
 
 
 def _each_against_others(sources: Sequence[str], rows: Rows) -> tuple[Disagreement, ...]:
-    """Each source against all others, with p values corrected for asking all of them."""
+    """Each source against all others, with p values corrected for testing all of them."""
     distances = {source: rows.between((), (source,)) for source in sources}
     p_values = {source: chi2_p(*distance) for source, distance in distances.items()}
     compared = sorted(
@@ -273,18 +275,18 @@ def _each_against_others(sources: Sequence[str], rows: Rows) -> tuple[Disagreeme
     )
 
 
-def _suspects(judged: Sequence[Disagreement], rows: Rows) -> tuple[str, ...]:
+def _suspects(comparisons: Sequence[Disagreement], rows: Rows) -> tuple[str, ...]:
     """Sources without which the others agree, those least probable first; only those that explain
     it about as well as the best.
     """
-    sources = tuple(row.source for row in judged)
-    healing = [
+    sources = tuple(row.source for row in comparisons)
+    explaining = [
         row
-        for row in sorted(judged, key=lambda row: row.p_value)
+        for row in sorted(comparisons, key=lambda row: row.p_value)
         if row.p_value < P_INCONSISTENT <= chi2_p(*rows.between((row.source,), sources))
     ]
-    best = healing[0].p_value if healing else 0.0
-    return tuple(row.source for row in healing if row.p_value <= 100.0 * best)
+    best = explaining[0].p_value if explaining else 0.0
+    return tuple(row.source for row in explaining if row.p_value <= 100.0 * best)
 
 
 def _estimate(centre: FloatArray, quadratic: Quadratic) -> SharedEstimate:

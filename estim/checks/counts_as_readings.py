@@ -1,8 +1,8 @@
 """Counts that were stated as readings: whole y whose u_y is their own square root.
 
 Errors taken from the counts themselves make what came out low look precise, and drop an empty bin
-or give it an arbitrary error: the curve is pulled down, and its intervals hold less than they say
-(docs/statistics.md).
+or give it an arbitrary error: the curve is pulled down, and its intervals have less than their
+nominal coverage (docs/statistics.md).
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ def counts_as_readings(run: Observations) -> list[Finding]:
 
 def _are_counts(y: FloatArray, u: FloatArray) -> bool:
     root = np.sqrt(np.maximum(y, 1.0))  # an empty bin is often given the error 1
-    whole = bool(np.all((y >= 0.0) & (y == np.rint(y))))
+    integers = bool(np.all((y >= 0.0) & (y == np.rint(y))))
     return (
-        whole
+        integers
         and y.size >= 3
         and bool(np.ptp(y) > 0.0)
         and bool(np.all(np.abs(u - root) <= _CLOSE * root))

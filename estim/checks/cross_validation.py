@@ -1,5 +1,5 @@
-"""How well a model predicts frames that it has not seen: leave-one-out cross-validation from one
-set of draws.
+"""How well a model predicts frames that it was not fitted to: leave-one-out cross-validation from
+one set of draws.
 
 Vehtari, Gelman, Gabry, Stat. Comput. 27 (2017) 1413: the draws are reweighted by 1/p(y_i | all
 else), the weights Pareto-smoothed.  A frame whose k-hat is above 0.7 decides the fit by itself; its

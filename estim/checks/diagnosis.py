@@ -34,11 +34,11 @@ _FLAT = 0.05
 
 # standard deviations of a parameter, by which a run whose covariance is held may move those of
 # others
-_HELD_FELT = 0.2
-# the same, by which flat weights of readings would move it, from which on it is told that they
-# count alike
-_ALIKE = 0.3
-_DRAWS = 4000  # that are weighed for it
+_HELD_INFLUENCE = 0.2
+# the same, by which flat weights of readings would move it, from which on equal weights are
+# reported
+_WEIGHTS_SHIFT = 0.3
+_DRAWS = 4000  # that are weighted for it
 
 # tests; residuals that fail one of them are no noise, wherever they are large
 _OF_ORDER = frozenset({"runs", "autocorrelation", "trend"})
@@ -46,10 +46,10 @@ _OF_ORDER = frozenset({"runs", "autocorrelation", "trend"})
 # share of outliers beyond which they may be another motion, and the frames called good a part of it
 _CROWD = 0.35
 
-_MOST_TOLD = 5  # separate solutions that are listed
-# sds by which solutions must differ in a parameter for it to be told, beside the one in which they
-# differ most
-_APART = 0.5
+_MOST_LISTED = 5  # separate solutions that are listed
+# sds by which solutions must differ in a parameter for it to be reported, beside the one in which
+# they differ most
+_LEAST_DIFFERENCE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +121,7 @@ def diagnose(
             *beyond_their_priors(fit.forces),
             *wrong_curves(fit.deviations),
             *(
-                [Finding(Kind.METHODS_DIFFER, parts=comparison.told)]
+                [Finding(Kind.METHODS_DIFFER, parts=comparison.findings)]
                 if sampled and comparison.verdict == "disagree"
                 else []
             ),
@@ -132,7 +132,9 @@ def diagnose(
         ]
     )
     remarks = (
-        _held(fit, Kind.COVARIANCE_HELD) + _counting_alike(fit) + _remarks(fit, goodness, conflict)
+        _held_covariances(fit, Kind.COVARIANCE_HELD)
+        + _equally_weighted_runs(fit)
+        + _remarks(fit, goodness, conflict)
     )
     if not any(finding.kind is Kind.OPEN_SIDE for finding in unheld):
         draws = dict(zip(fit.names, chain.flat.T, strict=True))
@@ -163,30 +165,33 @@ def _convergence(fit: Fit, chain: Chain) -> list[Finding]:
     if not fit.success:
         mover = (Amount(fit.mover),) if fit.mover else ()
         unsettled.append(Finding(Kind.FIT_UNSETTLED, size=fit.moved, parameters=mover))
-    return unsettled + _held(fit, Kind.FIT_UNSETTLED) + sampling_findings(chain)
+    return unsettled + _held_covariances(fit, Kind.FIT_UNSETTLED) + sampling_findings(chain)
 
 
-def _held(fit: Fit, kind: Kind) -> list[Finding]:
-    """The runs whose covariance was held, where other parameters feel that (the fit did not
-    settle), or where they do not (a note).
+def _held_covariances(fit: Fit, kind: Kind) -> list[Finding]:
+    """The runs whose covariance was held, where that influences other parameters (the fit
+    did not settle), or where it does not (a note).
     """
-    influence = max((held.influence for held in fit.held), default=0.0)
-    if not fit.held or (influence > _HELD_FELT) != (kind is Kind.FIT_UNSETTLED):
+    influence = max((record.influence for record in fit.held), default=0.0)
+    if not fit.held or (influence > _HELD_INFLUENCE) != (kind is Kind.FIT_UNSETTLED):
         return []
-    names = tuple(name for held in fit.held for name in held.runs)
+    names = tuple(name for record in fit.held for name in record.runs)
     return [
         Finding(
-            kind, size=max(held.off for held in fit.held), numbers={"felt": influence}, names=names
+            kind,
+            size=max(record.off for record in fit.held),
+            numbers={"felt": influence},
+            names=names,
         )
     ]
 
 
-def _counting_alike(fit: Fit) -> list[Finding]:
-    """That readings of runs count alike whatever the shared parameters, where flat weights of their
-    true values would show.
+def _equally_weighted_runs(fit: Fit) -> list[Finding]:
+    """That readings of runs have equal weights whatever the shared parameters, where flat weights
+    of their true values would show.
     """
     measure, readings = fit.measure, fit.problem.readings
-    if measure is None or not readings or not measure.influence > _ALIKE:
+    if measure is None or not readings or not measure.influence > _WEIGHTS_SHIFT:
         return []
     n_run = sum(not run.curve_parameters.isdisjoint(readings) for run in fit.problem.runs)
     return [Finding(Kind.RUNS_COUNT_ALIKE, size=measure.influence, numbers={"runs": n_run})]
@@ -214,11 +219,11 @@ def _uniform_priors(fit: Fit, chain: Chain) -> list[Finding]:
     weights = np.exp(log_weights - np.max(log_weights))
     shifts = (np.average(draws, axis=0, weights=weights) - draws.mean(axis=0)) / draws.std(axis=0)
     most = max(problem.of_curve, key=lambda i: abs(shifts[i]))
-    if not abs(shifts[most]) > _ALIKE:
+    if not abs(shifts[most]) > _WEIGHTS_SHIFT:
         return []
-    places = (most, *np.flatnonzero(problem.limited))
-    told = tuple(Amount(fit.names[i], label=problem.parameters[i].label) for i in places)
-    return [Finding(Kind.UNIFORM_PRIOR_MOVES, size=float(shifts[most]), parameters=told)]
+    indices = (most, *np.flatnonzero(problem.limited))
+    amounts = tuple(Amount(fit.names[i], label=problem.parameters[i].label) for i in indices)
+    return [Finding(Kind.UNIFORM_PRIOR_MOVES, size=float(shifts[most]), parameters=amounts)]
 
 
 def sampling_findings(chain: Chain) -> list[Finding]:
@@ -226,7 +231,9 @@ def sampling_findings(chain: Chain) -> list[Finding]:
     findings = []
     if not chain.convergence.met:
         findings.append(
-            Finding(Kind.CHAIN_SHORT, size=chain.convergence.n_step, parts=chain.convergence.told)
+            Finding(
+                Kind.CHAIN_SHORT, size=chain.convergence.n_step, parts=chain.convergence.findings
+            )
         )
     if chain.stuck:
         findings.append(Finding(Kind.WALKERS_STUCK, size=chain.stuck))
@@ -238,11 +245,14 @@ def several_solutions(fit: Fit, modes: Modes) -> list[Finding]:
     if not modes.several:
         return []
     sds = fit.scale
-    apart = np.max(np.abs(modes.values[1:] - modes.values[0]), axis=0) / positive_or(sds, np.inf)
-    farthest = np.argsort(-apart)[:3].tolist()
+    largest = np.max(np.abs(modes.values[1:] - modes.values[0]), axis=0)
+    differences = largest / positive_or(sds, np.inf)
+    farthest = np.argsort(-differences)[:3].tolist()
     parameters = [
         fit.problem.parameters[i]
-        for i in sorted(i for i in farthest if apart[i] > _APART or i == farthest[0])
+        for i in sorted(
+            i for i in farthest if differences[i] > _LEAST_DIFFERENCE or i == farthest[0]
+        )
     ]
     solutions = [
         Finding(
@@ -252,7 +262,9 @@ def several_solutions(fit: Fit, modes: Modes) -> list[Finding]:
                 Amount(p.name, float(values[fit.names.index(p.name)]), p.label) for p in parameters
             ),
         )
-        for values, share in zip(modes.values[:_MOST_TOLD], modes.shares[:_MOST_TOLD], strict=True)
+        for values, share in zip(
+            modes.values[:_MOST_LISTED], modes.shares[:_MOST_LISTED], strict=True
+        )
     ]
     return [Finding(Kind.SEVERAL_SOLUTIONS, size=len(modes.values), parts=tuple(solutions))]
 
@@ -268,7 +280,7 @@ def same_curve(fit: Fit) -> tuple[Finding, ...]:
 
 
 def unidentified(fit: Fit, identifiability: Identifiability) -> tuple[Finding, ...]:
-    """What neither the data nor the priors hold, as the fit says before any draw."""
+    """What neither the data nor the priors hold, as the fit shows before any draw."""
     return (*_flat_directions(fit, identifiability), *open_sides(fit, fit.scale))
 
 
@@ -339,12 +351,16 @@ def _larger(runs: Sequence[Goodness]) -> Kind:
 
 
 def tolerated_pattern(run: Goodness) -> list[Finding]:
-    """A pattern in the residuals that the stated error covers, or that the intervals bear."""
-    if run.alike:
-        p = min(run.checks[name].p_value for name in run.alike)
+    """A pattern in the residuals that the stated error covers, or that the intervals tolerate."""
+    if run.tolerated:
+        p = min(run.checks[name].p_value for name in run.tolerated)
         return [
             Finding(
-                Kind.NEIGHBOURS_ALIKE, run=run.run, p=p, numbers={"least": P_FLOOR}, names=run.alike
+                Kind.NEIGHBOURS_ALIKE,
+                run=run.run,
+                p=p,
+                numbers={"least": P_FLOOR},
+                names=run.tolerated,
             )
         ]
     if not run.covered:
@@ -371,12 +387,12 @@ def marginal_tests(run: Goodness) -> list[Finding]:
             p=run.checks[name].p_value,
             numbers={"least": P_FLOOR},
         )
-        for name in run.hardly
+        for name in run.marginal
     ]
 
 
 def too_many_outliers(fit: Fit) -> list[Finding]:
-    """Runs of which so many readings would be outliers that nothing tells which of the two groups
+    """Runs of which so many readings would be outliers that nothing shows which of the two groups
     belongs to the curve.
     """
     findings = []
@@ -415,7 +431,7 @@ def _remarks(fit: Fit, goodness: Sequence[Goodness], conflict: Conflict) -> list
             )
         )
     # readings that are off may well lie where the body is fast
-    off = {force.run for force in fit.forces if force.bad.jumps}
+    with_bad_frames = {force.run for force in fit.forces if force.bad.jumps}
     for good, run in zip(goodness, fit.problem.runs, strict=True):
         remarks += tolerated_pattern(good) + marginal_tests(good)
         chi2 = good.checks.get("chi2")
@@ -429,7 +445,7 @@ def _remarks(fit: Fit, goodness: Sequence[Goodness], conflict: Conflict) -> list
             remarks.append(
                 Finding(kind, run=good.run, test="chi2", p=chi2.p_below, numbers={"least": P_FLOOR})
             )
-        patterned = run.name in off or not _OF_ORDER.isdisjoint(good.failed)
+        patterned = run.name in with_bad_frames or not _OF_ORDER.isdisjoint(good.failed)
         if good.speed is not None and good.speed.p_value < P_TOLD / good.among and not patterned:
             numbers = {"least": P_FLOOR, "pictures": float(_from_pictures(run))}
             remarks.append(

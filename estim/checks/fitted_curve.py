@@ -35,8 +35,10 @@ def curve_findings(
     fixed : with errors of a fixed size, which was `estimated` from the residuals or stated.
     perfect : whether there are no residuals.
     """
-    lost = silent_parameters(fixed) if best.singular else () if best.settled else (best.mover,)
-    even = [name for name in lost if _even_at_zero(fixed, name)]
+    undetermined = (
+        silent_parameters(fixed) if best.singular else () if best.settled else (best.mover,)
+    )
+    even = [name for name in undetermined if _even_at_zero(fixed, name)]
     findings = [
         Finding(Kind.UNDETERMINED, names=(name,), parameters=(Amount(name, 0.0),)) for name in even
     ]
@@ -48,8 +50,8 @@ def curve_findings(
         findings.append(Finding(Kind.ROUNDING, size=best.tolerance))
     if best.unheld is not None:
         findings.append(best.unheld)
-    if best.singular and len(even) < len(lost):
-        names = tuple(name for name in lost if name not in even)
+    if best.singular and len(even) < len(undetermined):
+        names = tuple(name for name in undetermined if name not in even)
         findings.append(Finding(Kind.UNDETERMINED, names=names))
     findings += pressed_edges(fixed, Kind.PRESSED_LIMIT, estimated=estimated)
     for failed in failed_tests(goodness, dof=dof):
@@ -64,7 +66,7 @@ def curve_findings(
 
 
 def _even_at_zero(fit: Fit, name: str) -> bool:
-    """Whether the posterior density has its mode where a parameter is 0, and falls off alike on
+    """Whether the posterior density has its mode where a parameter is 0, and falls off equally on
     both sides: the curve has no derivative there, however well the data determine the parameter.
     """
     sizes, i = np.logspace(-30.0, 30.0, 121), fit.names.index(name)  # in any unit

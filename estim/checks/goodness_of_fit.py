@@ -5,27 +5,28 @@ A residual vector with covariance C = L L^T is whitened in the order of the obse
 pulled the residuals towards zero; the null distribution of each statistic is therefore simulated
 with that projection in it (`estim.problem.whitened_residuals`).
 
-What each test sees: `chi2` the size of the residuals (only where the size of the noise was stated);
-`runs` too few changes of sign; `autocorrelation` neighbours alike; `trend` a slow drift along the
-run; `largest` a single outlier (not beside a mixture, which has room for some).  Of a curve that is
-no motion two more are asked.  `uneven` (not beside a smooth deviation, which may be local): whether
-residuals are larger or smaller where the curve f, its size |f| or x is large, the largest of
-|sum |z| w|/sum |z| over standardised w = f, |f|, x.  `repeated`, where x were read more than once:
-the F test of lack of fit, whether the means at each x scatter more about the curve than the
-readings of one x about their mean (its statistic is the share of chi2 that the means have, which
-rises with F).  Residuals that are all zero have no pattern to test: they fail as such (`zero`).
+What each test detects: `chi2` the size of the residuals (only where the size of the noise was
+stated); `runs` too few changes of sign; `autocorrelation` correlated neighbours; `trend` a slow
+drift along the run; `largest` a single outlier (not beside a mixture, which has room for some).  Of
+a curve that is no motion two more are made.  `uneven` (not beside a smooth deviation, which may be
+local): whether residuals are larger or smaller where the curve f, its size |f| or x is large, the
+largest of |sum |z| w|/sum |z| over standardised w = f, |f|, x.  `repeated`, where x were read more
+than once: the F test of lack of fit, whether the means at each x scatter more about the curve than
+the readings of one x about their mean (its statistic is the share of chi2 that the means have,
+which rises with F).  Residuals that are all zero have no pattern to test: they fail as such
+(`zero`).
 
 Whether a curve is a `poor-fit` is decided here and nowhere else, for a line, a curve, a run or a
 joint fit: a test fails below P_POOR_FIT.  There are up to seven tests of a run, each of which would
 reject a right curve with that probability, so that all of them together reject fewer than one of
 100 (simulated: docs/statistics.md).  A level of 0.01 for each would reject one right curve of 20.
-`speed` is told and fails nothing, for it does not bias the curve: whether residuals of a motion are
-larger where the body is fast, as those of blurred pictures are (paper, section IV: "at high speeds
-the image of the disk center becomes fuzzy").  Its statistic is sum |z| (v^2/mean(v^2) - 1)/sum |z|,
-large where the noise grows with the speed v of the fitted curve, whatever its size.  Residuals
-beyond three times their median count as three times: a single bad reading where the body is fast is
-no noise that grows.  An inferred scatter swallows chi2, so the scatter itself is compared with what
-the instrument explains.
+`speed` is reported and fails nothing, for it does not bias the curve: whether residuals of a motion
+are larger where the body is fast, as those of blurred pictures are (paper, section IV: "at high
+speeds the image of the disk center becomes fuzzy").  Its statistic is sum |z| (v^2/mean(v^2) -
+1)/sum |z|, large where the noise grows with the speed v of the fitted curve, whatever its size.
+Residuals beyond three times their median count as three times: a single bad reading where the body
+is fast is no noise that grows.  An inferred scatter swallows chi2, so the scatter itself is
+compared with what the instrument explains.
 
 A stated error may be far larger than what the readings show, for what they all share: then a
 pattern in the residuals does no harm as long as all of it together is smaller than one stated
@@ -38,10 +39,10 @@ a pattern does not.  A parameter is then off by one of its standard deviations o
 the pattern that looks like the curve outweighs all that does not; the slow part weighs more because
 it is a sign of that.  docs/statistics.md has the coverage.
 
-Speeds made of positions, with an unmodelled force beside them, bear neighbours that are alike
+Speeds made of positions, with an unmodelled force beside them, tolerate correlated neighbours
 (errors of successive readings that follow each other), as long as they are no larger than stated
 and show neither a trend nor a bad point: differences take out what such errors share, the force
-takes up what is left, and the intervals hold what they say (docs/statistics.md).
+takes up what is left, and the intervals have their coverage (docs/statistics.md).
 """
 
 from __future__ import annotations
@@ -59,15 +60,15 @@ from estim.problem import Linear, Observations, Whitened, reading_sd
 from estim.words import TESTS
 
 P_POOR_FIT = 1e-3  # of each test
-P_TOLD = 5e-3  # of `speed`, below which it is told
-_BEYOND = 3.0  # medians of the residuals, beyond which their size does not count for it
-P_HARDLY = 0.01  # of `uneven` and `repeated`, which see little among few points: below it is told
+P_TOLD = 5e-3  # of `speed`, below which it is reported
+_CLIP = 3.0  # medians of the residuals, at which their size is clipped for it
+P_MARGINAL = 0.01  # of `uneven` and `repeated`, of little power with few points: a note below it
 # times what the instrument explains: nine tenths of the variance would be something else
 SCATTER_LIMIT = 3.0
 _NO_ERRORS = 1e-9  # standard deviations; residuals that are all smaller are rounding errors
 _FINE = 1e12  # steps in one standard deviation, of readings that have none
 # records of few digits give the same residuals, and hence statistics, but for rounding errors
-_ALIKE = 1e-5
+_ROUNDING = 1e-5
 # simulated values at least as extreme: a p-value is then uncertain by 20 % or less; by 32 % where
 # it is that many times P_POOR_FIT
 _ENOUGH, _FEWER, _CLEARLY = 25, 10, 3.0
@@ -118,8 +119,8 @@ class Goodness:
     pattern : size of all residuals together, chi2 + 4 slow, 1: as large as one standard deviation;
         times the number of runs that are fit together, since all of them may have it.
     curve : whether it is a curve of the user's, taken as complete.
-    bears_neighbours : whether the intervals hold what they say although neighbouring residuals are
-        alike.
+    tolerates_correlation : whether the intervals have their coverage although neighbouring
+        residuals are correlated.
     counted : whether they are signed roots of the deviance of counts.
     among : by how much less probable a failure must be than in a fit of a few runs, since hundreds
         are tested.
@@ -133,7 +134,7 @@ class Goodness:
     scatter_ratio: float
     pattern: float
     curve: bool
-    bears_neighbours: bool = False
+    tolerates_correlation: bool = False
     speed: Check | None = None
     counted: bool = False
     among: float = 1.0
@@ -144,17 +145,17 @@ class Goodness:
         return P_POOR_FIT / self.among
 
     @property
-    def alike(self) -> tuple[str, ...]:
-        """Names of the tests of neighbours that fail, where they alone do and the intervals bear
-        it.
+    def tolerated(self) -> tuple[str, ...]:
+        """Names of the tests of neighbours that fail, where they alone do and the intervals
+        tolerate it.
         """
-        borne = (
-            self.bears_neighbours
+        tolerated = (
+            self.tolerates_correlation
             and "chi2" in self.checks
             and not self.covered
             and _OF_NEIGHBOURS.issuperset(self._below)
         )
-        return self._below if borne else ()
+        return self._below if tolerated else ()
 
     @property
     def covered(self) -> tuple[str, ...]:
@@ -166,12 +167,12 @@ class Goodness:
         return self._below if small else ()
 
     @property
-    def hardly(self) -> tuple[str, ...]:
+    def marginal(self) -> tuple[str, ...]:
         """Names of tests of the noise that the run passes, but not well."""
         return tuple(
             n
             for n in ("uneven", "repeated")
-            if n in self.checks and self.level <= self.checks[n].p_value < P_HARDLY / self.among
+            if n in self.checks and self.level <= self.checks[n].p_value < P_MARGINAL / self.among
         )
 
     @property
@@ -182,7 +183,7 @@ class Goodness:
     @property
     def failed(self) -> tuple[str, ...]:
         """Names of the tests that the run fails."""
-        return () if self.covered or self.alike else self._below
+        return () if self.covered or self.tolerated else self._below
 
     @property
     def _below(self) -> tuple[str, ...]:
@@ -193,8 +194,8 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
     """One `Goodness` for each run of a fit; `rng` draws the simulated null distributions, of each
     group of runs by itself.
 
-    A p-value that could count among hundreds of runs is simulated to where it can be told from that
-    of the worst of them.
+    A p-value that could count among hundreds of runs is simulated until it can be distinguished
+    from that of the worst of them.
 
     >>> import numpy as np
     >>> from estim import check_goodness, fit_curve
@@ -224,7 +225,7 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
     raw_and_sd = {
         run.name: both for run, both in zip(problem.runs, _raw_and_sd(fit, named), strict=True)
     }
-    judged = {}
+    results = {}
     for group, response, spread in zip(problem.groups, responses, spreads, strict=True):
         whitened = group.split(response.z)
         dof = _dof(response.root) if known else 0
@@ -239,8 +240,8 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
         own = any(run.noise.own_density for run in group.runs)  # whose residuals mean nothing
         checked = [{}] if own else _checks(tested, simulate, max(1.0, n_run / MANY_RUNS))
         for run, z, checks in zip(group.runs, whitened, checked, strict=True):
-            judged[run.name] = _judged(fit, run, z, *raw_and_sd[run.name], checks, named)
-    return tuple(judged[run.name] for run in problem.runs)
+            results[run.name] = _goodness_of(fit, run, z, *raw_and_sd[run.name], checks, named)
+    return tuple(results[run.name] for run in problem.runs)
 
 
 def check_linear(
@@ -283,8 +284,10 @@ def _recording(
     """
     y, _, raw, sd = (np.concatenate(parts) for parts in zip(*runs, strict=True))
     # correlated errors, counts and robust ones are whitened in another way
-    alone = [np.allclose(z * sd, raw, rtol=1e-6, atol=0.0) for _, z, raw, sd in runs]
-    steps = [_step(run[0]) if as_read else 0.0 for run, as_read in zip(runs, alone, strict=True)]
+    independent = [np.allclose(z * sd, raw, rtol=1e-6, atol=0.0) for _, z, raw, sd in runs]
+    steps = [
+        _step(run[0]) if as_read else 0.0 for run, as_read in zip(runs, independent, strict=True)
+    ]
     step = np.repeat(steps, [run[0].size for run in runs])
     coarse = step > 0.0
     if not coarse.any():
@@ -316,11 +319,13 @@ def _step(y: FloatArray) -> float:
     common = np.clip(np.floor(np.log10(size / width)), 0.0, 7.0) if width > 0.0 else 0.0
     units = 10.0 ** (np.floor(np.log10(size)) - np.arange(7.0 + common))
     steps = y / units[:, None]
-    whole = np.rint(steps)
+    multiples = np.rint(steps)
     rounding = 4.0 * np.finfo(float).eps * size + 1e-6 * np.minimum(units, width)
-    written = np.max(np.abs(steps - whole), axis=1) <= rounding / units
+    written = np.max(np.abs(steps - multiples), axis=1) <= rounding / units
     first = int(np.argmax(written))
-    return float(units[first] * np.gcd.reduce(whole[first].astype(int))) if written[first] else 0.0
+    return (
+        float(units[first] * np.gcd.reduce(multiples[first].astype(int))) if written[first] else 0.0
+    )
 
 
 def _simulated(
@@ -355,7 +360,7 @@ def _simulated(
     return simulate
 
 
-def _judged(
+def _goodness_of(
     fit: Fit,
     run: Observations,
     z: FloatArray,
@@ -372,7 +377,7 @@ def _judged(
     if empty:
         checks = {"zero": Check(0.0, P_FLOOR / among, TESTS["zero"])}
     if not math.isnan(run.noise.outlier_share(named)):
-        checks.pop("largest", None)  # the noise says how many may be far off, and how far
+        checks.pop("largest", None)  # the noise model has outliers
     speed = None if empty else checks.pop("speed", None)
     forced = any(run.name in force.runs for force in fit.forces)
     return Goodness(
@@ -384,7 +389,7 @@ def _judged(
         _scatter_ratio(run, named),
         pattern=n_run * _pattern(z),
         curve=run.motion is None and run.lacks is None and run.noise.counted is None,
-        bears_neighbours=forced and run.noise.made_of_positions,
+        tolerates_correlation=forced and run.noise.made_of_positions,
         speed=speed,
         counted=run.noise.counted is not None,
         among=among,
@@ -421,7 +426,7 @@ def _raw_and_sd(fit: Fit, named: Mapping[str, FloatArray]) -> list[tuple[FloatAr
 
 
 def _scatter_ratio(run: Observations, named: Mapping[str, FloatArray]) -> float:
-    if run.motion is None:  # the jitter of a curve is asked for, and may be of any size
+    if run.motion is None:  # the jitter of a curve is an option, and may be of any size
         return float("nan")
     instrument = root_mean_square(reading_sd(run.noise, named))
     size = run.noise.size
@@ -455,7 +460,7 @@ class _Tested:
 @dataclass(eq=False)
 class _Tally:
     """A statistic of run number `run` among those of simulated data sets: how many of these are not
-    smaller, not larger, and `seen` at all; and the largest.
+    smaller, not larger, and `simulated` at all; and the largest.
     """
 
     run: int
@@ -464,7 +469,7 @@ class _Tally:
     largest: float
     above: int = 0
     below: int = 0
-    seen: int = 0
+    simulated: int = 0
 
     @property
     def check(self) -> Check:
@@ -472,7 +477,7 @@ class _Tally:
             # the curve itself can take every slow shape: what is left of them is rounding, or the
             # fit's own criterion
             return Check(self.statistic, 1.0, TESTS[self.name])
-        p_value, p_below = ((1.0 + n) / (1.0 + self.seen) for n in (self.above, self.below))
+        p_value, p_below = ((1.0 + n) / (1.0 + self.simulated) for n in (self.above, self.below))
         return Check(self.statistic, p_value, TESTS[self.name], p_below)
 
 
@@ -515,20 +520,22 @@ def _checks(
     ):
         more = min(at_once, n_most - n)
         exact, recorded = simulate(more)
-        read = np.split(recorded().T, ends[:-1], axis=1)
-        apart = sized and exact is not recorded
-        whole = np.split(exact().T, ends[:-1], axis=1) if apart else []
-        zero = [_squares(z) < z.shape[1] * _ALIKE**2 for z in read]
-        read = [z[~none] if none.any() else z for z, none in zip(read, zero, strict=True)]
+        recorded_parts = np.split(recorded().T, ends[:-1], axis=1)
+        separate = sized and exact is not recorded
+        exact_parts = np.split(exact().T, ends[:-1], axis=1) if separate else []
+        zero = [_squares(z) < z.shape[1] * _ROUNDING**2 for z in recorded_parts]
+        recorded_parts = [
+            z[~none] if none.any() else z for z, none in zip(recorded_parts, zero, strict=True)
+        ]
         for tally in tallies:
-            drawn = whole if apart and tally.name in _OF_SIZE else read
+            drawn = exact_parts if separate and tally.name in _OF_SIZE else recorded_parts
             simulated = tested[tally.run].tests[tally.name](drawn[tally.run])
             # the others are of the order of 1, and rounding where the curve leaves them no room
-            room = _ALIKE * (abs(tally.statistic) if tally.name == "chi2" else 1.0)
-            beyond = simulated - tally.statistic
-            tally.above += int(np.count_nonzero(beyond >= -room))
-            tally.below += int(np.count_nonzero(beyond <= room))
-            tally.seen += simulated.size
+            room = _ROUNDING * (abs(tally.statistic) if tally.name == "chi2" else 1.0)
+            excess = simulated - tally.statistic
+            tally.above += int(np.count_nonzero(excess >= -room))
+            tally.below += int(np.count_nonzero(excess <= room))
+            tally.simulated += simulated.size
             tally.largest = max(tally.largest, float(np.max(simulated, initial=0.0)))
         n += more
     checked: list[dict[str, Check]] = [{} for _ in tested]
@@ -624,8 +631,8 @@ def _speed(v: FloatArray) -> dict[str, Statistic]:
 
     def speed(z: FloatArray) -> FloatArray:
         sizes = np.abs(z)
-        held = np.minimum(sizes, _BEYOND * np.median(sizes, axis=1, keepdims=True))
-        return (held @ faster) / positive_or(np.sum(held, axis=1), 1.0)
+        clipped = np.minimum(sizes, _CLIP * np.median(sizes, axis=1, keepdims=True))
+        return (clipped @ faster) / positive_or(np.sum(clipped, axis=1), 1.0)
 
     return {"speed": speed}
 
@@ -633,5 +640,5 @@ def _speed(v: FloatArray) -> dict[str, Statistic]:
 @lru_cache(maxsize=4)
 def _slow(n: int, order: int) -> FloatArray:
     """(n, n_shape) orthonormal polynomials up to an order."""
-    places = np.linspace(-1.0, 1.0, n)
-    return np.linalg.qr(np.polynomial.legendre.legvander(places, min(order, n - 1)))[0]
+    abscissas = np.linspace(-1.0, 1.0, n)
+    return np.linalg.qr(np.polynomial.legendre.legvander(abscissas, min(order, n - 1)))[0]

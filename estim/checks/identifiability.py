@@ -1,16 +1,16 @@
-"""What the data can tell: the information of the data in units of the prior, direction by
+"""What the data constrain: the information of the data in units of the prior, direction by
 direction.
 
 Read this before quoting a parameter.  With P the prior standard deviations and D the Fisher
-information of the data at the fit, the eigenvalues of P D P say how many times more the data know
-than the prior along each direction:
+information of the data at the fit, the eigenvalues of P D P are the information of the data in
+units of that of the prior along each direction:
 
     lambda >> 1   learnt from the data;      lambda << 1   what comes out is what the prior put in.
 
 A uniform prior counts with its standard deviation, width/sqrt(12), although inside its edges it
-does not pull at all: a direction in which no prior pulls and the data are silent is "not
-identified".  The effective number of directions learnt is sum lambda/(1 + lambda) (Spiegelhalter et
-al., J. R. Statist. Soc. B 64 (2002) 583, their p_D for a linear model).
+does not pull at all: a direction in which no prior pulls and the data have no information is
+"not identified".  The effective number of directions learnt is sum lambda/(1 + lambda)
+(Spiegelhalter et al., J. R. Statist. Soc. B 64 (2002) 583, their p_D for a linear model).
 
 Everything here is local (a Gaussian at the fit); `estim.fitting.profile` and
 `estim.checks.prior_sensitivity` are not.
@@ -32,21 +32,21 @@ PRIOR_DOMINATED = 0.8  # posterior sd / prior sd above which the prior is most o
 # information of the data, in units of the prior's, below which a direction is the prior's
 _ONLY_PRIOR = 1.0
 _NO_PULL = 1e-6  # information of data and prior together, below which nothing holds a direction
-_SHOWN = 0.2  # component of a unit direction that is worth a word
+_SHOWN = 0.2  # component of a unit direction that is worth stating
 
 
 @dataclass(frozen=True, eq=False)
 class Direction:
     """One combination of parameters.
 
-    information : what the data know along it, in units of what the prior knows.
+    information : of the data along it, in units of that of the prior.
     vector : (n_par,) unit vector, components in prior standard deviations; the largest component is
         positive.
     prior_pull : curvature of the log prior along it, in the same units: about 1 for normal priors,
         0 for uniform ones.
     held_by : "data", "prior", or "nothing" (neither data nor prior: only edges of a range, if any).
     moves : the parameters that a step of one prior standard deviation along it changes, by how
-        much, and `whole` the value where a share of it says something.
+        much, and `whole` the value where a share of it is meaningful.
         words : the same in a sentence.
     """
 
@@ -64,7 +64,7 @@ class Direction:
 
 @dataclass(frozen=True, eq=False)
 class Identifiability:
-    """What data and prior each say about the parameters of a fit.
+    """What data and prior each contribute to the parameters of a fit.
 
     directions : n_par of them, that of least information first.
     sentences : the findings in words, gravest first.
@@ -75,16 +75,16 @@ class Identifiability:
 
 
 def identify(fit: Fit) -> Identifiability:
-    """What the data of `fit` can tell, direction by direction."""
+    """What the data of `fit` constrain, direction by direction."""
     problem = fit.problem
     sds = prior_sds(problem, fit.cov)
     whitened = known_from_data(fit.posterior, fit.values).matrix * np.outer(sds, sds)
     values, vectors = np.linalg.eigh(whitened)
     values = np.maximum(values, 0.0)
     pulls = problem.prior_information(fit.values) * np.outer(sds, sds)
-    seen = np.sqrt(np.diag(whitened))
+    responses = np.sqrt(np.diag(whitened))
     directions = tuple(
-        _direction(fit, float(value), vector, float(vector @ pulls @ vector), sds, seen)
+        _direction(fit, float(value), vector, float(vector @ pulls @ vector), sds, responses)
         for value, vector in zip(values, vectors.T, strict=True)
     )
     n_learnt = float(np.sum(values / (1.0 + values)))
@@ -92,18 +92,18 @@ def identify(fit: Fit) -> Identifiability:
 
 
 def _direction(
-    fit: Fit, value: float, vector: FloatArray, pull: float, sds: FloatArray, seen: FloatArray
+    fit: Fit, value: float, vector: FloatArray, pull: float, sds: FloatArray, responses: FloatArray
 ) -> Direction:
-    """One direction; of a silent one those that make up for one another are named, however short
-    their steps.
+    """One direction; of one without information those that compensate each other are named, however
+    short their steps.
 
-    seen : (n_par,) by how many times the noise one prior sd of each parameter moves the data.
+    responses : (n_par,) by how many times the noise one prior sd of each parameter moves the data.
     """
     vector = vector * np.sign(vector[np.argmax(np.abs(vector))])
     held_by = "data" if value >= _ONLY_PRIOR else "prior" if value + pull > _NO_PULL else "nothing"
     shares = np.abs(vector)
-    if held_by != "data" and (alone := float(np.max(shares * seen))) >= 1.0:
-        shares = np.maximum(shares, shares * seen / alone)
+    if held_by != "data" and (alone := float(np.max(shares * responses))) >= 1.0:
+        shares = np.maximum(shares, shares * responses / alone)
     return Direction(value, vector, pull, held_by, _moves(fit, vector, shares, sds))
 
 
@@ -115,7 +115,7 @@ def _moves(fit: Fit, vector: FloatArray, shares: FloatArray, sds: FloatArray) ->
             break
         parameter = fit.problem.parameters[i]
         label, value = parameter.label, abs(float(fit.values[i]))
-        # a percentage says something only of a value that is well away from zero, and nothing of an
+        # a percentage is meaningful only for a value that is well away from zero, and never for an
         # angle
         relative = label.factor == 1.0 and value > 3.0 * sds[i]
         moves.append(

@@ -1,7 +1,7 @@
 """Whether the data show that a user's own curve lacks something, as findings.
 
 A deviation that is larger than was stated of it, or that changes as slowly as a trend, is what a
-wrong curve leaves: the intervals of a mixture over deviations then hold nothing
+wrong curve leaves: the intervals of a mixture over deviations then have no coverage
 (docs/statistics.md), whatever its size, and the result is a `poor-fit`.
 """
 
@@ -14,20 +14,24 @@ from estim.common import Finding, Kind
 from estim.discrepancy import FoundDeviation, presence
 from estim.fitting import MANY_RUNS, Fit
 
-SURE = 0.99  # probability of a deviation beyond which it is said to be there
-_FEWEST, _MOST = 20, 300  # points of a run, where it is asked
+SURE = 0.99  # probability of a deviation beyond which it counts as found
+_FEWEST, _MOST = 20, 300  # points of a run, for `unasked`
 
 
-def deviation_finding(found: FoundDeviation, *, x_unit: str, y_unit: str) -> Finding:
+def deviation_finding(deviation: FoundDeviation, *, x_unit: str, y_unit: str) -> Finding:
     """Whether there is a deviation, and as what it is read in numbers; names: the units of x, y and
     of what errors follow each other in.
     """
-    undecided = Kind.DEVIATION_UNDECIDED if found.probability > LIKELY else Kind.DEVIATION_UNLIKELY
-    kind = Kind.DEVIATION_FOUND if found.probability > SURE else undecided
-    numbers = {"typical": found.visible.typical, "most": found.visible.most}
-    for name, size in (("smooth", found.smooth), ("correlated", found.correlated)):
+    undecided = (
+        Kind.DEVIATION_UNDECIDED if deviation.probability > LIKELY else Kind.DEVIATION_UNLIKELY
+    )
+    kind = Kind.DEVIATION_FOUND if deviation.probability > SURE else undecided
+    numbers = {"typical": deviation.residual_part.typical, "most": deviation.residual_part.most}
+    for name, size in (("smooth", deviation.smooth), ("correlated", deviation.correlated)):
         if size is not None:
-            numbers[name] = size.share / found.probability if found.probability > 0.0 else 0.0
+            numbers[name] = (
+                size.share / deviation.probability if deviation.probability > 0.0 else 0.0
+            )
             numbers |= {
                 f"{name}_short": size.length[0],
                 f"{name}_length": size.length[1],
@@ -36,21 +40,23 @@ def deviation_finding(found: FoundDeviation, *, x_unit: str, y_unit: str) -> Fin
             numbers |= {f"{name}_size": size.amplitude[1]}
     return Finding(
         kind,
-        run=found.run,
-        p=found.probability,
+        run=deviation.run,
+        p=deviation.probability,
         numbers=numbers,
-        names=(x_unit, y_unit, found.lacks.along_unit),
+        names=(x_unit, y_unit, deviation.lacks.along_unit),
     )
 
 
-def deviation_remarks(found: FoundDeviation, *, x_unit: str, y_unit: str) -> tuple[Finding, ...]:
+def deviation_remarks(
+    deviation: FoundDeviation, *, x_unit: str, y_unit: str
+) -> tuple[Finding, ...]:
     """What is worth a note: a deviation that is surely there, and readings that scatter far less
     than stated.
     """
-    finding = deviation_finding(found, x_unit=x_unit, y_unit=y_unit)
+    finding = deviation_finding(deviation, x_unit=x_unit, y_unit=y_unit)
     conservative = (
-        (Finding(Kind.NOISE_CONSERVATIVE, run=found.run, size=found.noise[1]),)
-        if found.conservative
+        (Finding(Kind.NOISE_CONSERVATIVE, run=deviation.run, size=deviation.noise[1]),)
+        if deviation.conservative
         else ()
     )
     return ((finding,) if finding.kind is Kind.DEVIATION_FOUND else ()) + conservative
@@ -98,8 +104,8 @@ def wrong_curves(deviations: Iterable[FoundDeviation]) -> list[Finding]:
                 )
             )
         slow = {
-            way: size.long
-            for way, size in (("smooth", smooth), ("correlated", deviation.correlated))
+            part: size.long
+            for part, size in (("smooth", smooth), ("correlated", deviation.correlated))
             if size is not None
         }
         if sum(slow.values()) > LIKELY:
@@ -108,7 +114,7 @@ def wrong_curves(deviations: Iterable[FoundDeviation]) -> list[Finding]:
                     Kind.DEVIATION_TOO_SLOW,
                     run=deviation.run,
                     p=sum(slow.values()),
-                    names=(max(slow, key=lambda way: slow[way]),),
+                    names=(max(slow, key=lambda part: slow[part]),),
                 )
             )
     return findings

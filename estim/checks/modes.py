@@ -1,10 +1,10 @@
 """Are there several separate solutions?  Optima that the search found beside that of the fit,
-weighed by the draws, or without any.
+weighted by the draws, or without any.
 
-Two optima are separate modes where no way leads from one to the other on which the density stays
-near that of the lower of the two, and each holds a share of the posterior that matters.  Two ways
-are tried: the straight line, and the ridge (the parameter in which they differ most is led from one
-value to the other, all others re-optimised), for a ridge may be bent.  A mode that no start, no
+Two optima are separate modes where no path leads from one to the other on which the density stays
+near that of the lower of the two, and each holds a share of the posterior that matters.  Two paths
+are tried: the straight line, and the ridge (the parameter in which they differ most is moved from
+one value to the other, all others re-optimised), for a ridge may be bent.  A mode that no start, no
 scan (`estim.fitting.further_optima`) and no walker has met stays unknown.
 """
 
@@ -75,12 +75,12 @@ def find_modes(fit: Fit, draws: FloatArray | None = None) -> Modes:
     normal distribution at each.
     """
     candidates = optima(fit)
-    separate = _kept(fit, candidates)
+    separate = _separate_modes(fit, candidates)
     values, shares = candidates.values[separate], candidates.shares[separate]
     if draws is not None:
         scale = positive_or(fit.scale, 1.0)
-        away = np.array([np.sum(((draws - mode) / scale) ** 2, axis=1) for mode in values])
-        nearest = np.argmin(away, axis=0)
+        distances = np.array([np.sum(((draws - mode) / scale) ** 2, axis=1) for mode in values])
+        nearest = np.argmin(distances, axis=0)
         shares = np.bincount(nearest, minlength=len(separate)).astype(np.float64)
     return _that_matter(Modes(values, shares / np.sum(shares), candidates.covs[separate]))
 
@@ -91,16 +91,16 @@ def _log_volume(fit: Fit, values: FloatArray, cov: FloatArray) -> float:
     return fit.posterior.height(values) + 0.5 * float(log_det) if sign > 0.0 else -math.inf
 
 
-def _kept(fit: Fit, found: Modes) -> list[int]:
+def _separate_modes(fit: Fit, candidates: Modes) -> list[int]:
     """Which optima are separate from that of the fit and from each other."""
     separate, search = [0], search_of(fit.posterior, fit.values, fit.cov)
     scale = positive_or(search.scale, 1.0)
-    for k in np.flatnonzero(found.shares[1:] > _NEGLIGIBLE) + 1:
-        other = found.values[k]
+    for k in np.flatnonzero(candidates.shares[1:] > _NEGLIGIBLE) + 1:
+        other = candidates.values[k]
         near = sorted(
-            separate, key=lambda i: float(np.max(np.abs(found.values[i] - other) / scale))
+            separate, key=lambda i: float(np.max(np.abs(candidates.values[i] - other) / scale))
         )
-        if all(_separate(search, found.values[i], other) for i in {near[0], 0}):
+        if all(_separate(search, candidates.values[i], other) for i in {near[0], 0}):
             separate.append(int(k))
     return separate
 
@@ -108,8 +108,8 @@ def _kept(fit: Fit, found: Modes) -> list[int]:
 def _that_matter(modes: Modes) -> Modes:
     """Without the smallest further modes, as long as those left out hold less than 1 % together."""
     order = 1 + np.argsort(-modes.shares[1:], kind="stable")
-    beyond = np.array([np.sum(modes.shares[order[i:]]) for i in range(order.size)])
-    matters = np.concatenate([[0], order[beyond >= _SHARE]]).astype(int)
+    remaining = np.array([np.sum(modes.shares[order[i:]]) for i in range(order.size)])
+    matters = np.concatenate([[0], order[remaining >= _SHARE]]).astype(int)
     return Modes(modes.values[matters], modes.shares[matters], modes.covs[matters])
 
 
@@ -125,14 +125,14 @@ def _level(search: ProfileSearch, a: FloatArray, b: FloatArray) -> bool:
 
 def _ridge(search: ProfileSearch, a: FloatArray, b: FloatArray) -> bool:
     """Whether it stays up along the ridge that starts at `a`, and that ridge meets `b`."""
-    led = int(np.argmax(np.abs(b - a) / search.scale))
+    profiled = int(np.argmax(np.abs(b - a) / search.scale))
     highest = max(search.objective(a), search.objective(b)) + 2.0 * _VALLEY
-    before, here, near = a, a, None
-    for at in np.linspace(a[led], b[led], _N_RIDGE + 1)[1:]:
-        guess = 2.0 * here - before  # straight on
-        guess[led] = at
-        (near,) = minima(search, [Start(guess, (led,), near)])
+    before, current, near = a, a, None
+    for at in np.linspace(a[profiled], b[profiled], _N_RIDGE + 1)[1:]:
+        guess = 2.0 * current - before  # straight on
+        guess[profiled] = at
+        (near,) = minima(search, [Start(guess, (profiled,), near)])
         if not near.objective <= highest:
             return False
-        before, here = here, near.values
-    return _level(search, here, b)
+        before, current = current, near.values
+    return _level(search, current, b)

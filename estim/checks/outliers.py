@@ -86,17 +86,17 @@ def bad_frame(run: str, unit: str, step: float, jump: Jump) -> Finding:
     )
 
 
-def bad_frames_found(found: FoundForce) -> tuple[Finding, ...]:
+def bad_frames_found(force: FoundForce) -> tuple[Finding, ...]:
     """One finding for each bad frame of a run."""
     return tuple(
-        bad_frame(found.run, found.reading_unit, found.step, jump) for jump in found.bad.jumps
+        bad_frame(force.run, force.reading_unit, force.step, jump) for jump in force.bad.jumps
     )
 
 
-def too_many_bad_frames(found: FoundForce) -> tuple[Finding, ...]:
+def too_many_bad_frames(force: FoundForce) -> tuple[Finding, ...]:
     """That there are more bad frames than can be single ones."""
     return (
-        (Finding(Kind.FRAMES_CROWD, run=found.run, size=len(found.bad.jumps)),)
-        if found.bad.crowd
+        (Finding(Kind.FRAMES_CROWD, run=force.run, size=len(force.bad.jumps)),)
+        if force.bad.crowd
         else ()
     )

@@ -7,7 +7,7 @@ counts as sensitive, about a shift by 0.3 standard deviations (Kallioinen, Paana
 Vehtari, Stat. Comput. 34 (2024) 57).  Tests hold the distances against arviz-stats.
 
 Sensitivity to both is what two sources of like weight show, and what two that disagree show.  They
-are told apart by
+are distinguished by
 
     z = (prior centre - posterior mean) / sqrt(prior variance - posterior variance),
 
@@ -15,7 +15,7 @@ which scatters with unit variance when the data come from the prior (law of tota
 normal for a linear model with normal priors): beyond 2 it is called a conflict.
 
 A uniform prior has no power to scale: its sensitivity is 0 however much its edges matter.
-`estim.fitting.profile` sees edges.
+`estim.fitting.profile` shows them.
 """
 
 from __future__ import annotations
@@ -52,8 +52,8 @@ class Sensitivity:
 
     prior, likelihood : distance per doubling of all priors together, and of the likelihood.
     strongest : the name of the single prior that matters most, None where none is above the
-        threshold; of many runs, of those that some run needs together with this one (any other is
-        felt through these alone).
+        threshold; of many runs, of those that some run needs together with this one (any other
+        acts through these alone).
     disagreement : z above; 0 where the data narrow the prior by less than 5 %.
     k_hat : largest Pareto k of the weights used for `prior` and `likelihood`.
     verdict : in words.
@@ -83,11 +83,11 @@ def power_scaling(
     likelihood, likelihood_k = _weights(log_likelihood)
     alone = [_weights(column)[0] for column in each.T]
     k_hat = max(prior_k, likelihood_k)
-    rows, beside = [], _beside(problem)
+    rows, neighbours = [], _neighbours(problem)
     for i, name in enumerate(problem.names):
         column = draws[:, i]
         s_prior, s_likelihood, *each_alone = _distances(
-            column, [prior, likelihood, *(alone[k] for k in beside[i])]
+            column, [prior, likelihood, *(alone[k] for k in neighbours[i])]
         )
         most = int(np.argmax(each_alone))
         z = _disagreement(problem.parameters[i].prior, column)
@@ -98,15 +98,17 @@ def power_scaling(
                 likelihood=s_likelihood,
                 disagreement=z,
                 k_hat=k_hat,
-                strongest=problem.names[beside[i][most]] if each_alone[most] >= THRESHOLD else None,
+                strongest=problem.names[neighbours[i][most]]
+                if each_alone[most] >= THRESHOLD
+                else None,
                 verdict=_verdict(s_prior, s_likelihood, z, k_hat),
             )
         )
     return tuple(rows)
 
 
-def _beside(problem: Problem) -> list[list[int]]:
-    """For each parameter the places of those whose priors are asked for by themselves."""
+def _neighbours(problem: Problem) -> list[list[int]]:
+    """For each parameter the indices of those whose priors are scaled one by one."""
     every = range(problem.n_par)
     if len(problem.groups) <= MANY_RUNS:
         return [list(every) for _ in every]
@@ -114,7 +116,7 @@ def _beside(problem: Problem) -> list[list[int]]:
     for used in problem.columns:
         for i in used.tolist():
             neighbours[i].update(used.tolist())
-    return [sorted(places) for places in neighbours]
+    return [sorted(indices) for indices in neighbours]
 
 
 def _weights(log_density: FloatArray) -> tuple[Weights | None, float]:

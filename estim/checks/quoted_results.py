@@ -43,15 +43,15 @@ from estim.words import status_words
 # zero
 _CLEAR = 2.0
 _EVEN = 0.05  # standard deviations: what is nearer to the truth is "0.0"
-_FAR = 2.0  # standard deviations from which the farthest point is worth telling
+_FAR = 2.0  # standard deviations from which the farthest point is stated
 
 
 @dataclass(frozen=True)
 class Estimate:
     """One quantity.
 
-    stated : what was said of it before the data, with its unit; "" for nothing.
-    measured : whether the data say something of it.
+    stated : its value before the data, with its unit; "" for nothing.
+    measured : whether the data constrain it.
     inferred : what was taken of it where nobody had stated it; else "".
     upper : 95 % limit of what may be zero, in its own unit; None for all others.
     true : of synthetic data, None where it is not known.
@@ -111,7 +111,7 @@ class Estimate:
 
 
 def is_measured(summary: Summary, prior: Prior, upper: float | None) -> bool:
-    """Whether the data have a say: neither a limit nor known hardly better than before."""
+    """Whether the data constrain it: neither a limit nor known hardly better than before."""
     if summary.limit is not None or upper is not None:
         return False
     return (
@@ -125,7 +125,7 @@ def upper_limit(summary: Summary, prior: Prior, draws: FloatArray) -> float | No
 
     It may be zero where the median is within two lower halves of the 68 % interval of it: those of
     a standard deviation if the posterior is normal.  A long tail above makes a standard deviation
-    large, and says nothing of zero.
+    large, and has nothing to do with zero.
     """
     if prior.low != 0.0 or summary.mean is None or summary.median is None or summary.q16 is None:
         return None
@@ -234,12 +234,12 @@ def screen_lines(
     lines = [tests] if tests else []
     for estimate in estimates:
         if estimate.measured:
-            beside = [
+            notes = [
                 estimate.before,
                 phrase("true {value}", value=estimate.truth) if estimate.truth else "",
             ]
-            behind = "; ".join(part for part in beside if part)
-            lines.append(f"{estimate.relation:<{width}}   {behind}".rstrip())
+            note = "; ".join(part for part in notes if part)
+            lines.append(f"{estimate.relation:<{width}}   {note}".rstrip())
     unmeasured = not_measured(estimates)
     return [
         *lines,
@@ -268,12 +268,12 @@ def headline(
     minds : what to mind, a sentence each.
     """
     words = "" if status == Status.OK else f" — {status_words(status)}"
-    behind = words or (f"; {tests}" if tests else "")
+    suffix = words or (f"; {tests}" if tests else "")
     paragraphs = [
         f"**{markdown(title)}**" if title else "",
         kind_words(kind) if kind in KINDS else "",
     ]
-    paragraphs.append(phrase("Status: **{status}**{behind}", status=status, behind=behind))
+    paragraphs.append(phrase("Status: **{status}**{behind}", status=status, behind=suffix))
     if status == Status.OK:
         paragraphs += [
             shown,

@@ -4,7 +4,7 @@ against what was stated.
 The curve that is fit assumes rolling; a body that slips lags behind it.  For each posterior draw
 the forces of the ramp follow from the motion (`estim.model.contact`), and with them the largest
 |F|/N from the release to the farthest reading that is fit.  Rolling held if the coefficient of
-friction is above it.  An unmodelled force beside the curve is not in it; it asks for about its own
+friction is above it.  An unmodelled force beside the curve is not in it; it needs about its own
 size more.
 """
 
@@ -88,7 +88,7 @@ def check_rolling(
 
 
 def way_of(run: Observations) -> float:
-    """The farthest reading of a run that is fit: what comes after it, the fit knows nothing of."""
+    """The farthest reading of a run that is fit: the fit has no information beyond it."""
     return float(np.max(run.position))
 
 

@@ -1,10 +1,10 @@
-"""What each run of a joint fit says of what the runs share, apart from the others: a quadratic in
-copies of the shared parameters, one for each run; and all of it as measurements with unit errors.
-`estim.checks.consistency` asks whether one value does for all copies.
+"""The information of each run of a joint fit about what the runs share, apart from the others: a
+quadratic in copies of the shared parameters, one for each run; and all of it as measurements with
+unit errors.  `estim.checks.consistency` tests whether one value fits all copies.
 
-A run with an unmodelled force says what it says in a fit of its own, where the mean of its force
-over the track is part of the rolling resistance.  The joint fit gives each run a force of its own
-with a mean: under that, runs whose resistances differ would never disagree.
+The information of a run with an unmodelled force is that of a fit of its own, where the mean of its
+force over the track is part of the rolling resistance.  The joint fit gives each run a force of its
+own with a mean: under that, runs whose resistances differ would never disagree.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from estim.fitting import ALONE, Fit
 from estim.problem import Group, parameters_of
 
 PRIORS = later("stated values")
-_LEAST_SHARE = 1e-3  # of the information in a direction: a source that has less says nothing of it
+_LEAST_SHARE = 1e-3  # of the information in a direction: a source that has less has none
 # the same beside what was stated, where a mixture was taken as one normal distribution, a few per
 # cent of whose covariance mean nothing
 LEAST_OF_MIXTURE = 0.1
 # share of the information in a direction that comes from runs; below, it is known from what was
 # stated
-_LEAST_TOLD = 0.1
+_LEAST_RUN_SHARE = 0.1
 
 
 Quadratic = tuple[FloatArray, FloatArray]
@@ -43,7 +43,7 @@ class Rows:
     sources.
 
     moves : source -> (n_row, n) what values of its own would do to t, in directions that the runs
-        tell; no columns where it is all but silent.
+        constrain; no columns where it has next to no information.
     """
 
     t: FloatArray
@@ -68,8 +68,8 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class Copies:
-    """What some sources say of the shared parameters, each source with a copy of its own: a
-    quadratic in all the copies at the fit.
+    """The information of some sources about the shared parameters, each source with a copy of its
+    own: a quadratic in all the copies at the fit.
 
     sources : names.
     information, score : (n_source n_shared, n_source n_shared), (n_source n_shared,) as in
@@ -81,7 +81,7 @@ class Copies:
     score: FloatArray
 
     def of(self, name: str) -> IntArray:
-        """Places of the copy of a source."""
+        """Indices of the copy of a source."""
         d = self.score.size // len(self.sources)
         return np.arange(d) + d * self.sources.index(name)
 
@@ -91,14 +91,14 @@ class Copies:
         return _tied(self.information, self.score, len(self.sources))
 
     def alone(self, name: str) -> Quadratic:
-        """What one source says where the others may have any values."""
+        """The information of one source where the others may have any values."""
         mine = self.of(name)
         return fitted(
             self.information, self.score, mine, np.setdiff1d(np.arange(self.score.size), mine)
         )
 
     def without(self, name: str) -> Quadratic:
-        """What the others say together where this one may have any value."""
+        """The information of the others together where this one may have any value."""
         mine = self.of(name)
         if len(self.sources) == 1:
             return np.zeros((mine.size, mine.size)), np.zeros(mine.size)
@@ -116,17 +116,19 @@ def _tied(information: FloatArray, score: FloatArray, n: int) -> Quadratic:
     return information.reshape(n, d, n, d).sum(axis=(0, 2)), score.reshape(n, d).sum(axis=0)
 
 
-def fitted(information: FloatArray, score: FloatArray, kept: IntArray, free: IntArray) -> Quadratic:
-    """A quadratic in those `kept`, the `free` ones fitted (Schur complement); what nothing
+def fitted(
+    information: FloatArray, score: FloatArray, retained: IntArray, free: IntArray
+) -> Quadratic:
+    """A quadratic in those `retained`, the `free` ones fitted (Schur complement); what nothing
     determines takes nothing with it.
     """
     if not free.size:
-        return information[np.ix_(kept, kept)], score[kept]
+        return information[np.ix_(retained, retained)], score[retained]
     inverse = inverse_of(information[np.ix_(free, free)], rcond=ALONE)
-    across = information[np.ix_(kept, free)] @ inverse
-    return information[np.ix_(kept, kept)] - across @ information[np.ix_(free, kept)], score[
-        kept
-    ] - across @ score[free]
+    across = information[np.ix_(retained, free)] @ inverse
+    return information[np.ix_(retained, retained)] - across @ information[
+        np.ix_(free, retained)
+    ], score[retained] - across @ score[free]
 
 
 def copies_of(fit: Fit, group: Group, shared: IntArray) -> tuple[Copies, ...]:
@@ -150,22 +152,22 @@ def copies_of(fit: Fit, group: Group, shared: IntArray) -> tuple[Copies, ...]:
         alone = fitted(information + prior, score - information @ moved + pull, shared, nuisance)
         used = np.array([fit.names[i] in run.parameters for i in shared])
         mine = alone[0] * np.outer(used, used), alone[1] * used  # of the rest it holds rounding
-        copies.append(Copies((run.name,), *_beyond(mine, stated)))
+        copies.append(Copies((run.name,), *_informative_part(mine, stated)))
     return tuple(copies)
 
 
-def _beyond(alone: Quadratic, stated: FloatArray) -> Quadratic:
-    """What a run says, without the directions in which it says next to nothing beside what was
-    `stated`.
+def _informative_part(alone: Quadratic, stated: FloatArray) -> Quadratic:
+    """The information of a run, without the directions in which it has next to none beside what
+    was `stated`.
     """
     information, score = alone
     root = _root(information + stated)
-    turned = np.linalg.inv(root)
-    shares, vectors = np.linalg.eigh(turned @ information @ turned.T)
+    whitening = np.linalg.inv(root)
+    shares, vectors = np.linalg.eigh(whitening @ information @ whitening.T)
     informative = shares > LEAST_OF_MIXTURE
     rows = vectors[:, informative].T @ root.T
     return rows.T @ (shares[informative, None] * rows), rows.T @ (
-        vectors[:, informative].T @ turned @ score
+        vectors[:, informative].T @ whitening @ score
     )
 
 
@@ -177,7 +179,7 @@ def _root(matrix: FloatArray) -> FloatArray:
 
 
 def _own(fit: Fit, used: Collection[str], shared: IntArray) -> list[int]:
-    """Places of the parameters of the curve that are `used` and not shared."""
+    """Indices of the parameters of the curve that are `used` and not shared."""
     noise = fit.problem.noise_names
     every = enumerate(fit.problem.parameters)
     return [
@@ -209,13 +211,13 @@ def _tied_copies(fit: Fit, group: Group, shared: IntArray) -> Copies:
     )
     rows = np.vstack([jacobian, slopes])
     z = np.append(residuals, fit.posterior.prior_residuals(fit.values)[nuisance])
-    kept = np.arange(len(copied))
-    alone = fitted(rows.T @ rows, -rows.T @ z, kept, np.arange(len(copied), rows.shape[1]))
+    retained = np.arange(len(copied))
+    alone = fitted(rows.T @ rows, -rows.T @ z, retained, np.arange(len(copied), rows.shape[1]))
     return Copies(tuple(run.name for run in runs), *alone)
 
 
 def copies_of_priors(fit: Fit, shared: IntArray) -> Copies:
-    """The priors of the shared parameters as residuals; a uniform one says nothing."""
+    """The priors of the shared parameters as residuals; a uniform one has no information."""
     problem = fit.problem
     information = problem.prior_information(fit.values)[np.ix_(shared, shared)]
     return Copies((PRIORS,), information, -problem.prior_gradient(fit.values)[shared])
@@ -229,16 +231,17 @@ def measurements(copies: Sequence[Copies]) -> Rows:
     """Quadratics as measurements with unit errors, in coordinates where all sources together have
     unit information.
 
-    Sources may have values of their own only in directions in which the runs together say something
-    beside what was stated: in the others they cannot but agree, and would only add degrees of
-    freedom.
+    Sources may have values of their own only in directions in which the runs together add
+    information to what was stated: in the others they cannot but agree, and would only add degrees
+    of freedom.
     """
     total = total_of([copy.together for copy in copies])[0]
-    turned = np.asarray(np.linalg.inv(_root(total)).T, dtype=np.float64)  # s = turned . coordinates
+    # s = transform . coordinates
+    transform = np.asarray(np.linalg.inv(_root(total)).T, dtype=np.float64)
     runs = [copy.together for copy in copies if copy.sources != (PRIORS,)]
-    shares, vectors = np.linalg.eigh(turned.T @ total_of(runs)[0] @ turned)
-    directions = vectors[:, shares > _LEAST_TOLD]
-    blocks = [_block(copy, turned, directions) for copy in copies]
+    shares, vectors = np.linalg.eigh(transform.T @ total_of(runs)[0] @ transform)
+    directions = vectors[:, shares > _LEAST_RUN_SHARE]
+    blocks = [_block(copy, transform, directions) for copy in copies]
     above, n_row = 0, sum(t.size for t, _, _ in blocks)
     moves = {}
     for t, _, block_moves in blocks:
@@ -254,21 +257,23 @@ def measurements(copies: Sequence[Copies]) -> Rows:
 
 
 def _block(
-    copies: Copies, turned: FloatArray, told: FloatArray
+    copies: Copies, transform: FloatArray, directions: FloatArray
 ) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
-    """t, design and moves of the sources of one quadratic, as far as they say anything; the moves
-    in directions `told`.
+    """t, design and moves of the sources of one quadratic, as far as they have information; the
+    moves in `directions`.
     """
-    every = block_diag(*[turned] * len(copies.sources))
+    every = block_diag(*[transform] * len(copies.sources))
     spectrum, vectors = np.linalg.eigh(every.T @ copies.information @ every)
     informative = spectrum > _LEAST_SHARE
     half = np.sqrt(spectrum[informative])
     rows = half[:, None] * vectors[:, informative].T
     t = vectors[:, informative].T @ (every.T @ copies.score) / half
-    design, moves = np.zeros((t.size, turned.shape[1])), {}
+    design, moves = np.zeros((t.size, transform.shape[1])), {}
     for name in copies.sources:
         mine = rows[:, copies.of(name)]
         design += mine
-        shares, axes = np.linalg.eigh(told.T @ turned.T @ copies.alone(name)[0] @ turned @ told)
-        moves[name] = mine @ (told @ axes[:, shares > _LEAST_SHARE])
+        shares, axes = np.linalg.eigh(
+            directions.T @ transform.T @ copies.alone(name)[0] @ transform @ directions
+        )
+        moves[name] = mine @ (directions @ axes[:, shares > _LEAST_SHARE])
     return t, design, moves

@@ -4,8 +4,8 @@ sags, a value taken as exact.
 The mode of a new fit that accounts for the error, from the mode that was found, in posterior
 standard deviations: more than half of one, and the result is only as good as what is known of that
 input.  What the curve lacks and the size of the noise are taken as they were found.  No linear
-response is told in its place: a millimetre of sag may move a result by so much that it is wrong by
-factors.
+response is reported in its place: a millimetre of sag may move a result by so much that it is wrong
+by factors.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ from estim.curves import scale_errors_of
 from estim.fitting import Fit, descend_by_runs
 from estim.problem import CommonError, Observations, Problem
 
-TOLD_FROM = 0.5  # posterior standard deviations
-_MOST_ROUNDS, _SETTLED = 40, 0.005  # of a new fit; standard deviations that its last round may move
+LARGE_FROM = 0.5  # posterior standard deviations
+# of a new fit; standard deviations that its last round may move
+_MOST_ROUNDS, _CONVERGED = 40, 0.005
 
 
 @dataclass(frozen=True)
@@ -127,18 +128,18 @@ def _mode_near(fit: Fit, problem: Problem) -> FloatArray | None:
             if not all_finite(posterior.residuals(values)):
                 return None
         before, values = values, descend_by_runs(posterior, values, free, most=1)
-        if np.max(np.abs(values - before)[free] / scale[free]) < _SETTLED:
+        if np.max(np.abs(values - before)[free] / scale[free]) < _CONVERGED:
             return values
     return None
 
 
-def large_influences(fit: Fit, found: Sequence[Influence]) -> list[Finding]:
+def large_influences(fit: Fit, influences: Sequence[Influence]) -> list[Finding]:
     """What moves a result by more than half a standard deviation, as one finding; none where
     nothing does.
     """
     parts = []
-    for influence in found:
-        if influence.largest > TOLD_FROM:
+    for influence in influences:
+        if influence.largest > LARGE_FROM:
             moved = (
                 (fit.problem.parameters[fit.names.index(influence.strongest)],)
                 if influence.shifts

@@ -23,8 +23,8 @@ measured: 1 of 150 clean recordings, 2 of 300 with other faults (ramp, correlate
 blur, jitter).
 
 What was found stays in the posterior as one column of unknown size each: nothing is repaired, the
-data say how large it is.  Speeds by differences are evaluated where the readings were without the
-shift (`moved`), since the curve bends too sharply near a turning point for a linear law.
+data determine how large it is.  Speeds by differences are evaluated where the readings were without
+the shift (`moved`), since the curve bends too sharply near a turning point for a linear law.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from estim.arrays import FloatArray, IntArray, root_mean_square, sds_of
-from estim.discrepancy.linearised import Linearised, linearise_beside
+from estim.discrepancy.linearised import Linearised, linearise_with_effects
 from estim.discrepancy.mixture_likelihood import compact
 from estim.discrepancy.scale_mixture import Deviation
 from estim.problem import Points, Root, used_columns
@@ -60,7 +60,7 @@ class Pattern:
     kind: str
     # that sizes are counted in: what moves the readings by one standard deviation, or a frame
     unit: float
-    whole: bool = False  # whether the size is a number of frames
+    in_frames: bool = False  # whether the size is a number of frames
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +93,7 @@ class Shifts:
         patterns = [Pattern(int(row), "frame", self.sd) for row in used]
         patterns += [Pattern(int(row), "step", self.sd) for row in inside]
         patterns += [
-            Pattern(int(row), "clock", self.interval, whole=True)
+            Pattern(int(row), "clock", self.interval, in_frames=True)
             for row in inside
             if moving.size and row <= moving[-1]
         ]
@@ -106,10 +106,10 @@ class Shifts:
     def shift(self, pattern: Pattern | Jump) -> FloatArray:
         """(n_row,) what a pattern of size 1 does to the readings."""
         rows = np.arange(self.matrix.shape[1])
-        there = rows == pattern.row if pattern.kind == "frame" else rows >= pattern.row
-        return np.where(there, self.velocity if pattern.kind == "clock" else 1.0, 0.0)
+        shifted = rows == pattern.row if pattern.kind == "frame" else rows >= pattern.row
+        return np.where(shifted, self.velocity if pattern.kind == "clock" else 1.0, 0.0)
 
-    def felt(self, patterns: Sequence[Pattern], columns: FloatArray) -> FloatArray:
+    def projections(self, patterns: Sequence[Pattern], columns: FloatArray) -> FloatArray:
         """(n_pattern, n) h^T C for every pattern h of size 1 and the columns C (n_obs, n)."""
         each = self.matrix.T @ columns  # of a shift of one reading
         later, moved = (
@@ -193,8 +193,8 @@ class BadFrames:
     shift_y: FloatArray | None = None
 
     def moved(self, points: Points) -> Points:
-        """The points without the shifts that were found; the columns say how uncertain these
-        are.
+        """The points without the shifts that were found; the columns give their
+        uncertainty.
         """
         if self.shift_x is None or self.shift_y is None:
             return points
@@ -234,7 +234,8 @@ def find_bad_frames(
         their sds are dropped.
     """
     patterns = frames.patterns()
-    taken = 0.0 if frames.at is None else 1.0  # whether the points are those without what was known
+    # 1 where the points are those without what was known
+    known_removed = 0.0 if frames.at is None else 1.0
     before = {(jump.kind, jump.row): jump for jump in known.jumps}
     selected = [
         (pattern, _width(pattern, jump.size), jump.probability, jump.share)
@@ -250,7 +251,7 @@ def find_bad_frames(
             if selected
             else np.zeros((residuals.size, 0))
         )
-        linear = linearise_beside(
+        linear = linearise_with_effects(
             deviation, residuals, jacobian, columns, precision=precision, pull=pull
         )
         logs, sizes = _scan(linear, frames, patterns, units, square)
@@ -277,7 +278,7 @@ def find_bad_frames(
         row, jump = pattern.row, before.get((pattern.kind, pattern.row))
         sd, size = float(sds[i]) * wide, float(mean[i]) * wide
         if jump is not None and jump.kind in _SHIFTED:
-            size += taken * jump.size
+            size += known_removed * jump.size
         if abs(size) > _STILL * sd:
             jumps.append(
                 Jump(
@@ -307,7 +308,7 @@ def _width(pattern: Pattern, size: float) -> float:
     few of them, and with dozens beforehand a slip and the shift that makes up for it together bend
     the curve by what neither could at the size for which it was taken.
     """
-    if pattern.whole:
+    if pattern.in_frames:
         return max(abs(size), _FEW_LOST * pattern.unit)
     return _WIDE * max(abs(size), _SIZES[0] * pattern.unit)
 
@@ -320,8 +321,8 @@ def _shifts(frames: Frames, jumps: Sequence[Jump]) -> tuple[FloatArray | None, F
     for jump in jumps:
         if jump.kind in _SHIFTED:
             shift += jump.size * frames.shift(jump)
-    there = shift[frames.at]
-    return there, frames.matrix @ shift + frames.slope * there
+    shift_x = shift[frames.at]
+    return shift_x, frames.matrix @ shift + frames.slope * shift_x
 
 
 def _scan(
@@ -342,16 +343,16 @@ def _scan(
     families = [compact(family) for family in deviation.families]
     ends = np.cumsum([j.shape[1], 1, *(lean.spectrum.size for lean in families)])
     everything = np.column_stack([j, r, *(lean.basis for lean in families)])
-    products = units[:, None] * frames.felt(patterns, deviation.turned_back(everything.T).T)
-    with_j, with_r, *seen_by = np.split(products, ends[:-1], axis=1)
+    products = units[:, None] * frames.projections(patterns, deviation.turned_back(everything.T).T)
+    with_j, with_r, *responses_by_family = np.split(products, ends[:-1], axis=1)
     with_r = with_r[:, 0]
     logs = np.full(len(patterns), -np.inf)
     sizes = np.zeros(len(patterns))
     most = np.full(len(patterns), -np.inf)
-    whole = np.array([pattern.whole for pattern in patterns])
+    in_frames = np.array([pattern.in_frames for pattern in patterns])
     components = deviation.each(np.arange(linear.weights.size))
-    for lean, projection, (_, own) in zip(families, seen_by, components, strict=True):
-        seen, turned, coordinates = projection.T, lean.basis.T @ j, lean.basis.T @ r
+    for lean, projection, (_, own) in zip(families, responses_by_family, components, strict=True):
+        responses, turned, coordinates = projection.T, lean.basis.T @ j, lean.basis.T @ r
         white = 1.0 / np.square(lean.scale)
         for gain, flat, weight, step, cov in zip(
             1.0 / lean.variances() - white[:, None],
@@ -363,17 +364,19 @@ def _scan(
         ):
             if weight == 0.0:
                 continue
-            lever = flat * with_j + (seen.T * gain) @ turned
-            score = flat * with_r + (seen.T * gain) @ coordinates - lever @ step
+            lever = flat * with_j + (responses.T * gain) @ turned
+            score = flat * with_r + (responses.T * gain) @ coordinates - lever @ step
             size = (
-                flat * square + gain @ np.square(seen) - np.einsum("ki,ij,kj->k", lever, cov, lever)
+                flat * square
+                + gain @ np.square(responses)
+                - np.einsum("ki,ij,kj->k", lever, cov, lever)
             )
             size = np.maximum(size, 1e-12 * flat * square + 1e-300)
             any_size = _mean(
                 [-0.5 * np.log1p(s**2 * size) + 0.5 * score**2 / (size + s**-2.0) for s in _SIZES]
             )
             log_factor = np.log(weight) + np.where(
-                whole, _mean([score * s - 0.5 * size * s**2 for s in _LOST]), any_size
+                in_frames, _mean([score * s - 0.5 * size * s**2 for s in _LOST]), any_size
             )
             better = log_factor > most
             sizes, most = np.where(better, score / size, sizes), np.where(better, log_factor, most)

@@ -1,9 +1,9 @@
-"""What a user's own curve lacks: a smooth deviation of y along x, or errors of readings that follow
-each other in time.
+"""What a user's own curve lacks: a smooth deviation of y along x, or errors of readings that are
+correlated in time.
 
 - `deviation_shapes`: y = f(x) + d(x), d smooth over some part of the range of x (Matern-3/2).
-- `correlated_shapes`: errors whose neighbours are alike, AR(1) in continuous time, beside white
-  ones.
+- `correlated_shapes`: errors whose neighbours are correlated, AR(1) in continuous time, beside
+  white ones.
 
 Both go into `diagonalise`, alone or together (`equally_probable`), each times the scale of its
 amplitude (`Shape.times`), with `relative_grid`.
@@ -15,10 +15,10 @@ mean of d taken out; where it has none, taking it out would claim that the curve
 average.
 
 The rule of the stated error: where the residuals are far smaller than stated nothing is narrowed
-(`linearised` sees to that), and `stated_is_conservative` says so.  (A pattern of 3.5 mm under a
-stated 5 cm says nothing of errors that all points share: narrowed to it, 68 % intervals cover 33-58
-%.)  Where no size of the errors was stated, the residuals say it: all sizes are equally probable
-beforehand.
+(`linearised` ensures that), and `stated_is_conservative` reports it.  (A pattern of 3.5 mm under a
+stated 5 cm has no information on errors that all points share: narrowed to it, 68 % intervals cover
+33-58 %.)  Where no size of the errors was stated, the residuals determine it: all sizes are equally
+probable beforehand.
 """
 
 from __future__ import annotations
@@ -65,10 +65,10 @@ def relative_grid(*, stated: bool, spike: float = _SPIKE) -> Grid:
 
 def deviation_shapes(x: FloatArray) -> tuple[Shape, ...]:
     """Smooth deviations along x (n_obs,), over lengths about a sixth of its range."""
-    apart = distances(x)
+    separations = distances(x)
     lengths, log_prior = track_lengths(_extent(x, "x"))
     return tuple(
-        Shape(DEVIATION, float(length), root(matern32(apart, float(length))), float(log))
+        Shape(DEVIATION, float(length), root(matern32(separations, float(length))), float(log))
         for length, log in zip(lengths, log_prior, strict=True)
     )
 
@@ -77,12 +77,17 @@ def correlated_shapes(t: FloatArray) -> tuple[Shape, ...]:
     """Errors correlated in time t (n_obs,), exp(-dt/l): lengths from the typical step, but
     at least a thousandth of the duration, to half of the duration, equally probable.
     """
-    apart = distances(t)
+    separations = distances(t)
     extent = _extent(t, "t")
     step = float(np.median(np.diff(np.sort(t))))
     lengths = np.geomspace(max(step, 1e-3 * extent), _PART_OF_TIME * extent, _N_TIME)
     return tuple(
-        Shape(TIME, float(length), root(exponential(apart, float(length))), -float(np.log(_N_TIME)))
+        Shape(
+            TIME,
+            float(length),
+            root(exponential(separations, float(length))),
+            -float(np.log(_N_TIME)),
+        )
         for length in lengths
     )
 

@@ -41,7 +41,7 @@ from estim.discrepancy.noise_with_force import (
     likely_root,
     linear_groups,
 )
-from estim.discrepancy.residual_part import ResidualPart, see_deviation
+from estim.discrepancy.residual_part import ResidualPart, find_residual_part
 from estim.discrepancy.residuals import Residuals
 from estim.discrepancy.scale_mixture import Shape, diagonalise
 from estim.problem import Discrepancy, Observations, Problem, Root
@@ -74,18 +74,18 @@ class DeviationSize:
 class FoundDeviation:
     """What the curve of one run lacks.
 
-    lacks : what was asked for.
+    lacks : the options.
     probability : P(amplitude > 0).  smooth, correlated : how it is read; None where it was not
-        asked for.
-    visible : what of it the curve cannot make up for, with the points.
+        an option.
+    residual_part : what of it the curve cannot make up for, with the points.
     noise : quantiles 0.16, 0.5, 0.84 of the standard deviation of the noise beside it, in units of
         the stated one, or in the unit of y.
     conservative : whether the readings scatter by far less than stated.
     growth : parameter -> its standard deviation over that with independent errors alone, both
         linearised.
     mean, cov : (n_par,), (n_par, n_par) of the linearised posterior.
-    about, told : (n_par,) the point of linearisation, and what all data say there as one normal
-        distribution, whatever the size of the deviation.
+    about, information : (n_par,) the point of linearisation, and the information of all data
+        there as one normal distribution, whatever the size of the deviation.
     intervals : parameter -> probability (0.68, 0.95) -> its ends.
     means, covs : (n, n_par), (n, n_par, n_par) of normal distributions that make it up, the
         narrowest first.
@@ -96,14 +96,14 @@ class FoundDeviation:
     probability: float
     smooth: DeviationSize | None
     correlated: DeviationSize | None
-    visible: ResidualPart
+    residual_part: ResidualPart
     noise: tuple[float, float, float]
     conservative: bool
     growth: Mapping[str, float]
     mean: FloatArray
     cov: FloatArray
     about: FloatArray
-    told: TrialInformation
+    information: TrialInformation
     intervals: Mapping[str, Mapping[float, Interval]]
     means: FloatArray
     covs: FloatArray
@@ -121,12 +121,12 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
     """What the curve of `run` lacks, linear about `values` (n_par,), those of a fit with
     independent errors.
 
-    Where other runs share parameters, what they say counts as theirs without a deviation.
+    Where other runs share parameters, their information is that without a deviation.
     """
     lacks = run.lacks
-    assert lacks is not None, "asked for runs that may lack something"
+    assert lacks is not None, "called for runs that may lack something"
     root, shift, residuals, jacobian = _measured(run, problem, values, stated=lacks.stated)
-    precision, pull = _beside(run, problem, values)
+    precision, pull = _other_information(run, problem, values)
     scales = _scales(lacks, root, residuals)
     shapes = _shapes(run, lacks, scales)
     deviation = diagonalise(root, shapes, relative_grid(stated=lacks.stated))
@@ -135,14 +135,14 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
     linear = linearise(
         deviation, residuals, jacobian, precision=precision, pull=pull, stated=lacks.stated
     )
-    beside: tuple[str, ...] = (_SMOOTH,) if lacks.deviation else ()
-    beside += (_FOLLOWING,) if lacks.along is not None else ()
+    lacking: tuple[str, ...] = (_SMOOTH,) if lacks.deviation else ()
+    lacking += (_FOLLOWING,) if lacks.along is not None else ()
     noise = WithMixture(
         run.noise,
         keep_probable(linear),
         likely_root(linear, stated=lacks.stated),
         Residuals(shift),
-        beside,
+        lacking,
         sized=lacks.stated,
     )
     means, covs = linear_groups(linear, problem.n_par)
@@ -162,14 +162,14 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
         probability=linear.p_deviation,
         smooth=sizes.get(DEVIATION),
         correlated=sizes.get(TIME),
-        visible=see_deviation(linear, run, shapes),
+        residual_part=find_residual_part(linear, run, shapes),
         noise=(low, middle, high),
         conservative=lacks.stated and stated_is_conservative(linear),
         growth=growth_over(problem, linear, without),
         mean=values + linear.mean,
         cov=linear.covariance,
         about=values,
-        told=likelihood_information(linear, _prior(problem, values)),
+        information=likelihood_information(linear, _prior(problem, values)),
         intervals=_intervals(linear, problem, values),
         means=values + means,
         covs=covs,
@@ -182,31 +182,31 @@ def presence(run: Observations, problem: Problem, values: FloatArray) -> float:
     beforehand; linear about `values` (n_par,).
     """
     root, _, residuals, jacobian = _measured(run, problem, values, stated=run.stated)
-    precision, pull = _beside(run, problem, values)
-    # no slope says anything of the size of the errors, and a flat prior of it neither; nor of what
+    precision, pull = _other_information(run, problem, values)
+    # neither a slope nor a flat prior has information on the size of the errors; nor on what
     # another parameter hides on its limit
-    silent = (np.diag(precision) == 0.0) & ~np.any(jacobian, axis=0)
+    uninformed = (np.diag(precision) == 0.0) & ~np.any(jacobian, axis=0)
     shapes = tuple(shape.times(_typical(root)) for shape in deviation_shapes(run.x))
     grid = relative_grid(stated=run.stated, spike=SPIKE)
-    turned = _apart(jacobian)
+    turned = _orthogonal_combinations(jacobian)
     return linearise(
         diagonalise(root, shapes, grid),
         residuals,
         jacobian @ turned,
-        precision=turned.T @ (precision + np.diag(1.0 * silent)) @ turned,
+        precision=turned.T @ (precision + np.diag(1.0 * uninformed)) @ turned,
         pull=np.linalg.solve(turned, pull),
         stated=run.stated,
     ).p_deviation
 
 
-def _apart(jacobian: FloatArray) -> FloatArray:
+def _orthogonal_combinations(jacobian: FloatArray) -> FloatArray:
     """(n_par, n_par) combinations of the parameters whose slopes are orthogonal: terms that all but
     cancel leave no inverse of their information.
     """
     n_par = jacobian.shape[1]
     sizes = positive_or(np.linalg.norm(jacobian, axis=0), 1.0)
     upper = np.linalg.qr(np.vstack([jacobian / sizes, np.zeros((n_par, n_par))]), mode="r")
-    # what the slopes say nothing of stays as it is
+    # what the slopes do not constrain stays as it is
     upper += np.diag(1.0 * (np.abs(np.diag(upper)) < 1e-12))
     return np.linalg.inv(upper) / sizes[:, None]
 
@@ -235,7 +235,7 @@ def _typical(root: Root) -> float:
 def _shapes(
     run: Observations, lacks: Discrepancy, scales: Mapping[str, float]
 ) -> tuple[Shape, ...]:
-    """What was asked for, each in units of the scale of its amplitude."""
+    """The shapes of the options, each in units of the scale of its amplitude."""
     groups = [deviation_shapes(run.x)] if lacks.deviation else []
     groups += [correlated_shapes(lacks.along)] if lacks.along is not None else []
     return tuple(shape.times(scales[shape.kind]) for shape in equally_probable(*groups))
@@ -243,15 +243,15 @@ def _shapes(
 
 def _scales(lacks: Discrepancy, root: Root, residuals: FloatArray) -> dict[str, float]:
     """Kind -> scale of its amplitude, unit of y."""
-    seen = _TIMES_NOISE * root_mean_square(residuals)
+    observed = _TIMES_NOISE * root_mean_square(residuals)
     scales = {DEVIATION: lacks.deviation} if lacks.deviation else {}
     return scales | (
-        {TIME: max(seen, _TIMES_NOISE * _typical(root))} if lacks.along is not None else {}
+        {TIME: max(observed, _TIMES_NOISE * _typical(root))} if lacks.along is not None else {}
     )
 
 
-def _beside(run: Observations, problem: Problem, values: FloatArray) -> TrialInformation:
-    """Precision and pull of what priors and other runs say."""
+def _other_information(run: Observations, problem: Problem, values: FloatArray) -> TrialInformation:
+    """Precision and pull of priors and other runs."""
     others = [other for other in problem.runs if other is not run]
     return as_prior(
         [_prior(problem, values), *(information_of_run(o, problem, values) for o in others)]
@@ -259,20 +259,20 @@ def _beside(run: Observations, problem: Problem, values: FloatArray) -> TrialInf
 
 
 def _prior(problem: Problem, values: FloatArray) -> TrialInformation:
-    """What the priors say at `values`."""
+    """The information of the priors at `values`."""
     return problem.prior_information(values), -problem.prior_gradient(values)
 
 
 def _size(linear: Linearised, kind: str, scale: float, long: float) -> DeviationSize:
-    mine = np.concatenate(
+    members = np.concatenate(
         [np.where(f.amplitude > 0.0, f.kind == kind, False) for f in linear.deviation.families]
     )
-    share = float(linear.weights[mine].sum())
+    share = float(linear.weights[members].sum())
     if not share > 0.0:
         return DeviationSize(0.0, 0.0, scale, (np.nan, np.nan, np.nan), (np.nan, np.nan, np.nan))
-    alone = replace(linear, weights=np.where(mine, linear.weights, 0.0) / share)
+    alone = replace(linear, weights=np.where(members, linear.weights, 0.0) / share)
     low, middle, high = (scale * quantile for quantile in alone.size("amplitude"))
-    slow = float(linear.weights[mine & (linear.deviation.lengths() > long)].sum())
+    slow = float(linear.weights[members & (linear.deviation.lengths() > long)].sum())
     return DeviationSize(share, slow, scale, (low, middle, high), alone.size("length"))
 
 
@@ -293,9 +293,9 @@ def _intervals(
         )
         ends = {}
         for p in PROBABILITIES:
-            places = below + (above - below) * np.array([0.5 - 0.5 * p, 0.5 + 0.5 * p])
+            levels = below + (above - below) * np.array([0.5 - 0.5 * p, 0.5 + 0.5 * p])
             ends[p] = tuple(
-                np.clip(value + linear.quantiles(direction, places), low, high).tolist()
+                np.clip(value + linear.quantiles(direction, levels), low, high).tolist()
             )
         intervals[parameter.name] = ends
     return intervals

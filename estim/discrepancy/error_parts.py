@@ -1,12 +1,12 @@
 """What the errors of the readings are made of, and what each part contributes to quantities of a
 fit.
 
-Errors with C = sum_k C_k move a quantity whose parameters answer by `along` = S g (S the
+Errors with C = sum_k C_k move a quantity whose parameters respond by `along` = S g (S the
 covariance, g the gradient) with the variances
 
     a^T C_k a,    a = C^-1 J S g,    J the derivatives of the curve.
 
-Parts are told apart where a covariance was made of them: what the curve lacks, a free start, bad
+Parts are separated where a covariance was made of them: what the curve lacks, a free start, bad
 frames.
 """
 
@@ -49,15 +49,15 @@ def parts_of_errors(
 def _parts(
     group: Group, likelihood: MixtureErrors, named: Named, moved: FloatArray
 ) -> dict[str, FloatArray]:
-    """Variances (n_quantity,), for the answer of the points `moved` (n_obs, n_quantity)."""
+    """Variances (n_quantity,), for the response of the points `moved` (n_obs, n_quantity)."""
     mixture, residuals = likelihood.mixture, likelihood.residuals_at(named)
     likely, coloured = mixture.likely(residuals), mixture.deviation.root.coloured
-    weighed = likely.turned_back(likely.whiten(moved.T)).T
+    weighted = likely.turned_back(likely.whiten(moved.T)).T
     basis, lifted, _ = mixture.lifted(residuals)
     forced = group.runs[0].force > 0.0
     parts = {
         FORCE if forced else DEVIATION: np.sum(
-            lifted[:, None] * np.square(coloured(basis.T) @ weighed), axis=0
+            lifted[:, None] * np.square(coloured(basis.T) @ weighted), axis=0
         )
     }
     n_start = len(group.runs) if forced else 0
@@ -66,5 +66,5 @@ def _parts(
         (FRAMES, mixture.columns[:, n_start:]),
     ):
         if columns.shape[1]:
-            parts[name] = np.sum(np.square(coloured(columns.T) @ weighed), axis=0)
+            parts[name] = np.sum(np.square(coloured(columns.T) @ weighted), axis=0)
     return parts

@@ -32,7 +32,7 @@ _N_NODE = 121
 OWN = (0.0, 0.1, 0.3, 1.0)
 FORCE, TURN = "force", "force once and twice per turn"
 # kind -> correlation between both ways
-_WAYS = {FORCE: 1.0, f"{FORCE}, another on the way back": 0.0}
+_WAY_CORRELATIONS = {FORCE: 1.0, f"{FORCE}, another on the way back": 0.0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,13 +76,14 @@ class Response:
     start: FloatArray
 
     def carried(self, own: Track, common: Track) -> Response:
-        """The response to a force on the nodes of a `common` track that is at least as long; places
-        count from the release of each.
+        """The response to a force on the nodes of a `common` track that is at least as long;
+        positions count from the release of each.
         """
         near = np.eye(common.nodes.size)
-        since, places = common.nodes - common.start, own.nodes - own.start
+        since, positions = common.nodes - common.start, own.nodes - own.start
         return Response(
-            self.force @ np.array([np.interp(places, since, node) for node in near]).T, self.start
+            self.force @ np.array([np.interp(positions, since, node) for node in near]).T,
+            self.start,
         )
 
     @classmethod
@@ -113,8 +114,8 @@ def track_with_ways(x: FloatArray, v: FloatArray) -> Track:
     passed = 0.5 * (nodes[1:] + nodes[:-1])
     shares = []
     for sense in (1.0, -1.0):
-        here = v * sense > 0.0
-        ends = np.sort(np.column_stack([x[:-1], x[1:]])[here], axis=1)
+        moving = v * sense > 0.0
+        ends = np.sort(np.column_stack([x[:-1], x[1:]])[moving], axis=1)
         times = np.searchsorted(np.sort(ends[:, 0]), passed) - np.searchsorted(
             np.sort(ends[:, 1]), passed
         )
@@ -142,8 +143,12 @@ def force_kernel(along: Track, length: float, *, radius: float | None = None) ->
     radius : length of track for one radian of a turning wheel, which then has a moment once and
         twice per turn; None for what does not turn.
     """
-    apart = distances(along.nodes)
-    return matern32(apart, length) if radius is None else turning(apart, length, radius=radius)
+    separations = distances(along.nodes)
+    return (
+        matern32(separations, length)
+        if radius is None
+        else turning(separations, length, radius=radius)
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,27 +170,27 @@ class ForcePrior:
 def force_priors(along: Track, *, radius: float | None = None) -> tuple[ForcePrior, ...]:
     """One for each of some six lengths, about a sixth of the track.
 
-    Where the body came back, positions tell small profiles from each other, and there are three
+    Where the body came back, positions distinguish small profiles, and there are three
     kinds of each: the same force on both ways (a ramp that is not flat), another one on the way
     back (dirt, which changes its sign, beside it), and a moment once and twice per turn alone.
     """
-    priors, ways = [], {FORCE: 1.0} if along.back is None else _WAYS
+    priors, correlations = [], {FORCE: 1.0} if along.back is None else _WAY_CORRELATIONS
     kinds = 0.0 if along.back is None else np.log(3.0)
     for length, log_prior in zip(*track_lengths(along.length), strict=True):
         kernel = force_kernel(along, float(length), radius=radius)
         elsewhere = sd_of_mean(kernel, along.weights)
-        for kind, alike in ways.items():
+        for kind, correlation in correlations.items():
             covariance = (
                 without_mean(kernel, along.weights)
                 if along.back is None
-                else _on_both_ways(along, kernel, alike)
+                else _on_both_ways(along, kernel, correlation)
             )
             priors.append(
                 ForcePrior(kind, float(length), float(log_prior - kinds), covariance, elsewhere)
             )
     if along.back is not None:
-        apart, turn = distances(along.nodes), radius or along.length
-        kernel = turning(apart, turn, radius=turn) - matern32(apart, turn)
+        separations, turn = distances(along.nodes), radius or along.length
+        kernel = turning(separations, turn, radius=turn) - matern32(separations, turn)
         priors.append(
             ForcePrior(
                 TURN,
@@ -198,16 +203,16 @@ def force_priors(along: Track, *, radius: float | None = None) -> tuple[ForcePri
     return tuple(priors)
 
 
-def _on_both_ways(along: Track, kernel: FloatArray, alike: float) -> FloatArray:
+def _on_both_ways(along: Track, kernel: FloatArray, correlation: float) -> FloatArray:
     """(2 n_node, 2 n_node) of a force on the way out and one on the way back, of correlation
-    `alike`, each without its mean.
+    `correlation`, each without its mean.
     """
     assert along.back is not None
     mean = np.kron(np.eye(2), np.ones((along.nodes.size, 1))) @ block_diag(
         along.weights, along.back
     )
     centred = np.eye(mean.shape[0]) - mean
-    return centred @ np.kron(np.array([[1.0, alike], [alike, 1.0]]), kernel) @ centred.T
+    return centred @ np.kron(np.array([[1.0, correlation], [correlation, 1.0]]), kernel) @ centred.T
 
 
 def force_shapes(
@@ -243,8 +248,8 @@ def shared_force_shapes(
     shapes = []
     for length, log_prior in zip(*track_lengths(along.length), strict=True):
         kernel = force_kernel(along, float(length), radius=radius)
-        shared, plain = stacked @ root(without_mean(kernel, along.weights)), root(kernel)
-        each = block_diag(*(r.force @ plain for r in responses))
+        shared, own_root = stacked @ root(without_mean(kernel, along.weights)), root(kernel)
+        each = block_diag(*(r.force @ own_root for r in responses))
         log_each = float(log_prior - np.log(len(own)))
         shapes += [
             Shape(own_kind(ratio), float(length), np.hstack([shared, ratio * each]), log_each)

@@ -56,16 +56,16 @@ class Completed:
         lengths = {family.length: family for family, *_ in drawn}
         units = {length: _Unit.of(self, family, x) for length, family in lengths.items()}
         for family, k, rows in drawn:
-            mean, sd = units[family.length].given(mixture, family, k, z[rows])
+            mean, sd = units[family.length].posterior(mixture, family, k, z[rows])
             energy[rows], scale[rows] = mean + sd * errors[rows], family.scale[k]
         arguments = self.points.bind(named)
         metres = self.motion.metres(arguments)
-        lift = (
+        factor = (
             self.motion.gravity(arguments)
             * metres
             / self.motion.energies(x, np.ones(x.size), arguments)[0]
         )
-        return energy * lift, scale
+        return energy * factor, scale
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +94,7 @@ class _Unit:
             sd**2,
         )
 
-    def given(
+    def posterior(
         self, mixture: Mixture, family: Family, k: int, z: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Mean (n_draw, n_x) and standard deviation (n_x,) of the energy for whitened residuals z

@@ -17,7 +17,7 @@ delta_x) = A E0 there.  A shift of time is left free, delta_x = v dt: the curve 
 of release among its parameters.  Before the release nothing moves.
 
 Friction that depends on the speed (drag) is left out, and so are moments that turn with the body:
-they change the answer by their own share.
+they change the response by their own share.
 """
 
 from __future__ import annotations
@@ -193,13 +193,13 @@ def _solutions(moving: Moving, path: _Path) -> tuple[FloatArray, FloatArray]:
 def _matrix(moving: Moving, path: _Path) -> FloatArray:
     """(n, 2, 2) of the linear equation of motion."""
     h, x, v = moving.step, path.x, path.v
-    below, here, above = (moving.inertia(x + shift) for shift in (-h, 0.0, h))
-    slope, bend = (above - below) / (2.0 * h), (above - 2.0 * here + below) / h**2
+    below, inertia, above = (moving.inertia(x + shift) for shift in (-h, 0.0, h))
+    slope, bend = (above - below) / (2.0 * h), (above - 2.0 * inertia + below) / h**2
     low, potential, high = (moving.potential(x + shift) for shift in (-h, 0.0, h))
     curvature = (high - 2.0 * potential + low) / h**2
-    drift = slope * v / here
+    drift = slope * v / inertia
     matrix = np.empty((x.size, 2, 2))
-    matrix[:, 0, 0], matrix[:, 0, 1] = -drift, 1.0 / here
+    matrix[:, 0, 0], matrix[:, 0, 1] = -drift, 1.0 / inertia
     matrix[:, 1, 0], matrix[:, 1, 1] = 0.5 * bend * v**2 - curvature - drift * slope * v, drift
     return matrix
 

@@ -14,7 +14,7 @@ from estim.common import QUANTILES
 from estim.discrepancy.force import FORCE, Response, Track, force_kernel, force_priors
 from estim.discrepancy.linearised import Linearised, mixture_quantiles
 
-_LOST = 0.01
+_NEGLECTED = 0.01
 
 
 class WithMean:
@@ -70,15 +70,15 @@ def find_force(
     families = linearised.deviation.families
     every = {(prior.kind, prior.length): prior for prior in force_priors(along, radius=radius)}
     priors = [every.get((f.kind, f.length)) or every[FORCE, f.length] for f in families]
-    seen = _see_force(linearised, response, [prior.covariance for prior in priors])
+    posterior = _posterior_of_force(linearised, response, [prior.covariance for prior in priors])
     sizes = [
         (f.amplitude * prior.elsewhere) ** 2 for f, prior in zip(families, priors, strict=True)
     ]
-    elsewhere = float(seen.weights @ np.concatenate(sizes)[seen.kept])
-    quantiles, n = seen.quantiles(), along.nodes.size
+    elsewhere = float(posterior.weights @ np.concatenate(sizes)[posterior.components])
+    quantiles, n = posterior.quantiles(), along.nodes.size
     return Force(
         x=along.nodes,
-        mean=seen.mean[:n],
+        mean=posterior.mean[:n],
         quantiles=quantiles[:, :n],
         back=quantiles[:, n:] if along.n_way == 2 else None,
         probability=linearised.p_deviation,
@@ -117,13 +117,13 @@ def find_own_force(
     """
     families = linearised.deviation.families
     kernels = {f.length: force_kernel(along, f.length, radius=radius) for f in families}
-    seen = _see_force(
+    posterior = _posterior_of_force(
         linearised,
         response,
         [ratio**2 * kernels[f.length] for f, ratio in zip(families, ratios, strict=True)],
     )
     reached = along.nodes <= end
-    return OwnForce(run, along.nodes[reached], seen.mean[reached])
+    return OwnForce(run, along.nodes[reached], posterior.mean[reached])
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,10 +133,10 @@ class Seen:
 
     f | k ~ N(a^2 S^T C^-1 (r - J p), a^2 K - a^4 S^T C^-1 S)
 
-    kept : (n_kept,) components.  weights : (n_kept,) of sum 1.  means, sds : (n_kept, n_place).
+    components : (n_kept,) indices.  weights : (n_kept,) of sum 1.  means, sds : (n_kept, n_place).
     """
 
-    kept: IntArray
+    components: IntArray
     weights: FloatArray
     means: FloatArray
     sds: FloatArray
@@ -151,32 +151,38 @@ class Seen:
         return mixture_quantiles(self.weights, self.means, self.sds, QUANTILES)
 
 
-def see(linear: Linearised, priors: Iterable[tuple[FloatArray, FloatArray]]) -> Seen:
-    """priors : of each family, for unit amplitude, S (n_place, n_obs), the covariance of places and
+def posterior_at(linear: Linearised, priors: Iterable[tuple[FloatArray, FloatArray]]) -> Seen:
+    """The deviation under the posterior `linear`.
+
+    priors : of each family, for unit amplitude, S (n_place, n_obs), the covariance of places and
     points, and the variances (n_place,) of the places.
     """
     deviation, means, sds = linear.deviation, [], []
     r, j = deviation.whiten(linear.residuals), deviation.whiten(linear.jacobian.T)
-    components = linear.probable(1.0 - _LOST)
+    components = linear.probable(1.0 - _NEGLECTED)
     members = deviation.each(np.arange(linear.weights.size))
     for (family, every), (along, variance) in zip(members, priors, strict=True):
         place = np.flatnonzero(np.isin(every, components))
-        here = every[place]
-        seen = deviation.whiten(along) @ family.basis  # (n_place, n_dir)
+        selected = every[place]
+        projected = deviation.whiten(along) @ family.basis  # (n_place, n_dir)
         precision = 1.0 / family.variances()[place]
         square = np.square(family.amplitude[place])[:, None]
-        off, turned = (r - linear.steps[here] @ j) @ family.basis, j @ family.basis
-        means.append(square * ((off * precision) @ seen.T))
-        moved = square[:, :, None] * ((precision[:, None] * seen) @ turned.T)
-        spread = square * variance - np.square(square) * (precision @ np.square(seen).T)
-        spread += np.sum((moved @ linear.covariances[here]) * moved, axis=2)
+        residuals, turned = (r - linear.steps[selected] @ j) @ family.basis, j @ family.basis
+        means.append(square * ((residuals * precision) @ projected.T))
+        moved = square[:, :, None] * ((precision[:, None] * projected) @ turned.T)
+        spread = square * variance - np.square(square) * (precision @ np.square(projected).T)
+        spread += np.sum((moved @ linear.covariances[selected]) * moved, axis=2)
         sds.append(np.sqrt(np.maximum(spread, 0.0)))
     weights = linear.weights[components]
     return Seen(components, weights / weights.sum(), np.vstack(means), np.vstack(sds))
 
 
-def _see_force(linear: Linearised, response: Response, kernels: Sequence[FloatArray]) -> Seen:
+def _posterior_of_force(
+    linear: Linearised, response: Response, kernels: Sequence[FloatArray]
+) -> Seen:
     """kernels : covariance (n_node, n_node) of the force for unit amplitude, one for each
     family.
     """
-    return see(linear, [(kernel @ response.force.T, np.diag(kernel)) for kernel in kernels])
+    return posterior_at(
+        linear, [(kernel @ response.force.T, np.diag(kernel)) for kernel in kernels]
+    )

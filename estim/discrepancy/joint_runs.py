@@ -2,7 +2,7 @@
 made once at a white fit with free starts.
 
     white fit -> the forces of each group of runs, linear about it
-        -> how probable, beside what all other runs say -> noise that a chain samples under
+        -> how probable, with the information of all other runs -> noise that a chain samples under
 
 Runs that share a force have one likelihood of all their points (`Together`): the force couples
 them.  The track is that of the run that went farthest; places count from the release of each run.
@@ -26,7 +26,7 @@ from estim.discrepancy.force_bands import Completed
 from estim.discrepancy.grid import SCALES, Grid, prior_grid
 from estim.discrepancy.inferred_force import OwnForce, find_force, find_own_force
 from estim.discrepancy.likelihood import MixtureErrors
-from estim.discrepancy.linearised import Linearised, linearise_beside
+from estim.discrepancy.linearised import Linearised, linearise_with_effects
 from estim.discrepancy.mixture_likelihood import Mixture, keep_probable
 from estim.discrepancy.noise_with_discrepancy import Stated, StatedErrors, WithMixture, formed_about
 from estim.discrepancy.noise_with_force import (
@@ -62,8 +62,8 @@ from estim.problem import (
 
 _FORCE = later("an unmodelled force along the track and a free start")
 # of weighted least squares, to a share of a standard deviation
-_ROUNDS, _SETTLED = 30, 0.01
-# where frames are judged the noise may be any larger than stated
+_ROUNDS, _CONVERGED = 30, 0.01
+# where frames are tested the noise may be any larger than stated
 _ANY_SCALE, _COARSE = (1.0, 1.6, 2.5, 4.0, 6.3, 10.0), 12
 
 
@@ -143,7 +143,7 @@ class Line:
             information = mixture.pulls(rows, residuals) @ rows.T + self.precision
             further = np.linalg.solve(information, score)
             step = step + further
-            if np.max(np.abs(further) / sds_of(cov)) < _SETTLED:
+            if np.max(np.abs(further) / sds_of(cov)) < _CONVERGED:
                 break
         return float(np.max(np.abs(step) / sds_of(cov)))
 
@@ -203,11 +203,11 @@ class Stack:
     def deviation(self) -> Deviation:
         return diagonalise(self.root, self.shapes, self.grid)
 
-    def beside(self, precision: FloatArray, pull: FloatArray) -> Linearised:
+    def posterior(self, precision: FloatArray, pull: FloatArray) -> Linearised:
         """The posterior of parameters and `columns`; precision, pull : (n_par, n_par), (n_par,) of
         all that is known beside.
         """
-        return linearise_beside(
+        return linearise_with_effects(
             self.deviation,
             self.residuals,
             self.jacobian,
@@ -219,14 +219,14 @@ class Stack:
 
 @dataclass(frozen=True, eq=False)
 class Beside:
-    """Stacks of runs, each beside all that the others and the priors say.
+    """Stacks of runs, each together with the information of the others and of the priors.
 
-    linear : the posterior of each.  besides : what it was linearised with.
-    known : what priors and runs say that stand in no stack.  data : what all runs say.
+    linear : the posterior of each.  external : the information that it was linearised with.
+    known : that of priors and of runs that stand in no stack.  data : that of all runs.
     """
 
     linear: tuple[Linearised, ...]
-    besides: tuple[TrialInformation, ...]
+    external: tuple[TrialInformation, ...]
     known: TrialInformation
     data: TrialInformation
 
@@ -241,16 +241,17 @@ class Beside:
             if run.name not in inside
         ]
         information = [
-            likelihood_information(stack.beside(precision, pull), prior) for stack in stacks
+            likelihood_information(stack.posterior(precision, pull), prior) for stack in stacks
         ]
-        besides = tuple(
+        external = tuple(
             summed([prior, *others, *information[:i], *information[i + 1 :]])
             for i in range(len(stacks))
         )
         linear = tuple(
-            stack.beside(*as_prior([beside])) for stack, beside in zip(stacks, besides, strict=True)
+            stack.posterior(*as_prior([given]))
+            for stack, given in zip(stacks, external, strict=True)
         )
-        return cls(linear, besides, summed([prior, *others]), summed([*others, *information]))
+        return cls(linear, external, summed([prior, *others]), summed([*others, *information]))
 
 
 def mixtures_of(stacks: Sequence[Stack], linear: Sequence[Linearised]) -> list[Mixture]:
@@ -262,9 +263,12 @@ def mixtures_of(stacks: Sequence[Stack], linear: Sequence[Linearised]) -> list[M
 
 
 def noises_of(
-    stacks: Sequence[Stack], linear: Sequence[Linearised], mixtures: Sequence[Mixture], *beside: str
+    stacks: Sequence[Stack],
+    linear: Sequence[Linearised],
+    mixtures: Sequence[Mixture],
+    *lacking: str,
 ) -> tuple[dict[str, Noise], tuple[Together, ...]]:
-    """Run -> its noise, and what ties runs together.  beside : as of `WithMixture`, for a run that
+    """Run -> its noise, and what ties runs together.  lacking : as of `WithMixture`, for a run that
     shares nothing.
     """
     noises: dict[str, Noise] = {}
@@ -274,7 +278,7 @@ def noises_of(
         names = tuple(run.name for run in stack.runs)
         if len(names) == 1:
             noises[names[0]] = WithMixture(
-                stack.runs[0].noise, mixture, likely, stack.formed, beside, stack.bad
+                stack.runs[0].noise, mixture, likely, stack.formed, lacking, stack.bad
             )
             continue
         shared.append(Together(names, mixture, likely, stack.formed))
@@ -321,22 +325,22 @@ def pose_forces(
     alone : run -> (n_par,) where a white fit of this run by itself ends; of runs fit together.
         Raises InputError where a body hardly moves somewhere along its track.
     """
-    prior, lacking = priors_at(problem, values), []
+    prior, groups = priors_at(problem, values), []
     for label, runs in sharing_runs(problem.runs).items():
         group = _forced(label, runs, problem, values, bad)
         if group.formed.speed is not None:  # now that the force is known, the speeds are
-            read = group.points.y - group.formed.shift - group.beside(*prior).errors()
+            read = group.points.y - group.formed.shift - group.posterior(*prior).errors()
             speeds = np.split(read, np.cumsum([run.n_obs for run in runs])[:-1])
             group = _forced(label, runs, problem, values, bad, speeds=speeds)
-        lacking.append(group)
-    posterior = Beside.of(lacking, problem, values)
-    mixtures = mixtures_of(lacking, posterior.linear)
-    noises, shared = noises_of(lacking, posterior.linear, mixtures, _FORCE)
+        groups.append(group)
+    posterior = Beside.of(groups, problem, values)
+    mixtures = mixtures_of(groups, posterior.linear)
+    noises, shared = noises_of(groups, posterior.linear, mixtures, _FORCE)
     forces = []
-    for group, linear, mixture in zip(lacking, posterior.linear, mixtures, strict=True):
+    for group, linear, mixture in zip(groups, posterior.linear, mixtures, strict=True):
         force = _described(group, linear, values, without, problem, posterior.data)
         each = tuple(
-            _told_alone(run, problem, values, alone[run.name])
+            _information_alone(run, problem, values, alone[run.name])
             for run in group.runs
             if run.name in alone
         )
@@ -352,11 +356,11 @@ def pose_forces(
         forces.append(replace(force, alone=each, completed=completed))
     lines = tuple(
         Line(group, mixture, values, precision)
-        for group, mixture, (precision, _) in zip(lacking, mixtures, posterior.besides, strict=True)
+        for group, mixture, (precision, _) in zip(groups, mixtures, posterior.external, strict=True)
     )
     parts = (
         normal_parts(
-            list(zip(posterior.linear, posterior.besides, strict=True)), posterior.known, values
+            list(zip(posterior.linear, posterior.external, strict=True)), posterior.known, values
         )
         if len(problem.runs) > 1
         else None
@@ -374,21 +378,21 @@ def bad_frames(
 
     known : what was found about other values: it is kept where it still has a size.
     """
-    here = _forced(run.name, (run,), problem, values, {run.name: known})
-    (about,) = here.points.runs
-    if here.formed.speed is not None:
-        about = points_about(about, here.formed.speed)
+    group = _forced(run.name, (run,), problem, values, {run.name: known})
+    (about,) = group.points.runs
+    if group.formed.speed is not None:
+        about = points_about(about, group.formed.speed)
     frames = Trajectory.of(run).frames(about, problem.named(values), run.noise)
     if frames is None:
         return BadFrames()
     precision, pull = priors_at(problem, values)
     return find_bad_frames(
         diagonalise(
-            here.root, here.shapes, prior_grid(run.force, scales=_ANY_SCALE, n_amplitude=_COARSE)
+            group.root, group.shapes, prior_grid(run.force, scales=_ANY_SCALE, n_amplitude=_COARSE)
         ),
         frames,
-        here.residuals,
-        np.column_stack([here.jacobian, here.columns[:, 0]]),
+        group.residuals,
+        np.column_stack([group.jacobian, group.columns[:, 0]]),
         precision=block_diag(precision, 1.0),
         pull=np.append(pull, 0.0),
         known=known,
@@ -421,19 +425,19 @@ class Tracked:
         scale: float,
         speeds: Sequence[FloatArray | None] | None = None,
     ) -> Tracked:
-        """speeds : of each run (n_obs,), where more is known than the curve at `named` says.
+        """speeds : of each run (n_obs,), where more is known than by the curve at `named`.
 
         scale : of the prior of the force.
         """
         formed, stated, alongs = [], [], []
         for run, own, speed in zip(runs, points.runs, speeds or [None] * len(runs), strict=True):
-            course = Trajectory.of(run)
+            trajectory = Trajectory.of(run)
             residuals, errors = formed_about(
-                course, run.noise, own, named, scale=scale, speed=speed
+                trajectory, run.noise, own, named, scale=scale, speed=speed
             )
             formed.append(residuals)
             stated.append(errors)
-            alongs.append(course.along(own, named, run.noise, about=residuals.speed))
+            alongs.append(trajectory.along(own, named, run.noise, about=residuals.speed))
         longest = max(alongs, key=lambda along: along.track.length).track
         responses = [
             along.response.carried(along.track, longest) if len(runs) > 1 else along.response
@@ -452,7 +456,7 @@ def _forced(
     *,
     speeds: Sequence[FloatArray | None] | None = None,
 ) -> _Forced:
-    """speeds : of each run (n_obs,), where more is known than the curve at `values` says."""
+    """speeds : of each run (n_obs,), where more is known than by the curve at `values`."""
     named, several = problem.named(values), len(runs) > 1
     frames = BadFrames() if several else bad.get(runs[0].name, BadFrames())
     points = StackedPoints(tuple(frames.moved(run.points) for run in runs))
@@ -480,23 +484,23 @@ def _forced(
     )
 
 
-def _told_alone(
-    run: Observations, problem: Problem, values: FloatArray, there: FloatArray
+def _information_alone(
+    run: Observations, problem: Problem, values: FloatArray, white_fit: FloatArray
 ) -> TrialInformation:
-    """What one of several runs says by itself, as in a fit of this run alone, linear about its own
-    white fit `there`; for steps from `values`.
+    """The information of one of several runs by itself, as in a fit of this run alone, linear about
+    its own `white_fit`; for steps from `values`.
     """
-    precision, pull = priors_at(problem, there)
-    linear = _forced(run.name, (by_itself(run, problem),), problem, there, {}).beside(
+    precision, pull = priors_at(problem, white_fit)
+    linear = _forced(run.name, (by_itself(run, problem),), problem, white_fit, {}).posterior(
         precision, pull
     )
     information, score = likelihood_information(linear, (precision, precision @ pull))
-    return information, score - information @ (values - there)
+    return information, score - information @ (values - white_fit)
 
 
 def by_itself(run: Observations, problem: Problem) -> Observations:
     """A run as it is without the others: a quantity that varies between runs does so by as much as
-    was stated, for no run tells that.
+    was stated, for no run constrains that.
     """
     spreads = {
         p.name: float(np.hypot(p.prior.expectation, p.prior.sd))
@@ -512,7 +516,7 @@ def _described(
     values: FloatArray,
     without: FloatArray,
     problem: Problem,
-    told: TrialInformation,
+    information: TrialInformation,
 ) -> FoundForce:
     run, tracked = group.runs[0], group.tracked
     along, lever = tracked.alongs[0], Response.stacked(tracked.responses)
@@ -537,7 +541,7 @@ def _described(
         growth=growth,
         upright=along.upright,
         about=values,
-        told=told,
+        information=information,
         means=values + means,
         covs=covs,
         bad=group.bad,

@@ -7,9 +7,9 @@
 - `turning`: `matern32` and a moment once and twice per turn, for a wheel that is not quite round or
   not quite balanced.
 
-What is constant over the track cannot be told from a parameter that is constant too: `without_mean`
-leaves the constant to the parameter, which then *means* the average over this track, and
-`sd_of_mean` says how uncertain that parameter is elsewhere.
+What is constant over the track cannot be distinguished from a parameter that is constant
+too: `without_mean` leaves the constant to the parameter, which then *means* the average over this
+track, and `sd_of_mean` gives the uncertainty of that parameter elsewhere.
 """
 
 from __future__ import annotations

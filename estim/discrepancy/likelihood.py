@@ -57,14 +57,14 @@ class MixtureErrors(Likelihood):
         return z * self._stretch(raw, z)[0][:, None]
 
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
-        """By the product rule; the stretch g changes by g (Q r/lost - W^T z/|z|^2)."""
+        """By the product rule; the stretch g changes by g (Q r/loss - W^T z/|z|^2)."""
         raw, gradient = self.raw(named), self.gradient(named, names)
         z = self.likely.whiten(raw)
-        (stretch,), (lost,) = self._stretch(raw, z)
+        (stretch,), (loss,) = self._stretch(raw, z)
         slopes = -stretch * self.likely.whiten(gradient.T).T
-        if not lost > 0.0:
+        if not loss > 0.0:
             return slopes
-        turning = self.mixture.pull(raw[0]) / lost - self.likely.turned_back(z[0]) / (z[0] @ z[0])
+        turning = self.mixture.pull(raw[0]) / loss - self.likely.turned_back(z[0]) / (z[0] @ z[0])
         return slopes - stretch * np.outer(z[0], turning @ gradient)
 
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
@@ -103,9 +103,9 @@ class MixtureErrors(Likelihood):
         """(n_draw,) what makes |stretch z|^2 twice the loss of log likelihood, and that; 1 and 0
         where nothing is lost but rounding.
         """
-        lost = 2.0 * (self.mixture.highest - self.mixture.log_likelihood(raw))
+        loss = 2.0 * (self.mixture.highest - self.mixture.log_likelihood(raw))
         square = np.sum(z**2, axis=1)
-        positive = (lost > 1e-9) & (square > 0.0)
-        stretch = np.ones(lost.size)
-        stretch[positive] = np.sqrt(lost[positive] / square[positive])
-        return stretch, np.where(positive, lost, 0.0)
+        positive = (loss > 1e-9) & (square > 0.0)
+        stretch = np.ones(loss.size)
+        stretch[positive] = np.sqrt(loss[positive] / square[positive])
+        return stretch, np.where(positive, loss, 0.0)

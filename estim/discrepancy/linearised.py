@@ -13,8 +13,8 @@ and the probability of k from the integral over p.  Exact for a linear curve; el
 answer, and the proposal for the slow one.
 
 What was stated of the noise is never narrowed: a scale s < 1 may be the most probable (residuals
-that are too small, or red with little white noise in them), and then says how large the deviation
-is, but p is inferred with s = 1 beside it.
+that are too small, or red with little white noise in them), and then determines how large the
+deviation is, but p is inferred with s = 1 beside it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from estim.arrays import FloatArray, IntArray, squared_rows
 from estim.discrepancy.scale_mixture import Deviation, Family
 from estim.problem import Root, beside
 
-_FELT = 1e-9  # of the noise: sds of a direction that are smaller change no digit
+_NEGLIGIBLE = 1e-9  # of the noise: sds of a direction that are smaller change no digit
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,12 +70,12 @@ class Linearised:
         probability = float(self.weights[chosen].sum())
         shares = self.weights[chosen] / probability
         mean = shares @ self.steps[chosen]
-        off = self.steps[chosen] - mean
+        deviations = self.steps[chosen] - mean
         return (
             probability,
             mean,
             np.einsum("k,kij->ij", shares, self.covariances[chosen])
-            + (shares[:, None] * off).T @ off,
+            + (shares[:, None] * deviations).T @ deviations,
         )
 
     def first(self, n_par: int) -> Linearised:
@@ -92,8 +92,8 @@ class Linearised:
         """The components with a deviation, where it is more likely than not that there is one; else
         those without.
         """
-        there = self.deviation.column("amplitude") > 0.0
-        return np.flatnonzero(there == (self.p_deviation > 0.5))
+        present = self.deviation.column("amplitude") > 0.0
+        return np.flatnonzero(present == (self.p_deviation > 0.5))
 
     @property
     def best(self) -> int:
@@ -142,13 +142,13 @@ class Linearised:
             else self.deviation.column(name)
         )
         finite = np.isfinite(values)
-        places, which = np.unique(values[finite], return_inverse=True)
+        nodes, which = np.unique(values[finite], return_inverse=True)
         share = np.bincount(which.ravel(), self.weights[finite])
         if not share.sum() > 0.0:
             return np.nan, np.nan, np.nan
         share = share / share.sum()
-        none = float(share[places == 0.0].sum())
-        share, logs = share[places > 0.0], np.log(places[places > 0.0])
+        none = float(share[nodes == 0.0].sum())
+        share, logs = share[nodes > 0.0], np.log(nodes[nodes > 0.0])
         between = 0.5 * (logs[1:] + logs[:-1])
         edges = np.r_[logs[0], between, logs[-1]]
         reached = none + np.r_[0.0, np.cumsum(share)]
@@ -187,7 +187,7 @@ class Linearised:
         family, i = self.component(self.best)
         scale, amplitude = float(self.scales[self.best]), float(family.amplitude[i])
         lifted = amplitude * np.sqrt(family.spectrum) / scale
-        significant = lifted > _FELT
+        significant = lifted > _NEGLIGIBLE
         causes = family.basis[:, significant] * lifted[significant]
         if columns is not None:
             causes = np.column_stack([causes, self.deviation.whiten(columns.T).T * (size / scale)])
@@ -223,31 +223,34 @@ def linearise(
     r, j = deviation.whiten(residuals), deviation.whiten(jacobian.T).T
     pulled = precision @ np.broadcast_to(np.asarray(pull, dtype=float), (n_par,))
     offset = float(np.sum(np.asarray(pull) * pulled))
-    square, along, whole = float(r @ r), j.T @ r, j.T @ j
+    square, along, gram = float(r @ r), j.T @ r, j.T @ j
     logs, steps, covariances, families = [], [], [], []
     for family in deviation.families:
-        seen, turned = r @ family.basis, family.basis.T @ j
+        projected, turned = r @ family.basis, family.basis.T @ j
         variance, white = family.variances(), 1.0 / np.square(family.scale)
         # nothing lies outside a basis that is complete, not even rounding errors
-        known, outside = 1.0 / variance, float(seen.size < n_obs)
-        pairs = squared_rows(turned).reshape(seen.size, n_par**2)
+        known, outside = 1.0 / variance, float(projected.size < n_obs)
+        pairs = squared_rows(turned).reshape(projected.size, n_par**2)
         rest = (
-            outside * (whole - turned.T @ turned),
-            outside * (along - seen @ turned),
-            outside * (square - float(seen @ seen)),
+            outside * (gram - turned.T @ turned),
+            outside * (along - projected @ turned),
+            outside * (square - float(projected @ projected)),
         )
         information = (
             white[:, None, None] * rest[0] + (known @ pairs).reshape(-1, n_par, n_par) + precision
         )
-        slope = white[:, None] * rest[1] + known @ (turned * seen[:, None]) + pulled
+        slope = white[:, None] * rest[1] + known @ (turned * projected[:, None]) + pulled
         covariance = np.linalg.inv(information)
         step = np.einsum("kij,kj->ki", covariance, slope)
         misfit = (
-            white * rest[2] + known @ np.square(seen) + offset - np.einsum("ki,ki->k", slope, step)
+            white * rest[2]
+            + known @ np.square(projected)
+            + offset
+            - np.einsum("ki,ki->k", slope, step)
         )
         log_volume = (
             np.sum(np.log(variance), axis=1)
-            - (n_obs - seen.size) * np.log(white)
+            - (n_obs - projected.size) * np.log(white)
             + np.linalg.slogdet(information)[1]
         )
         log_likelihood = -0.5 * (misfit + log_volume)
@@ -270,7 +273,7 @@ def linearise(
     )
 
 
-def linearise_beside(
+def linearise_with_effects(
     deviation: Deviation,
     residuals: FloatArray,
     jacobian: FloatArray,

@@ -26,7 +26,7 @@ from estim.problem import Root, beside
 # what the directions left out of a basis may add to the variances, relative to the noise and summed
 _ROUGHNESS = 1e-3
 
-_FELT = 1e-13  # share of a component below which rounding hides it
+_ROUNDING = 1e-13  # share of a component below which rounding hides it
 _AT_ONCE = 50  # draws at once of the density of each point
 
 
@@ -126,7 +126,7 @@ class Mixture:
         their `shares`, and H H^T.
         """
         basis, lifted, white = self.lifted(residuals)
-        significant = lifted > _FELT * white
+        significant = lifted > _ROUNDING * white
         causes = np.hstack(
             [basis[:, significant] * np.sqrt(lifted[significant]), self.columns]
         ) / np.sqrt(white)
@@ -160,15 +160,15 @@ class Mixture:
         with precision Q_ii and mean r_i - (Q r)_i/Q_ii
         """
         residuals = np.atleast_2d(residuals)
-        given = tuple(self._given())
+        conditionals = tuple(self._conditionals())
         return np.vstack(
             [
-                self._pointwise(residuals[start : start + _AT_ONCE], given)
+                self._pointwise(residuals[start : start + _AT_ONCE], conditionals)
                 for start in range(0, len(residuals), _AT_ONCE)
             ]
         )
 
-    def _given(self) -> Iterator[_Given]:
+    def _conditionals(self) -> Iterator[_Given]:
         """For each family, what `_pointwise` needs whatever the residuals."""
         back, precisions = self.deviation.turned_back, self.deviation.root.precisions
         for family, terms in zip(self.deviation.families, self.terms, strict=True):
@@ -178,17 +178,19 @@ class Mixture:
             explained = terms.cross @ directions
             diagonal = white * precisions + gain @ directions**2
             half = np.sqrt(0.5 / (diagonal - np.sum(explained**2, axis=1)))
-            seen = gain[:, :, None] * directions - np.swapaxes(terms.cross, 1, 2) @ explained
+            coefficients = (
+                gain[:, :, None] * directions - np.swapaxes(terms.cross, 1, 2) @ explained
+            )
             log = -np.log(2.0 * np.sqrt(np.pi) * half)
-            yield _Given(white * half, seen * half[:, None], log)
+            yield _Given(white * half, coefficients * half[:, None], log)
 
-    def _pointwise(self, residuals: FloatArray, given: tuple[_Given, ...]) -> FloatArray:
+    def _pointwise(self, residuals: FloatArray, conditionals: tuple[_Given, ...]) -> FloatArray:
         logs = self.log_components(residuals)
         z = self.deviation.whiten(residuals)
         along, back = z @ self.columns, self.deviation.turned_back(z)
         without = np.full(z.shape, -np.inf)
-        for (family, own_logs), each in zip(self.deviation.each(logs), given, strict=True):
-            parts = np.hstack([z @ family.basis, along]) @ each.seen
+        for (family, own_logs), each in zip(self.deviation.each(logs), conditionals, strict=True):
+            parts = np.hstack([z @ family.basis, along]) @ each.coefficients
             parts += back * each.white[:, None]
             np.square(parts, out=parts)
             parts += own_logs[:, :, None] - each.log[:, None]
@@ -203,13 +205,13 @@ class _Given:
     """The components of a family, for the density of a point given the others: N_k(r_i | others) =
     exp(log - root^2).
 
-    white, seen : (n_component, n_obs), (n_component, n_dir + n_column, n_obs) what whitened
+    white, coefficients : (n_component, n_obs), (n_component, n_dir + n_column, n_obs) what whitened
         residuals turned back, and those along basis and columns, add to the root.
     log : (n_component, n_obs) half the logarithm of the inverse of its variance over 2 pi.
     """
 
     white: FloatArray
-    seen: FloatArray
+    coefficients: FloatArray
     log: FloatArray
 
 
@@ -221,10 +223,10 @@ def inverse_times(rows: FloatArray, causes: FloatArray, white: float) -> FloatAr
 
 
 def keep_probable(
-    linearised: Linearised, *, columns: FloatArray | None = None, lost: float = 5e-3
+    linearised: Linearised, *, columns: FloatArray | None = None, neglected: float = 5e-3
 ) -> Mixture:
     """The mixture of the most probable components: those left out hold at most the posterior
-    probability `lost` together, and no probability that follows is off by more.
+    probability `neglected` together, and no probability that follows is off by more.
 
     columns : (n_obs, n_column) shifts of the observations by one standard deviation of each small
         systematic effect; None for none.  Give them to `linearise` as well (columns of the Jacobian
@@ -232,7 +234,7 @@ def keep_probable(
     """
     deviation, n_obs = linearised.deviation, linearised.deviation.n_obs
     order = np.argsort(linearised.weights)
-    dropped = order[np.cumsum(linearised.weights[order]) <= lost]
+    dropped = order[np.cumsum(linearised.weights[order]) <= neglected]
     keep = np.ones(order.size, dtype=bool)
     keep[dropped] = False
     families = [
@@ -258,7 +260,7 @@ def compact(family: Family) -> Family:
     """The family in those directions that its largest amplitude lifts above the noise."""
     lifted = family.spectrum * np.max(np.square(family.amplitude / family.scale))
     order = np.argsort(lifted)[::-1]
-    beyond = np.cumsum(lifted[order][::-1])[::-1]  # of each direction and all weaker ones
-    used = order[: int(np.sum(beyond > _ROUGHNESS))]
+    remaining = np.cumsum(lifted[order][::-1])[::-1]  # of each direction and all weaker ones
+    used = order[: int(np.sum(remaining > _ROUGHNESS))]
     basis = np.ascontiguousarray(family.basis[:, used])
     return replace(family, basis=basis, spectrum=family.spectrum[used])

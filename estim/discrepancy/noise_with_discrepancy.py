@@ -1,7 +1,7 @@
 """Noise with what the curve lacks beside it: first a free start alone, then, made at the fit with
 that, an unmodelled force.
 
-Everything that concerns readings is asked of the noise that was stated, `base`.
+Everything that concerns readings is delegated to the noise that was stated, `base`.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _REST = 1e-3  # of the largest speed: slower is at rest
 
 @dataclass(frozen=True, eq=False)
 class Stated(Noise):
-    """What is asked of the noise that was stated, `base`: normal errors about exact abscissas."""
+    """Normal errors about exact abscissas; delegates to the noise that was stated, `base`."""
 
     base: Noise
 
@@ -75,16 +75,16 @@ class FreeStart(Stated):
     bad : the frames.
     """
 
-    course: Trajectory
+    trajectory: Trajectory
     bad: BadFrames
 
     def likelihood(self, points: Points, named: Named) -> GaussianErrors:
         points = self.bad.moved(points)
         stated = normal_covariance(self.base, points, named)
-        about = formed_about(self.course, self.base, points, named, scale=None)[0].speed
+        about = formed_about(self.trajectory, self.base, points, named, scale=None)[0].speed
         columns = np.column_stack(
             [
-                self.course.along(points, named, self.base, about=about).push,
+                self.trajectory.along(points, named, self.base, about=about).push,
                 self.bad.columns(points.x.size),
             ]
         )
@@ -96,7 +96,7 @@ class WithMixture(Stated):
     """Stated noise together with what the curve lacks, as a mixture that stays as it is.
 
     mixture, likely, formed : of `MixtureErrors`.
-    beside : what the curve may lack, any of these, in words that a reader is told.
+    lacking : what the curve may lack, any of these, in words for a reader.
     bad : frames that are shifted.
     sized : whether the size of the errors was stated.
     """
@@ -104,7 +104,7 @@ class WithMixture(Stated):
     mixture: Mixture
     likely: Root
     formed: Residuals
-    beside: tuple[str, ...] = ()
+    lacking: tuple[str, ...] = ()
     bad: BadFrames = NONE
     sized: bool = True
 
@@ -121,7 +121,7 @@ class WithMixture(Stated):
             stated = phrase(
                 "errors of {what}, marginalised over their size", what=phrase(words.what)
             )
-        what = phrase(" or ").join(map(phrase, self.beside))
+        what = phrase(" or ").join(map(phrase, self.lacking))
         return phrase("{stated}; in addition, {what}", stated=stated, what=what) if what else stated
 
 
@@ -134,7 +134,7 @@ class StatedErrors:
 
 
 def formed_about(
-    course: Trajectory,
+    trajectory: Trajectory,
     base: Noise,
     points: Points,
     named: Named,
@@ -146,34 +146,35 @@ def formed_about(
     residuals.
 
     scale : of the prior of the force; None without one.
-    speed : (n_obs,) where more is known of the speeds than the curve says.
+    speed : (n_obs,) where more is known of the speeds than by the curve.
     """
-    here = course.speed(points, named, base)
-    if here is None:
+    curve_speed = trajectory.speed(points, named, base)
+    if curve_speed is None:
         stated = normal_covariance(base, points, named)
-        inertias, scale = _inertias(course, points.y, points, named, scale)
+        inertias, scale = _inertias(trajectory, points.y, points, named, scale)
         return Residuals(stated.shift, inertias=inertias, scale=scale), stated
-    rest = _REST * (np.max(here) or np.max(np.abs(points.y)))  # a body that stays where it is
-    slow = base.likelihood(points_about(points, np.maximum(here, rest)), named)
-    known = here if speed is None else np.maximum(speed, 0.0)
+    # the readings: of a body that stays where it is
+    rest = _REST * (np.max(curve_speed) or np.max(np.abs(points.y)))
+    slow = base.likelihood(points_about(points, np.maximum(curve_speed, rest)), named)
+    known = curve_speed if speed is None else np.maximum(speed, 0.0)
     about = np.maximum(known, LEAST_SPEED * slow.sd(named))
     stated = normal_covariance(base, points_about(points, about), named)
     return Residuals(
-        stated.shift, about, known, *_inertias(course, points.x, points, named, scale)
+        stated.shift, about, known, *_inertias(trajectory, points.x, points, named, scale)
     ), stated
 
 
 def _inertias(
-    course: Trajectory, places: FloatArray, points: Points, named: Named, scale: float | None
+    trajectory: Trajectory, places: FloatArray, points: Points, named: Named, scale: float | None
 ) -> tuple[tuple[Inertia, ...], float]:
     """Those of a run with a force, and the scale of its prior."""
     if scale is None:
         return (), 1.0
-    return (Inertia.of(course.motion, places, points.bind(named)),), scale
+    return (Inertia.of(trajectory.motion, places, points.bind(named)),), scale
 
 
 def normal_covariance(base: Noise, points: Points, named: Named) -> StatedErrors:
     """The stated errors at the values `named`; they must be normal."""
     likelihood: Likelihood = base.likelihood(points, named)
-    assert likelihood.normal is not None, "asked where a campaign is read"
+    assert likelihood.normal is not None, "tested where a campaign is read"
     return StatedErrors(likelihood.normal.root(named), points.y - likelihood.y)

@@ -22,8 +22,8 @@ from estim.problem import Observations, Prior, Problem, Root
 _PARTS = (0.5, 0.9, 0.99, 0.999)  # of the linearised posterior: the wide components hold its tails
 
 TrialInformation = tuple[FloatArray, FloatArray]
-"""Information (n_par, n_par) and score (n_par,) at values of the parameters: what some runs,
-or their priors, say of them.
+"""Information (n_par, n_par) and score (n_par,) at values of the parameters: that of some
+runs, or of their priors.
 """
 
 
@@ -37,8 +37,8 @@ class FoundForce:
     growth : parameter -> its standard deviation over that with the stated noise alone and an exact
         start, both linearised.
     upright : cosine of the tilt.
-    about, told : (n_par,) the point of linearisation, and what all data say there as one normal
-        distribution, whatever the size of forces.
+    about, information : (n_par,) the point of linearisation, and the information of all data
+        there as one normal distribution, whatever the size of forces.
     means, covs : (n, n_par), (n, n_par, n_par) of normal distributions that make up the linearised
         posterior, the narrowest first.
     bad : frames that are shifted.
@@ -52,8 +52,8 @@ class FoundForce:
     conservative : whether the readings scatter by far less than stated.
     runs : names of the runs that share the force, or the one that has it.
     own : what each of several adds to it.
-    alone : what each of `runs` says at `about` by itself, with a force of its own whose mean over
-        the track is removed; of runs fit together.
+    alone : the information of each of `runs` at `about` by itself, with a force of its own whose
+        mean over the track is removed; of runs fit together.
     completed : the curve together with the force, for bands; None where that is not known.
     """
 
@@ -69,7 +69,7 @@ class FoundForce:
     growth: Mapping[str, float]
     upright: float
     about: FloatArray
-    told: TrialInformation
+    information: TrialInformation
     means: FloatArray
     covs: FloatArray
     bad: BadFrames
@@ -83,15 +83,15 @@ class FoundForce:
 
 
 def information_of_run(run: Observations, problem: Problem, values: FloatArray) -> TrialInformation:
-    """What a run says whose noise is known."""
+    """The information of a run whose noise is known."""
     named = problem.named(values)
     jacobian, residuals = run.likelihood(named).scoring(named, problem.names)
     return jacobian.T @ jacobian, -jacobian.T @ residuals
 
 
 def likelihood_information(linear: Linearised, prior: TrialInformation) -> TrialInformation:
-    """What observations say beyond the `prior` that they were linearised with, as one normal
-    distribution; with it the mean is that of all.
+    """The information of observations beyond the `prior` that they were linearised with, as one
+    normal distribution; with it the mean is that of all.
     """
     n_par = prior[1].size
     return likelihood_of_normal(linear.mean[:n_par], linear.covariance[:n_par, :n_par], prior)
@@ -104,21 +104,21 @@ def likelihood_of_normal(
     of the `prior`.
     """
     scale = sds_of(cov)
-    beyond = np.linalg.inv(cov / np.outer(scale, scale)) - prior[0] * np.outer(scale, scale)
-    spectrum, basis = np.linalg.eigh(beyond)
+    excess = np.linalg.inv(cov / np.outer(scale, scale)) - prior[0] * np.outer(scale, scale)
+    spectrum, basis = np.linalg.eigh(excess)
     information = (basis * np.maximum(spectrum, 0.0)) @ basis.T / np.outer(scale, scale)
     return information, information @ mean + prior[0] @ mean - prior[1]
 
 
 def summed(known: Sequence[TrialInformation]) -> TrialInformation:
-    """What several sources say together."""
+    """The information of several sources together."""
     return np.sum([source[0] for source in known], axis=0), np.sum(
         [source[1] for source in known], axis=0
     )
 
 
 def as_prior(known: Sequence[TrialInformation]) -> TrialInformation:
-    """Precision and pull of what several sources say together: of a normal prior with that
+    """Precision and pull of several sources together: of a normal prior with that
     information and score.
     """
     precision, score = summed(known)
@@ -147,10 +147,11 @@ def linear_groups(linear: Linearised, n_par: int) -> tuple[FloatArray, FloatArra
 
 def priors_at(problem: Problem, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Precision (n_par, n_par) and pull (n_par,) of the priors at `values`."""
-    slope, off = np.array(
+    slope, residual = np.array(
         [_bounded(p.prior, float(v)) for p, v in zip(problem.parameters, values, strict=True)]
     ).T
-    return np.diag(slope**2), -np.divide(off, slope, out=np.zeros_like(off), where=slope != 0.0)
+    pull = -np.divide(residual, slope, out=np.zeros_like(residual), where=slope != 0.0)
+    return np.diag(slope**2), pull
 
 
 def _bounded(prior: Prior, value: float) -> tuple[float, float]:

@@ -38,12 +38,12 @@ def normal_parts(
     """The most probable combinations of the components of each group, about `values` (n_par,).
 
     groups : each linearised beside what is known of the parameters without it, which goes with it.
-    known : what no group says.
+    known : the information that no group has.
     """
     combined = [(1.0, *known)]
-    for linear, beside in groups:
+    for linear, external in groups:
         parts = [
-            (weight, *likelihood_of_normal(mean, cov, beside))
+            (weight, *likelihood_of_normal(mean, cov, external))
             for weight, mean, cov in _parts(linear, values.size)
         ]
         combined = [
@@ -65,8 +65,8 @@ def _parts(linear: Linearised, n_par: int) -> list[tuple[float, FloatArray, Floa
     own = linear.first(n_par)
     order = own.from_narrow_to_wide()
     absent = own.deviation.column("amplitude")[order] == 0.0
-    there = order[~absent]
-    below = np.cumsum(own.weights[there])
-    wide = np.split(there, np.searchsorted(below, below[-1] * np.arange(1, _WIDE) / _WIDE))
+    present = order[~absent]
+    below = np.cumsum(own.weights[present])
+    wide = np.split(present, np.searchsorted(below, below[-1] * np.arange(1, _WIDE) / _WIDE))
     groups = (order[absent], *wide)
     return [own.moments(group) for group in groups if own.weights[group].sum() > 0.0]

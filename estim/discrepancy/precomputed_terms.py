@@ -49,19 +49,19 @@ class Terms:
     amplitude: FloatArray
 
     def log_density(
-        self, square: FloatArray, seen: FloatArray, along: FloatArray, weight: Weight | None
+        self, square: FloatArray, projected: FloatArray, along: FloatArray, weight: Weight | None
     ) -> FloatArray:
         """(n_component, n_draw) for |z|^2 (n_draw,), basis z (n_dir, n_draw) and H z (n_column,
         n_draw).  weight : of the draws, where it is not that of the fit.
         """
-        gain, known = self.gain, [np.square(seen), square, np.ones_like(square)]
+        gain, known = self.gain, [np.square(projected), square, np.ones_like(square)]
         n_start = 0 if weight is None else min(weight.n_start, len(along))
         if weight is not None:
             narrowed = -0.5 * np.square(self.amplitude / weight.scale)
             gain = np.column_stack([gain, narrowed, (self.amplitude > 0.0) + n_start])
             known += [weight.excess, np.log(weight.ratio)]
         density = gain @ np.vstack(known)
-        explained = np.tensordot(self.cross, np.vstack([seen, along]), axes=1)
+        explained = np.tensordot(self.cross, np.vstack([projected, along]), axes=1)
         density += 0.5 * np.einsum("kqn,kqn->kn", explained, explained)
         if weight is not None and n_start:
             density -= 0.5 * self._narrowed_starts(explained, weight.excess, n_start)

@@ -3,7 +3,7 @@ which a force along the track is linear.
 
     rho = y - u + (u^2 - f^2)/(2 v)
 
-    u    what the speeds are, as far as the data tell
+    u    what the speeds are, as far as the data determine them
     v    u, where u is larger than errors of the readings
 
 A force and an energy at release add to the square of the speed whatever the parameters are, so
@@ -111,7 +111,7 @@ class Residuals:
 
     def weight(self, points: AnyPoints, named: Named) -> Weight | None:
         """How a force counts at draws, against how it counts at the fit; None where it counts
-        alike.
+        equally.
         """
         if not self.inertias:
             return None

@@ -8,7 +8,7 @@ share a few diagonalisations.
 
 `diagonalise` makes the grid: with C0 = W W^T and W^-1 K_l W^-T = V Lambda V^T each length needs one
 decomposition, and every amplitude and noise scale after that is a vector, s^2 + a^2 Lambda.
-`estim.discrepancy.linearised` says how probable each is, `estim.discrepancy.mixture_likelihood`
+`estim.discrepancy.linearised` gives the probability of each, `estim.discrepancy.mixture_likelihood`
 keeps what matters and evaluates draws.
 """
 
@@ -139,7 +139,7 @@ def diagonalise(root: Root, shapes: tuple[Shape, ...], grid: Grid) -> Deviation:
     families = []
     for i, shape in enumerate(shapes):
         spectrum, basis = _principal(root.whiten(shape.factor.T).T)
-        held = Family(
+        family = Family(
             shape.kind,
             shape.length,
             basis,
@@ -148,7 +148,7 @@ def diagonalise(root: Root, shapes: tuple[Shape, ...], grid: Grid) -> Deviation:
             scale,
             log_prior + shape.log_prior * (amplitude > 0.0),
         )
-        families.append(held if i == 0 else held.chosen(amplitude > 0.0))
+        families.append(family if i == 0 else family.chosen(amplitude > 0.0))
     return Deviation(root, tuple(families))
 
 

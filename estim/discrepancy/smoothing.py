@@ -1,5 +1,5 @@
-"""Where a body was read, without most of the errors of the readings, for what is asked of a curve
-at a place that must not know these errors.
+"""Where a body was read, without most of the errors of the readings, for evaluations of a curve
+that must not depend on these errors.
 
 A column of a linear model that is evaluated at the readings has their errors e in it: d(column)/dx
 times e.  Where frames are so dense that a body moves less than e between them this is no longer
@@ -20,7 +20,7 @@ _REACH, _FEW = 2.0, 5
 GUARD = 5.0  # sds from the release or from a turning point
 
 
-def settled(t: FloatArray, x: FloatArray, speed: FloatArray, sd: float) -> FloatArray:
+def smoothed_positions(t: FloatArray, x: FloatArray, speed: FloatArray, sd: float) -> FloatArray:
     """(n_row,) by straight lines through the readings x (n_row,) at t (n_row,) s (five or more)
     between which the body moves 2 `sd` either way.
 
@@ -31,7 +31,7 @@ def settled(t: FloatArray, x: FloatArray, speed: FloatArray, sd: float) -> Float
     speed : (n_row,) of the curve, unit of x per s.
     """
     least = float(np.max(speed)) * np.sqrt(GUARD * 2.0 * sd / np.ptp(x))
-    if not least > 0.0:  # a curve that never moves, which is said elsewhere
+    if not least > 0.0:  # a curve that never moves, which is reported elsewhere
         return x
     reach = _REACH * sd / np.maximum(speed, least)
     first, last = np.searchsorted(t, t - reach, "left"), np.searchsorted(t, t + reach, "right")

@@ -13,7 +13,7 @@ from estim.discrepancy.bad_frame_search import Frames
 from estim.discrepancy.force import Response, Track, speed_response, track
 from estim.discrepancy.grid import START_SD
 from estim.discrepancy.in_time import Moving, response_in_time
-from estim.discrepancy.smoothing import settled
+from estim.discrepancy.smoothing import smoothed_positions
 from estim.problem import Motion, Named, Noise, Observations, Points, PositionCurve, Rows
 
 _STEP = 2e-3  # rad, over which inertia and height of a body are smooth
@@ -37,8 +37,8 @@ class Along:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """A motion that was measured.  rows : of the readings; None where nobody asks which of them are
-    bad.
+    """A motion that was measured.  rows : of the readings; None where bad ones are not
+    searched for.
     """
 
     motion: Motion
@@ -52,10 +52,10 @@ class Trajectory:
         """(n_obs,) speeds of the curve at the points, where the readings have little of their
         errors; None for positions.
         """
-        here = _Here(self.motion, points, points.bind(named))
+        evaluated = _Here(self.motion, points, points.bind(named))
         if isinstance(points.curve, PositionCurve):
             return None
-        return here.speed(self._places(here, noise, named))
+        return evaluated.speed(self._places(evaluated, noise, named))
 
     def along(
         self, points: Points, named: Named, noise: Noise, *, about: FloatArray | None
@@ -65,38 +65,44 @@ class Trajectory:
         about : (n_obs,) the speeds of `Residuals` for points that are speeds, None for positions.
         Raises InputError where the body (positions in time) does not move at all.
         """
-        here = _Here(self.motion, points, points.bind(named))
+        evaluated = _Here(self.motion, points, points.bind(named))
         if isinstance(points.curve, PositionCurve):
-            along, response = _in_time(here, points.curve)
+            along, response = _in_time(evaluated, points.curve)
         else:
             assert about is not None, "known of points that are speeds"
-            x = self._places(here, noise, named)
-            along = track(float(np.max(points.x)), start=here.start)
+            x = self._places(evaluated, noise, named)
+            along = track(float(np.max(points.x)), start=evaluated.start)
             response = speed_response(
-                along, x, about, here.inertia(x), acceleration=here.acceleration
+                along, x, about, evaluated.inertia(x), acceleration=evaluated.acceleration
             )
-        push = START_SD * here.scalar(self.motion.radian) * response.start
+        push = START_SD * evaluated.scalar(self.motion.radian) * response.start
         return Along(
-            along, response, push, here.scalar(self.motion.radian), here.scalar(self.motion.upright)
+            along,
+            response,
+            push,
+            evaluated.scalar(self.motion.radian),
+            evaluated.scalar(self.motion.upright),
         )
 
-    def _places(self, here: _Here, noise: Noise, named: Named) -> FloatArray:
+    def _places(self, evaluated: _Here, noise: Noise, named: Named) -> FloatArray:
         """(n_obs,) positions of points that are speeds, with little of the errors of the readings
         that these speeds are made of.
         """
         if self.rows is None or self.rows.positions is None or not noise.made_of_positions:
-            return here.points.x
-        settled_there = self._settled(here, noise, named) - self.rows.positions
-        return here.points.x + settled_there[self.rows.kept]
+            return evaluated.points.x
+        shift = self._smoothed(evaluated, noise, named) - self.rows.positions
+        return evaluated.points.x + shift[self.rows.kept]
 
-    def _settled(self, here: _Here, noise: Noise, named: Named) -> FloatArray:
-        """(n_row,) the readings, for every place at which something is asked of the curve that must
-        not know their errors.
+    def _smoothed(self, evaluated: _Here, noise: Noise, named: Named) -> FloatArray:
+        """(n_row,) the readings, for evaluations of the curve that must not depend on their
+        errors.
         """
-        assert self.rows is not None, "asked where speeds are made of positions"
+        assert self.rows is not None, "called where speeds are made of positions"
         positions = self.rows.positions
-        assert positions is not None, "asked where speeds are made of positions"
-        return settled(self.rows.t, positions, here.speed(positions), _reading(noise, named))
+        assert positions is not None, "called where speeds are made of positions"
+        return smoothed_positions(
+            self.rows.t, positions, evaluated.speed(positions), _reading(noise, named)
+        )
 
     def frames(self, points: Points, named: Named, noise: Noise) -> Frames | None:
         """The readings of which some may be bad, and what each does to the points; None where they
@@ -104,13 +110,13 @@ class Trajectory:
         """
         if self.rows is None:
             return None
-        here = _Here(self.motion, points, points.bind(named))
+        evaluated = _Here(self.motion, points, points.bind(named))
         matrix, reading = noise.of_positions(points, named), _reading(noise, named)
         t, lines = self.rows.t, self.rows.lines
         positions = self.rows.positions
         if matrix is not None and positions is not None:
             slope = points.slope(named)
-            velocity = here.speed(self._settled(here, noise, named))
+            velocity = evaluated.speed(self._smoothed(evaluated, noise, named))
             return Frames(
                 matrix, velocity, reading, True, t, positions, lines, self.rows.kept, slope
             )
@@ -121,7 +127,7 @@ class Trajectory:
         )
         alone = eye_array(points.x.size, format="csr")
         if isinstance(points.curve, PositionCurve):
-            velocity = np.ravel(points.curve.state(points.x, here.arguments)[1])
+            velocity = np.ravel(points.curve.state(points.x, evaluated.arguments)[1])
             return Frames(alone, velocity, sd, True, t, points.y, lines)
         still = np.zeros(points.x.size)
         return Frames(alone, still, sd, False, t, points.x, lines)
@@ -163,16 +169,22 @@ class _Here:
         return np.ravel(potential / self.scalar(self.motion.metres) ** 2)
 
 
-def _in_time(here: _Here, curve: PositionCurve) -> tuple[Track, Response]:
+def _in_time(evaluated: _Here, curve: PositionCurve) -> tuple[Track, Response]:
     """Of positions at known times, on every way."""
 
     def state(t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        x, v = curve.state(t, here.arguments)
+        x, v = curve.state(t, evaluated.arguments)
         return np.ravel(x), np.ravel(v)
 
-    t, release = here.points.x, float(np.ravel(here.arguments["release_time"])[0])
-    step = _STEP * here.scalar(here.motion.radian)
+    t, release = evaluated.points.x, float(np.ravel(evaluated.arguments["release_time"])[0])
+    step = _STEP * evaluated.scalar(evaluated.motion.radian)
     moving = Moving(
-        state, release, float(np.max(t)), here.inertia, here.potential, here.acceleration, step
+        state,
+        release,
+        float(np.max(t)),
+        evaluated.inertia,
+        evaluated.potential,
+        evaluated.acceleration,
+        step,
     )
     return response_in_time(moving, t)

@@ -1,12 +1,12 @@
-"""What runs with an unmodelled force will say that are not yet measured: a force as large as the
-data at hand leave probable.
+"""The information of runs with an unmodelled force that are not yet measured: a force as large as
+the data at hand leave probable.
 
     C = s^2 C0 + sum_l (a_l^2 X_l X_l^T + b_l^2 Y_l Y_l^T) + p p^T
 
 X_l: the shared force of length l with its mean removed, Y_l: the plain ones of the single runs, p:
 a push at release (`force`); s^2, a_l^2, b_l^2 are mean squares over the posterior of the
 components.  With them C is the covariance of `MixtureErrors.information_root`, for any other runs.
-The size of the force stays as it is: what further data would say about it is not anticipated.
+The size of the force stays as it is: the information of further data about it is not anticipated.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ class ForceSize:
     several: bool
 
     def between(self) -> FloatArray:
-        """(n,) mean squares of the own forces; of a run that shared with none those that the prior
-        has.
+        """(n,) mean squares of the own forces; of a run that shared with none those of the
+        prior.
         """
         return self.own if self.several else self.shared * float(np.mean(np.square(OWN)))
 
@@ -74,10 +74,12 @@ def expected_root(
     lever = Response.stacked(responses).force
     between = size.between() if several else np.zeros(size.lengths.size)
     covariance = size.noise * block_diag(*(covariance_of(errors.root) for errors in tracked.stated))
-    for length, shared, apart in zip(size.lengths, size.shared, between, strict=True):
+    for length, shared, own in zip(size.lengths, size.shared, between, strict=True):
         kernel = force_kernel(track, float(length), radius=tracked.alongs[0].radian)
         covariance += shared * lever @ without_mean(kernel, track.weights) @ lever.T
-        covariance += apart * block_diag(*(one.force @ kernel @ one.force.T for one in responses))
+        covariance += own * block_diag(
+            *(response.force @ kernel @ response.force.T for response in responses)
+        )
     lower = np.linalg.cholesky(covariance + tracked.pushes @ tracked.pushes.T)
     gradient = stacked(tracked.formed).gradient(points, named, problem.names)
     return solve_triangular(lower, gradient, lower=True)

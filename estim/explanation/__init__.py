@@ -1,5 +1,5 @@
 """What may be missing where a curve does not explain the data: candidates, each refit, and what
-they tell together.
+they show together.
 
 Read `explaining` first; the candidates of a rolling body stand in
 `estim.campaign.candidate_causes`.

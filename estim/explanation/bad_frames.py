@@ -70,7 +70,7 @@ def frame_causes(base: Fit) -> tuple[Cause, ...]:
     None of a run whose errors are not normal.
     """
     problem, named, causes = base.problem, base.named, []
-    whole = problem.prior_information(base.values)
+    information = problem.prior_information(base.values)
     parts = []
     for run, likelihood in zip(problem.runs, base.posterior.likelihoods, strict=True):
         if likelihood.normal is None:
@@ -79,13 +79,13 @@ def frame_causes(base: Fit) -> tuple[Cause, ...]:
         jacobian = root.whiten(run.points.gradient(named, problem.names).T).T
         z = root.whiten(likelihood.y - run.drawn(named))
         parts.append((run, root, jacobian, z))
-        whole = whole + jacobian.T @ jacobian
-    inverse = np.asarray(np.linalg.pinv(whole, hermitian=True), dtype=np.float64)
+        information = information + jacobian.T @ jacobian
+    inverse = np.asarray(np.linalg.pinv(information, hermitian=True), dtype=np.float64)
     for i, (run, root, jacobian, z) in enumerate(parts):
         moved = run.noise.of_positions(run.points, named)
         matrix = eye_array(run.n_obs, format="csr") if moved is None else moved
-        plain = run.motion is None and not run.numbered
-        in_sequence = plain or run.positions or run.noise.made_of_positions
+        user_curve = run.motion is None and not run.numbered
+        in_sequence = user_curve or run.positions or run.noise.made_of_positions
         shifts = Shifts(matrix, np.zeros(matrix.shape[1]), 1.0, in_sequence)
         kinds = ("frame", "step") if in_sequence else ("frame",)
         for kind in kinds:
@@ -110,10 +110,10 @@ def _best(
     """The reading by whose shift chi-squared falls most, what that does to the points (n_obs,), and
     how many readings were tried.
     """
-    back = shifts.felt(patterns, root.turned_back(np.column_stack([jacobian, z]).T).T)
-    size, along, pulled = shifts.squares(root, patterns), back[:, :-1], back[:, -1]
+    projections = shifts.projections(patterns, root.turned_back(np.column_stack([jacobian, z]).T).T)
+    size, along, pulled = shifts.squares(root, patterns), projections[:, :-1], projections[:, -1]
     remainder = size - np.einsum("kp,pq,kq->k", along, inverse, along)
-    # of its size, what the fit leaves of the error of a reading; less cannot be seen
+    # of its size, what the fit leaves of the error of a reading; less cannot be detected
     determined = remainder > 1e-3 * np.max(size)
     fall = np.where(determined, pulled**2 / np.where(determined, remainder, 1.0), 0.0)
     best = patterns[int(np.argmax(fall))]

@@ -1,4 +1,4 @@
-"""One thing that may be missing: the problem with it, and the lines of a campaign that say it."""
+"""One thing that may be missing: the problem with it, and the lines of a campaign that state it."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ class Cause:
     words : what it is.
     problem : with it.
     parameters : its own.  lines : to be added to the campaign, the first a table.  remark : where
-        no line says it.
+        no line states it.
     begin : value of its parameters at which a search starts, where 0 is possible.
-    searched : how much a gain is less because the best of many places was looked for.
+    searched : how much a gain is less because the best of many positions was searched for.
     posed : makes the problem of the campaign with its lines, with all that a fit of the campaign
-        has room for; None where no lines say it.
-    slip : whether it is no physics, but another reading of what was stated: told only where it is
-        found, and then before others that do as well.
+        has room for; None where no lines state it.
+    slip : whether it is no physics, but another reading of what was stated: reported only where it
+        is found, and then before others that do as well.
     """
 
     name: str

@@ -8,14 +8,14 @@ L at its largest over a size of the noise that is at least the stated one, so th
 paid for taking up noise that was stated too small.  A candidate has a prior as wide as such a thing
 may be.  How to read it: a gain of 10 or more does not come by chance (`FOUND`; about 1 of 100 clean
 recordings has one, with all candidates tried); candidates whose gains differ by less than 10 (odds
-of 150) cannot be told apart by these data (`TIED`; a true cause was up to 9 behind a smooth alias
-of it).
+of 150) cannot be distinguished by these data (`TIED`; a true cause was up to 9 behind a smooth
+alias of it).
 
 With white noise a candidate takes up all that is left, also what is none of it: its number is not
 what a fit of the campaign with it gives, where an unmodelled force stands beside it.  So the first
 ones are fit again as the campaign would be (`Outcome`), and one is an answer only where that ends
-well and leaves no force to be explained; one that no line says, where the residuals are random with
-it.
+well and leaves no force to be explained; one that no line states, where the residuals are random
+with it.
 """
 
 from __future__ import annotations
@@ -65,9 +65,9 @@ class Candidate(Cause):
     """One thing that may be missing, refit.
 
     gain : see above.  numbers : what was found of it, beside white noise.
-    outcome : of the campaign with it; None where that was not asked.
+    outcome : of the campaign with it; None where that was not fit.
     p_order : probability of the residuals with it, by the worst of the tests of order; nan where
-        that was not asked.
+        that was not tested.
     p_size : the same by chi-squared; nan where the size of the noise is inferred.
     """
 
@@ -123,7 +123,9 @@ class Explanation:
 
     @property
     def tied(self) -> tuple[Candidate, ...]:
-        """The first and those that these data cannot tell from it; none where nothing is found."""
+        """The first and those that these data cannot distinguish from it; none where nothing is
+        found.
+        """
         candidates = self.found
         return tuple(
             candidate for candidate in candidates if candidate.gain > candidates[0].gain - TIED
@@ -131,7 +133,7 @@ class Explanation:
 
     @property
     def offered(self) -> Candidate | None:
-        """The first of these that is an answer and that lines of the campaign say."""
+        """The first of these that is an answer and that lines of the campaign state."""
         return next(
             (candidate for candidate in self.tied if candidate.lines and candidate.explains), None
         )
@@ -158,15 +160,15 @@ def explain(
     values: FloatArray | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Explanation:
-    """The candidates for what runs lack: those of `suspects`, readings that are alike in time, one
-    bad frame.
+    """The candidates for what runs lack: those of `suspects`, errors that are correlated in time,
+    one bad frame.
 
     values : (n_par,) where the fit without any of them may start.
-    progress : told how many of how many are done.
+    progress : called with how many of how many are done.
     """
     plain = suspects.plain
     base = fit_least_squares(plain, rng=rng, n_start=1 if values is not None else 4, start=values)
-    every = [*suspects.causes, *_alike(suspects), *frame_causes(base)]
+    every = [*suspects.causes, *_correlated_errors(suspects), *frame_causes(base)]
     fits: dict[str, tuple[Candidate, Fit]] = {}
     lowest = badness(base)
     for done, cause in enumerate(every, start=1):
@@ -209,8 +211,8 @@ def badness(fit: Fit) -> float:
     return total
 
 
-def _alike(suspects: Suspects) -> Iterable[Cause]:
-    """Readings whose errors follow each other."""
+def _correlated_errors(suspects: Suspects) -> Iterable[Cause]:
+    """Readings whose errors are correlated."""
     plain = suspects.plain
     if plain.counted:
         return
@@ -262,7 +264,7 @@ def _numbers(cause: Cause, fit: Fit) -> tuple[Estimated, ...]:
 
 
 def _larger(fit: Fit) -> float:
-    """Factor of the noise that the residuals ask for, 1 at least."""
+    """Factor of the noise that the residuals show, 1 at least."""
     n_data = sum(run.n_obs for run in fit.problem.runs)
     chi2 = float(np.sum(fit.posterior.size_residuals(fit.values) ** 2))
     return math.sqrt(max(1.0, chi2 / n_data))

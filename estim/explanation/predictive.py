@@ -1,15 +1,15 @@
 """Does the model bring back what matters?  Data sets drawn from the posterior beside the one that
 was measured (posterior predictive checks).
 
-For each draw of the parameters the readings are made again, with what the curve lacks as the data
+For each draw of the parameters the readings are replicated, with what the curve lacks as the data
 leave it and with new noise (`estim.discrepancy.repetition`); each statistic T of them is compared
 with T of the data:
 
-    p = 2 min{P(T_again >= T), P(T_again <= T)}        ties shared evenly
+    p = 2 min{P(T_rep >= T), P(T_rep <= T)}        ties shared evenly
 
 What was measured is used twice, for the fit and for the test, so that p is conservative: where the
 model is right it is nearer to 1/2 than a uniform number would be, and small values are rarer than
-they say (Bayarri, Berger, J. Am. Stat. Assoc. 95 (2000) 1127).  A small one counts.
+nominal (Bayarri, Berger, J. Am. Stat. Assoc. 95 (2000) 1127).  A small one counts.
 
 Source: Gelman, Meng, Stern, Stat. Sinica 6 (1996) 733.
 
@@ -45,8 +45,8 @@ class Predicted:
     """One statistic of one run.
 
     name : short.
-    words : what it is.  label : how it is shown.  observed, again : (n_draw,) of the data and of
-        the data sets, in SI units; observed is one number where the parameters do not enter.
+    words : what it is.  label : how it is shown.  observed, replicated : (n_draw,) of the data and
+        of the data sets, in SI units; observed is one number where the parameters do not enter.
     p : two-sided.
     """
 
@@ -55,13 +55,13 @@ class Predicted:
     words: str
     label: Label
     observed: FloatArray
-    again: FloatArray
+    replicated: FloatArray
     p: float
 
     @property
     def p_words(self) -> str:
-        """p, no smaller than the number of data sets can tell."""
-        least = 1.0 / self.again.size
+        """p, no smaller than the number of data sets can resolve."""
+        least = 1.0 / self.replicated.size
         return f"< {p_digits(least, 1)}" if self.p <= least else p_digits(self.p)
 
     @property
@@ -85,18 +85,18 @@ def predictive_checks(
         if any(run.motion is None for run in group.runs):
             continue
         subset = draws[np.linspace(0, draws.shape[0] - 1, min(N_DRAW, draws.shape[0])).astype(int)]
-        drawn = _again(likelihood, problem.named, subset, rng)
+        drawn = _replicated(likelihood, problem.named, subset, rng)
         if drawn is None:
             continue
-        again, used = drawn
+        replicated, used = drawn
         # as the likelihood has them: without the shifts of bad frames
-        parts = zip(group.runs, likelihood.points.runs, group.split(again.T), strict=True)
+        parts = zip(group.runs, likelihood.points.runs, group.split(replicated.T), strict=True)
         for run, run_points, y in parts:
             checks[run.name] = _of_run(run, run_points, y.T, run_points.bind(problem.named(used)))
     return tuple(check for run in problem.runs for check in checks.get(run.name, ()))
 
 
-def _again(
+def _replicated(
     likelihood: Likelihood,
     named: Callable[[FloatArray], Named],
     draws: FloatArray,
@@ -126,12 +126,14 @@ def _again(
 
 
 def _of_run(
-    run: Observations, points: Points, again: FloatArray, arguments: Named
+    run: Observations, points: Points, replicated: FloatArray, arguments: Named
 ) -> tuple[Predicted, ...]:
     order = np.argsort(points.x, kind="stable")
-    x, measured, again = points.x[order], points.y[None, order], again[:, order]
+    x, measured, replicated = points.x[order], points.y[None, order], replicated[:, order]
     if not run.positions:
-        return _of_motion(run, (x[None, :], measured), (x[None, :], again), arguments, run.x_unit)
+        return _of_motion(
+            run, (x[None, :], measured), (x[None, :], replicated), arguments, run.x_unit
+        )
     over = min(max(_LEAST_OVER, x.size // _SPEED_OVER), x.size)
     slope, mean = _sliding(x, over)
     farthest = _compared(
@@ -140,24 +142,24 @@ def _of_run(
         phrase("farthest reading"),
         Notation("x").label(run.y_unit),
         np.max(measured, axis=1),
-        np.max(again, axis=1),
+        np.max(replicated, axis=1),
     )
-    pairs = [(y @ mean.T, y @ slope.T) for y in (measured, again)]
+    pairs = [(y @ mean.T, y @ slope.T) for y in (measured, replicated)]
     return (farthest, *_of_motion(run, pairs[0], pairs[1], arguments, run.y_unit))
 
 
 def _of_motion(
-    run: Observations, measured: _Motion, again: _Motion, arguments: Named, unit: str
+    run: Observations, measured: _Motion, replicated: _Motion, arguments: Named, unit: str
 ) -> tuple[Predicted, ...]:
     x, v = (part[0] for part in measured)
-    here, speed = Notation("x").label(unit), Notation("v").label(f"{unit}/s")
+    position, speed = Notation("x").label(unit), Notation("v").label(f"{unit}/s")
     size = min(max(_LEAST, x.size // _PART), x.size)
     first, last = slice(0, size), slice(x.size - size, x.size)
 
     def compared(
         name: str, words: str, label: Label, statistic: Callable[[_Motion], FloatArray]
     ) -> Predicted:
-        return _compared(run, name, words, label, statistic(measured), statistic(again))
+        return _compared(run, name, words, label, statistic(measured), statistic(replicated))
 
     def place(motion: _Motion) -> FloatArray:
         where, speeds = np.broadcast_arrays(*motion)
@@ -170,7 +172,7 @@ def _of_motion(
         shape = n_set, x.size
         return np.broadcast_to(kinetic, shape), np.broadcast_to(potential, shape)
 
-    def lost(motion: _Motion) -> FloatArray:
+    def energy_change(motion: _Motion) -> FloatArray:
         total = np.add(*energies(motion))
         return (total[:, last].mean(axis=1) - total[:, first].mean(axis=1)) / scale
 
@@ -179,28 +181,28 @@ def _of_motion(
     top = int(np.argmax(np.abs(v)))
     if first.stop <= top < last.start:
         words = phrase("position of the largest speed")
-        statistics.append(compared("its_place", words, here, place))
+        statistics.append(compared("its_place", words, position, place))
         # of the largest speed: a body that is slower at the end is on its way to a turning point
         if not run.positions and np.mean(v[last]) < 0.7 * v[top]:
             end, words = x[last], phrase("turning point")
             statistics.append(
-                compared("turning_point", words, here, lambda m: _zero_of(end, m[1][:, last]))
+                compared("turning_point", words, position, lambda m: _zero_of(end, m[1][:, last]))
             )
     scale = np.max(energies(measured)[0], axis=1)
     percent = Notation("ΔE/T", "%", 100.0).label("1")
     words = phrase(
         "energy at the end minus energy at the start, relative to the largest kinetic energy"
     )
-    return (*statistics, compared("energy", words, percent, lost))
+    return (*statistics, compared("energy", words, percent, energy_change))
 
 
 def _zero_of(x: FloatArray, v: FloatArray) -> FloatArray:
     """(n_set,) where the straight line through v^2 (n_set, n) at x (n,) is 0; inf where it does not
     fall.
     """
-    off = x - x.mean()
+    centred = x - x.mean()
     square = np.square(v)
-    slope = square @ off / (off @ off)
+    slope = square @ centred / (centred @ centred)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(slope < 0.0, x.mean() - square.mean(axis=1) / slope, np.inf)
 
@@ -213,14 +215,21 @@ def _sliding(t: FloatArray, over: int) -> tuple[FloatArray, FloatArray]:
     slope, mean = np.zeros((n, t.size)), np.zeros((n, t.size))
     for i in range(n):
         near = slice(i, i + over)
-        off = t[near] - t[near].mean()
-        slope[i, near], mean[i, near] = off / (off @ off), 1.0 / over
+        centred = t[near] - t[near].mean()
+        slope[i, near], mean[i, near] = centred / (centred @ centred), 1.0 / over
     return slope, mean
 
 
 def _compared(
-    run: Observations, name: str, words: str, label: Label, observed: FloatArray, again: FloatArray
+    run: Observations,
+    name: str,
+    words: str,
+    label: Label,
+    observed: FloatArray,
+    replicated: FloatArray,
 ) -> Predicted:
-    above, same = np.mean(again > observed), np.mean(again == observed)
+    above, same = np.mean(replicated > observed), np.mean(replicated == observed)
     p = 2.0 * float(min(above + 0.5 * same, 1.0 - above - 0.5 * same))
-    return Predicted(run.name, name, words, label, observed, again, max(p, 1.0 / again.size))
+    return Predicted(
+        run.name, name, words, label, observed, replicated, max(p, 1.0 / replicated.size)
+    )

@@ -1,5 +1,5 @@
-"""Which runs ask for the same cause, and whether they agree about its size: a slip of one run is no
-law of the apparatus.
+"""Which runs point to the same cause, and whether they agree about its size: a slip of one run is
+no law of the apparatus.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def _together(candidates: Sequence[Candidate]) -> tuple[tuple[Estimated, ...], f
 
 
 def verdict(explanation: Explanation) -> Finding:
-    """What the candidates tell together."""
+    """What the candidates show together."""
     tied = explanation.tied
     answers = tuple(candidate for candidate in tied if candidate.explains)
     first = next(iter(answers or tied), None)

@@ -81,7 +81,7 @@ def around(fit: Fit) -> Quadratic:
     scale = positive_or(fit.scale[curve], 1.0)
     marginal = fit.forces or fit.deviations
     if marginal:
-        information_matrix, score = marginal[0].told
+        information_matrix, score = marginal[0].information
         slope = information_matrix[:, curve] @ (fit.values - marginal[0].about)[curve] - score
     else:
         information_matrix = fit.posterior.information(fit.values)

@@ -309,7 +309,7 @@ def _findings(
 ) -> tuple[Finding, ...]:
     findings = sampling_findings(chain)
     if agreement.verdict == "disagree":
-        findings.append(Finding(Kind.METHODS_DIFFER, parts=agreement.told))
+        findings.append(Finding(Kind.METHODS_DIFFER, parts=agreement.findings))
     share = float(values["gamma"].std() / posterior.priors["gamma"].sd)
     if trials.n_climbed in (0, trials.n_trial) or share > PRIOR_DOMINATED:
         findings.append(

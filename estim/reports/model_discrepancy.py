@@ -218,7 +218,7 @@ class DeviationSummary(Band):
 
 def deviation_summary(analysis: Analysis, deviation: FoundDeviation) -> DeviationSummary:
     """The record of what the curve of a run lacks."""
-    problem, visible = analysis.problem, deviation.visible
+    problem, visible = analysis.problem, deviation.residual_part
     run = next(run for run in problem.runs if run.name == deviation.run)
     return DeviationSummary(
         unit=run.y_unit,
@@ -252,7 +252,7 @@ def discrepancy_figure(
     figure, axes = grid(len(deviations), height=2.8)
     by_name = {run.name: run for run in runs}
     for ax, deviation in zip(axes, deviations, strict=True):
-        run, visible = by_name[deviation.run], deviation.visible
+        run, visible = by_name[deviation.run], deviation.residual_part
         draw_bands(ax, visible.x, visible.quantiles, median=phrase("median"))
         ax.plot(visible.x, visible.residuals, ".", color=INK, ms=3.5, label=phrase("residuals"))
         ax.axhline(0.0, color=GREY, lw=0.8)

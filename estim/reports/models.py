@@ -271,7 +271,7 @@ def _summary(row: ComparedModel) -> Json:
 
 
 def _predicted(statistic: Predicted) -> Json:
-    low, middle, high = np.quantile(statistic.again, [0.025, 0.5, 0.975], method="nearest")
+    low, middle, high = np.quantile(statistic.replicated, [0.025, 0.5, 0.975], method="nearest")
     return {
         "run": statistic.run,
         "statistic": statistic.name,
@@ -401,7 +401,7 @@ def predictive_figure(predicted: Sequence[Predicted], model: str) -> Figure:
 
 def _histogram(ax: Axes, statistic: Predicted) -> None:
     replicated, observed = (
-        statistic.again * statistic.label.factor,
+        statistic.replicated * statistic.label.factor,
         statistic.observed * statistic.label.factor,
     )
     ends = (

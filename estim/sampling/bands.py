@@ -169,12 +169,12 @@ def moved_on(
         fall = np.square(curve[rows, last]) / (end - x[last])
         ends = np.isfinite(end) & np.isfinite(fall) & (fall > 0.0)
         moved = np.where(ends, end + gained[rows, last] / fall, end)
-    beyond = np.where(
+    extrapolated = np.where(
         ends[:, None] & (x > end[:, None]),
         np.where(ends, fall, 0.0)[:, None] * (x - np.where(ends, end, 0.0)[:, None]),
         0.0,
     )
-    square = np.square(curve) - beyond + gained
+    square = np.square(curve) - extrapolated + gained
     return np.sqrt(np.maximum(square, 0.0)), moved
 
 

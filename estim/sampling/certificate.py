@@ -3,12 +3,12 @@
 
 Pareto-smoothed importance sampling from a proposal that was adapted to the posterior
 (`estim.sampling.proposal`): weights density/proposal, their largest replaced by quantiles of a
-fitted generalised Pareto distribution, whose shape k-hat says whether the weights can be trusted
+fitted generalised Pareto distribution, whose shape k-hat shows whether the weights can be trusted
 (below 0.7) (Vehtari, Simpson, Gelman, Yao, Gabry, J. Mach. Learn. Res. 25 (2024) 72).  It gives
 means, standard deviations, quantiles and the evidence, each with its Monte-Carlo error.
 
 What to use when: up to 14 parameters importance sampling checks a chain in some milliseconds;
-beyond, weights degenerate and the comparison says "missing" instead of a verdict.
+beyond, weights degenerate and the comparison is "missing" instead of a verdict.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Certificate:
     mean, sd, mcse_mean, mcse_sd : (n_par,) with the Monte-Carlo standard errors of both.
     quantiles : probability -> (n_par,).
     mcse_shares : of the share of the posterior below each of them; as an error of the quantile
-        itself it would need a density there, which a few draws in a tail tell badly.
+        itself it would need a density there, which a few draws in a tail estimate badly.
     draws : (4000, n_par) equally weighted, resampled with replacement, in random order.
     log_density : (4000,) of them.
     """
@@ -91,7 +91,7 @@ class Agreement:
     """A chain against a certificate.
 
     verdict : "agree", "disagree" or "missing".
-    told : why.
+    findings : why.
     differences : (5, n_par) chain minus certificate of the `QUANTILES`, in posterior standard
         deviations of the certificate.
     z : (5, n_par) the same of the shares of the draws below, in units of the combined Monte-Carlo
@@ -101,7 +101,7 @@ class Agreement:
     """
 
     verdict: str
-    told: tuple[Finding, ...]
+    findings: tuple[Finding, ...]
     differences: FloatArray
     z: FloatArray
     limit: float
@@ -109,7 +109,7 @@ class Agreement:
     @property
     def reason(self) -> str:
         """Why the verdict is what it is, in words."""
-        return "; ".join(map(tell, self.told))
+        return "; ".join(map(tell, self.findings))
 
     @property
     def largest_difference(self) -> float:
@@ -132,36 +132,36 @@ def certify(
 
     n_draw : draws to begin with.  More are taken, up to `max_draw` inside the support, while k-hat
         is above 0.7, the effective size below `least_ess`, or an end of a 95 % interval uncertain
-        by 0.07 standard deviations: twice as many, or as many as the latter two lack.
+        by 0.07 standard deviations: twice as many, or as many as the latter two need.
 
     Raises NumericalError where the density is not a number.
     """
     proposal = proposal.widened()
     draws, log_p, log_ratio = np.zeros((0, proposal.n_par)), np.zeros(0), np.zeros(0)
-    wanted = n_draw
+    n_total = n_draw
     while True:
-        more = proposal.draw(rng, wanted - len(draws))
+        more = proposal.draw(rng, n_total - len(draws))
         draws = np.vstack([draws, more])
         log_p = np.append(log_p, log_density_in_batches(density, more))
         log_ratio = np.append(log_ratio, log_p[log_ratio.size :] - proposal.log_density(more))
         most = math.ceil(max_draw / max(float(np.mean(np.isfinite(log_ratio))), 0.25))
         log_weights, k_hat, log_mean = pareto_smoothed(log_ratio)
         columns = [_Column(column, np.exp(log_weights)) for column in draws.T]
-        lacking = (
-            max(least_ess / kish_ess(log_weights), _lacking_for_ends(columns))
+        growth = (
+            max(least_ess / kish_ess(log_weights), _growth_for_ends(columns))
             if k_hat <= K_HAT_LIMIT
             else 2.0
         )
-        if lacking <= 1.0 or wanted >= most:
+        if growth <= 1.0 or n_total >= most:
             break
-        # more draws than are lacking, since what lacks them moves with them
-        wanted = min(int(min(1.2 * lacking, 2.0) * wanted), most)
+        # more draws than that: the errors that decide are estimates themselves
+        n_total = min(int(min(1.2 * growth, 2.0) * n_total), most)
     return _summarise(density.names, draws, log_p, columns, log_weights, k_hat, log_mean, rng)
 
 
-def _lacking_for_ends(columns: Sequence[_Column]) -> float:
-    """By how much there would have to be more draws for all ends of 95 % intervals to be known well
-    enough to be compared; 1 at most if they are.
+def _growth_for_ends(columns: Sequence[_Column]) -> float:
+    """The factor by which the draws would have to grow for all ends of 95 % intervals to be known
+    well enough to be compared; 1 at most if they are.
     """
     errors = [
         column.error_of_end(p) / column.sd
@@ -280,18 +280,18 @@ def _share(certificate: Certificate, chain: Chain, p: float) -> tuple[FloatArray
     flat = chain.flat
     below = np.mean(flat <= certificate.quantiles[p], axis=0)
     # beyond the chain's own quantile, since there may be nothing beyond the certificate's
-    beyond = chain.draws > np.quantile(flat, p, axis=0)
-    size = effective_size(beyond.astype(float))
+    above = chain.draws > np.quantile(flat, p, axis=0)
+    size = effective_size(above.astype(float))
     u = np.hypot(np.sqrt(p * (1.0 - p) / size), certificate.mcse_shares[p])
     around = np.clip([p - u, p + u], 0.0, 1.0).T
     ends = [np.quantile(column, pair) for column, pair in zip(flat.T, around, strict=True)]
     return (p - below) / u, 0.5 * np.diff(ends)[:, 0]
 
 
-def no_comparison(n_par: int, *told: Finding) -> Agreement:
+def no_comparison(n_par: int, *findings: Finding) -> Agreement:
     """A second opinion that is missing, and why."""
     unknown = np.full((len(QUANTILES), n_par), np.nan)
-    return Agreement("missing", told, unknown, unknown, math.nan)
+    return Agreement("missing", findings, unknown, unknown, math.nan)
 
 
 def too_many(n_par: int, most: int = MAX_PARAMETERS) -> Finding:
@@ -310,10 +310,10 @@ def _verdict(
     if not certificate.reliable:
         numbers = {"limit": K_HAT_LIMIT, "draws": certificate.n_draw}
         return "missing", Finding(Kind.WEIGHTS_UNRELIABLE, size=certificate.k_hat, numbers=numbers)
-    hidden = limit * errors
+    detectable = limit * errors
     # the errors are as unsure as the values
     if certificate.ess < 400.0:
-        return "missing", Finding(Kind.ERRORS_TOO_LARGE, size=float(np.nanmax(hidden)))
+        return "missing", Finding(Kind.ERRORS_TOO_LARGE, size=float(np.nanmax(detectable)))
     called = [
         Finding(
             Kind.DIFFERENCE,
@@ -327,7 +327,7 @@ def _verdict(
     if called:
         called.sort(key=lambda finding: -finding.numbers["errors"])
         return "disagree", Finding(Kind.CHAIN_DIFFERS, test=_IMPORTANCE, parts=tuple(called[:3]))
-    too_large = hidden[hidden > _COARSE]
+    too_large = detectable[detectable > _COARSE]
     if too_large.size:
         return "missing", Finding(Kind.ERRORS_TOO_LARGE, size=float(np.max(too_large)))
     largest = max_abs(differences)

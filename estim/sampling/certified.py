@@ -2,8 +2,9 @@
 
 Two computations of the same thing may differ by chance: one pair in 2000 is called
 (`compare_with_chain`).  Where one is, both are done once more with other random numbers.  A
-difference that comes back is told; one that does not was chance, and the second pair is the result.
-Where Monte-Carlo errors are too large for a verdict, both are done once more with more draws.
+difference that comes back is reported; one that does not was chance, and the second pair is the
+result.  Where Monte-Carlo errors are too large for a verdict, both are done once more with more
+draws.
 """
 
 from __future__ import annotations
@@ -51,17 +52,17 @@ class Optima:
     def of(self, coordinates: Coordinates) -> Optima:
         """The same in coordinates."""
 
-        def turned(cov: FloatArray, value: FloatArray) -> FloatArray:
+        def transformed(cov: FloatArray, value: FloatArray) -> FloatArray:
             unit = coordinates.slopes(value)
             return cov / np.outer(unit, unit)
 
-        kept = [k for k, start in enumerate(self.starts) if all_finite(coordinates.of(start))]
+        finite = [k for k, start in enumerate(self.starts) if all_finite(coordinates.of(start))]
         return Optima(
             coordinates.of(self.value),
-            turned(self.cov, self.value),
-            [coordinates.of(self.starts[k]) for k in kept],
-            [turned(self.covs[k], self.starts[k]) for k in kept],
-            [place for mode in self.modes if all_finite(place := coordinates.of(mode))],
+            transformed(self.cov, self.value),
+            [coordinates.of(self.starts[k]) for k in finite],
+            [transformed(self.covs[k], self.starts[k]) for k in finite],
+            [point for mode in self.modes if all_finite(point := coordinates.of(mode))],
         )
 
 
@@ -81,17 +82,17 @@ class Certified:
         draws = values(self.chain.draws)
         heights = self.chain.log_density - density.coordinates.log_volume(draws)
         if certificate is not None:
-            seen = values(certificate.draws)
-            sd, ess = np.std(seen, axis=0), min(certificate.ess, len(seen))
+            resampled = values(certificate.draws)
+            sd, ess = np.std(resampled, axis=0), min(certificate.ess, len(resampled))
             certificate = replace(
                 certificate,
-                mean=np.mean(seen, axis=0),
+                mean=np.mean(resampled, axis=0),
                 sd=sd,
                 mcse_mean=sd / math.sqrt(ess),
                 mcse_sd=sd / math.sqrt(2.0 * ess),
                 quantiles={p: values(ends) for p, ends in certificate.quantiles.items()},
-                draws=seen,
-                log_density=certificate.log_density - density.coordinates.log_volume(seen),
+                draws=resampled,
+                log_density=certificate.log_density - density.coordinates.log_volume(resampled),
             )
         return replace(
             self,
@@ -119,17 +120,17 @@ def certified_chain(
     Raises NumericalError where the density is not a number.
     """
     if coordinates is not None and np.any(coordinates.by_size):
-        turned = InCoordinates(density, coordinates)
+        transformed = InCoordinates(density, coordinates)
         ends = None if support is None else (coordinates.of(support[0]), coordinates.of(support[1]))
         return certified_chain(
-            turned,
+            transformed,
             optima.of(coordinates),
             target=target,
             seed=seed,
             most=most,
             support=ends,
             progress=progress,
-        ).in_values(turned)
+        ).in_values(transformed)
     pairs: list[Certified] = []
     for i in range(2):
         if progress is not None:
@@ -139,8 +140,8 @@ def certified_chain(
                 if not pairs
                 else phrase("chain and second opinion: both are repeated"),
             )
-        again = (i,) if i else ()
-        rng = stream(seed, Stream.PROPOSAL, *again)
+        repeat = (i,) if i else ()
+        rng = stream(seed, Stream.PROPOSAL, *repeat)
         certificate, proposal = second_opinion(
             density,
             optima.value,
@@ -155,7 +156,7 @@ def certified_chain(
             optima.value,
             optima.cov,
             target=target,
-            rng=stream(seed, Stream.CHAIN, *again),
+            rng=stream(seed, Stream.CHAIN, *repeat),
             progress=progress,
             proposal=proposal,
         )
@@ -177,7 +178,7 @@ def certified_chain(
 
 def _too_coarse(comparison: Agreement) -> bool:
     """Whether there is no verdict because the Monte-Carlo errors are too large."""
-    return any(finding.kind == Kind.ERRORS_TOO_LARGE for finding in comparison.told)
+    return any(finding.kind == Kind.ERRORS_TOO_LARGE for finding in comparison.findings)
 
 
 def proposed_chain(
@@ -209,11 +210,12 @@ def proposed_chain(
 
 
 def _after(first: Agreement, last: Agreement) -> Agreement:
-    """`last`, with the largest difference of the first pair said beside it."""
-    errors = first.told[0].parts[0].numbers["errors"]
+    """`last`, with the largest difference of the first pair stated beside it."""
+    errors = first.findings[0].parts[0].numbers["errors"]
     return replace(
         last,
-        told=tuple(
-            replace(finding, numbers={**finding.numbers, "before": errors}) for finding in last.told
+        findings=tuple(
+            replace(finding, numbers={**finding.numbers, "before": errors})
+            for finding in last.findings
         ),
     )

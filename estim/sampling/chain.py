@@ -2,7 +2,7 @@
 
 Several independent ensembles of walkers start from the fit.  Sampling stops by itself when
 rank-normalised R-hat between the ensembles, effective sample sizes in bulk and tails, and the
-autocorrelation time all say that it is enough; a hard cap ends it otherwise, and the chain says
+autocorrelation time all are good enough; a hard cap ends it otherwise, and the chain is
 "not converged".
 
 What is fixed about the diagnostics: walkers of one ensemble move by each other, so R-hat compares
@@ -36,7 +36,7 @@ _PROPOSAL_SHARE, _LEAST_SHARE = 0.9, 0.1
 
 Progress = Callable[[int, str], None]
 """Called with the share of the draws needed that there are, in per cent, and a few words on
-what is being done or still lacks.
+what is being done or is still missing.
 """
 
 
@@ -72,7 +72,7 @@ class Convergence:
 
     tau : longest autocorrelation time in steps.
     met : whether the draws are enough.
-    told : what they lack, or where they come from if not from a chain.
+    findings : the criteria that are not met, or where the draws come from if not from a chain.
     """
 
     n_step: int
@@ -81,12 +81,12 @@ class Convergence:
     ess_tail: float
     tau: float
     met: bool
-    told: tuple[Finding, ...]
+    findings: tuple[Finding, ...]
 
     @property
     def message(self) -> str:
-        """What is lacking, in words."""
-        return "; ".join(map(tell, self.told or (Finding(Kind.CRITERIA_MET),)))
+        """The criteria that are not met, in words."""
+        return "; ".join(map(tell, self.findings or (Finding(Kind.CRITERIA_MET),)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +97,7 @@ class Chain:
     log_density : (n_ensemble, n_step, n_walker).
     n_burn : steps of warm-up, discarded.
     acceptance : (n_ensemble,) mean share of accepted moves; stuck : walkers that never moved.
-    mixing : how well these draws mix, where that was asked already.
+    mixing : how well these draws mix, where that was computed already.
     """
 
     names: tuple[str, ...]
@@ -143,8 +143,8 @@ def sample_posterior(
     that a bad proposal costs time and not correctness; emcee's snooker move has a wrong acceptance
     factor (3.1.6) and is never used.
 
-    target : when to stop (`estim.Target`).  rng : of every draw.  progress : is told how far it has
-        got.
+    target : when to stop (`estim.Target`).  rng : of every draw.  progress : called with the
+        progress.
 
     Raises NumericalError where walkers find no place to start, or run away, so that there is no
     posterior.
@@ -163,21 +163,23 @@ def sample_posterior(
     proposal = Proposal.single(start, cov) if proposal is None else proposal
     shape = (target.n_ensemble, _n_walker(len(posterior.names), target))
     starts, share = _first_points(posterior, start, cov, shape, rng, proposal)
-    ahead = IndependenceMoves(
+    independence = IndependenceMoves(
         proposal, share, shape[0] * shape[1], int(rng.integers(2**63)), posterior
     )
-    walk = EnsembleRun(sampler_of(posterior, shape, ahead, seed=int(rng.integers(2**32))), starts)
+    ensembles = EnsembleRun(
+        sampler_of(posterior, shape, independence, seed=int(rng.integers(2**32))), starts
+    )
     n_step, tau_before = min(_FIRST_CHECK, target.max_step), math.nan
     while True:
-        walk.advance(n_step)
-        draws = walk.draws
+        ensembles.advance(n_step)
+        draws = ensembles.draws
         tau = autocorrelation_time(draws)
         if math.isnan(tau_before):
             tau_before = autocorrelation_time(draws[:, : n_step // 2])
         long_enough = math.ceil(1.03 * target.n_tau * tau) if math.isfinite(tau) else 0
         if n_step < min(long_enough, 3 * _FIRST_CHECK, target.max_step):
-            # too short whatever else is said: on at once to the length that is asked for
-            wanted = long_enough
+            # too short whatever the other criteria are: continue at once to the required length
+            next_step = long_enough
         else:
             n_burn = _warm_up_steps(n_step, tau, sure=share > _LEAST_SHARE)
             mixing = mixing_of(draws[:, n_burn:])
@@ -195,19 +197,19 @@ def sample_posterior(
             if convergence.met or n_step >= target.max_step:
                 break
             if slow:
-                convergence = replace(convergence, told=(*convergence.told, *slow))
+                convergence = replace(convergence, findings=(*convergence.findings, *slow))
                 break
-            wanted = _next_check(convergence, target, n_burn, long_enough)
+            next_step = _next_check(convergence, target, n_burn, long_enough)
         # the moves of a block are evaluated together: it costs little to make all of them
-        blocks = -(-wanted // STEPS_AHEAD)
+        blocks = -(-next_step // STEPS_AHEAD)
         n_step, tau_before = min(target.max_step, blocks * STEPS_AHEAD), tau
     retained = draws[:, n_burn:]
     moved = np.any(retained[:, 1:] != retained[:, :-1], axis=(1, 3))
-    acceptance = np.mean(walk.accepted, axis=1) / n_step
+    acceptance = np.mean(ensembles.accepted, axis=1) / n_step
     return Chain(
         posterior.names,
         retained,
-        walk.log_density[:, n_burn:],
+        ensembles.log_density[:, n_burn:],
         n_burn,
         acceptance,
         int(np.sum(~moved)),
@@ -220,8 +222,8 @@ def _target_unreachable(
     mixing: Mixing, target: Target, names: Sequence[str], *, n_step: int
 ) -> list[Finding]:
     """That the cap will not be enough, with the parameters that keep it from being so: had their
-    effective sizes grown with the length up to there, they would come to less than 0.7 of what is
-    wanted.
+    effective sizes grown with the length up to there, they would come to less than 0.7 of the
+    target.
     """
     sizes = np.minimum(mixing.ess_bulk, mixing.ess_tail) * target.max_step / n_step
     wandering = np.flatnonzero(~(sizes >= 0.7 * target.ess)).tolist()
@@ -233,7 +235,7 @@ def _target_unreachable(
 
 def _n_walker(n_par: int, target: Target) -> int:
     """Walkers of an ensemble, an even number: as many as give enough draws in the length that is
-    asked for anyway, half of which span all directions.
+    required anyway, half of which span all directions.
     """
     # effective draws that a walker gives in an autocorrelation time: tails are worth less than the
     # middle
@@ -258,8 +260,8 @@ def _next_check(convergence: Convergence, target: Target, n_burn: int, long_enou
     least, half as much again at most.
     """
     n_step, least = convergence.n_step, min(convergence.ess_bulk, convergence.ess_tail)
-    wanted = n_burn + 1.05 * (n_step - n_burn) * target.ess / least if least > 0.0 else n_step
-    return int(min(max(wanted, long_enough, 1.1 * n_step), 1.5 * n_step))
+    needed = n_burn + 1.05 * (n_step - n_burn) * target.ess / least if least > 0.0 else n_step
+    return int(min(max(needed, long_enough, 1.1 * n_step), 1.5 * n_step))
 
 
 def _first_points(
@@ -353,11 +355,11 @@ def _check_convergence(
             {"limit": target.n_tau, "tau": tau},
         ),
     )
-    lacking = [
+    unmet = [
         Finding(kind, size=size, numbers=numbers)
         for met, kind, size, numbers in criteria
         if not met
     ]
     if not abs(tau - tau_before) < 0.1 * tau:
-        lacking.append(Finding(Kind.TAU_UNSETTLED))
-    return Convergence(n_step, rhat, bulk, tail, tau, not lacking, tuple(lacking))
+        unmet.append(Finding(Kind.TAU_UNSETTLED))
+    return Convergence(n_step, rhat, bulk, tail, tau, not unmet, tuple(unmet))

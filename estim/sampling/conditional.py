@@ -1,13 +1,13 @@
 """One run of a joint fit as a function of the parameters that it shares with others.
 
-Given the shared parameters s the runs are independent, and what a run says about s is its
+Given the shared parameters s the runs are independent, and the information of a run about s is its
 likelihood with its own parameters l (angle of release, tilt, its own noise) integrated out:
 
     m(s) = log integral of p(y | s, l) p(l) dl
 
 The integrand is close to a normal density in l around its mode l*(s).  Mode and covariance are
-found by Gauss-Newton steps at each s (`RunTerm.around`), from where the fit says that l follows s.
-They only say where to look: `RunTerm.log_marginal` evaluates the posterior itself there, at one
+found by Gauss-Newton steps at each s (`RunTerm.around`), from the regression of l on s at the fit.
+They only place the nodes: `RunTerm.log_marginal` evaluates the posterior itself there, at one
 node (Laplace) or at n x n Gauss-Hermite nodes, and `RunTerm.log_joint` serves exact importance
 weights, which hold however good they are.
 
@@ -52,8 +52,8 @@ class RunTerm:
     shared, own : positions within these of the parameters that are shared (given) and its own
         (integrated out).
     centre : (n_used,) the fit.
-    follow, scale : (n_own, n_shared), (n_own,) how the values of its own parameters follow the
-        shared ones there, and their standard deviations given these.
+    regression, scale : (n_own, n_shared), (n_own,) coefficients of the regression of its own
+        parameters on the shared ones there, and their standard deviations given these.
 
     Methods take and give own parameters in the variables of integration: themselves, or their
     logarithms.
@@ -65,7 +65,7 @@ class RunTerm:
     shared: IntArray
     own: IntArray
     centre: FloatArray
-    follow: FloatArray
+    regression: FloatArray
     scale: FloatArray
 
     @property
@@ -133,7 +133,7 @@ class RunTerm:
 
     def around(self, shared: FloatArray) -> Around:
         """Mode and covariance of its own parameters at shared (n_draw, n_shared)."""
-        values = self.centre[self.own] + (shared - self.centre[self.shared]) @ self.follow.T
+        values = self.centre[self.own] + (shared - self.centre[self.shared]) @ self.regression.T
         mode = self._allowed(shared, self.inside(self.linearised(values)))
         informations = np.empty((*mode.shape, self.own.size))
         moving = np.arange(len(mode))
@@ -151,15 +151,15 @@ class RunTerm:
         """Own parameters (n_draw, n_own); where their density is zero, replaced by the centres of
         their stated priors, and by the fit where no prior is stated.
         """
-        lost = np.flatnonzero(np.isneginf(self.log_joint(shared, own)))
-        if lost.size:
+        outside = np.flatnonzero(np.isneginf(self.log_joint(shared, own)))
+        if outside.size:
             fit = self.centre[self.own]
             safe = [
                 p.centre if math.isfinite(p.sd) else at
                 for p, at in zip(self.own_priors, fit, strict=True)
             ]
             own = own.copy()
-            own[lost] = self.inside(self.linearised(np.array([safe])))
+            own[outside] = self.inside(self.linearised(np.array([safe])))
         return own
 
     def _uphill(
@@ -253,24 +253,24 @@ def run_terms(fit: Fit, sampled: IntArray) -> tuple[RunTerm, ...]:
     for group, likelihood in zip(problem.groups, fit.posterior.likelihoods, strict=True):
         alone = problem.restricted(group.runs)
         columns = np.array([problem.names.index(name) for name in alone.names], dtype=np.int64)
-        given = np.isin(columns, sampled)
+        is_shared = np.isin(columns, sampled)
         if likelihood.normal is None:
             raise InputError(_NOT_NORMAL, field="run", value=", ".join(group.run_names))
         posterior = dataclasses.replace(fit.posterior, problem=alone, likelihoods=(likelihood,))
         cov = fit.cov[np.ix_(columns, columns)]
-        own, beside = cov[np.ix_(~given, ~given)], cov[np.ix_(given, ~given)]
-        solved = np.linalg.solve(cov[np.ix_(given, given)], beside)
-        follow: FloatArray = np.asarray(solved.T, dtype=np.float64)
+        own, cross = cov[np.ix_(~is_shared, ~is_shared)], cov[np.ix_(is_shared, ~is_shared)]
+        solved = np.linalg.solve(cov[np.ix_(is_shared, is_shared)], cross)
+        regression: FloatArray = np.asarray(solved.T, dtype=np.float64)
         terms.append(
             RunTerm(
                 posterior,
                 likelihood.normal,
                 columns,
-                np.flatnonzero(given),
-                np.flatnonzero(~given),
+                np.flatnonzero(is_shared),
+                np.flatnonzero(~is_shared),
                 fit.values[columns],
-                follow,
-                np.sqrt(np.maximum(np.diag(own - follow @ beside), 1e-6 * np.diag(own))),
+                regression,
+                np.sqrt(np.maximum(np.diag(own - regression @ cross), 1e-6 * np.diag(own))),
             )
         )
     return tuple(terms)
@@ -292,8 +292,9 @@ def _gauss_newton(
             )
             # far from its mode the size of errors is curved by what the residuals are, not by
             # what they are expected to be
-            seen = np.einsum("nok,no->nk", spread**2, residuals**2)
-            spread *= np.sqrt(np.maximum(_ratio(seen, np.sum(spread**2, axis=1)), 1.0))[:, None, :]
+            observed = np.einsum("nok,no->nk", spread**2, residuals**2)
+            ratio = _ratio(observed, np.sum(spread**2, axis=1))
+            spread *= np.sqrt(np.maximum(ratio, 1.0))[:, None, :]
             information = np.einsum("nok,nol->nkl", jacobian, jacobian) + 0.5 * np.einsum(
                 "nok,nol->nkl", spread, spread
             )
@@ -322,10 +323,11 @@ def _slopes(
         moved[:, i] += step
         # on the side where the prior is
         moved[:, i] -= 2.0 * step * (term.inside(moved)[:, i] < moved[:, i])
-        there, logs_there = _residuals(term, shared, moved)
-        away = (moved - own)[:, i, None]
-        spread[:, :, i] = (logs_there - logs) / away
-        jacobian[:, :, i] = (residuals - there) / away - 0.5 * spread[:, :, i] * residuals
+        moved_residuals, moved_logs = _residuals(term, shared, moved)
+        shift = (moved - own)[:, i, None]
+        spread[:, :, i] = (moved_logs - logs) / shift
+        slope = (residuals - moved_residuals) / shift
+        jacobian[:, :, i] = slope - 0.5 * spread[:, :, i] * residuals
     return residuals, jacobian, spread
 
 
@@ -378,7 +380,7 @@ def hermite_nodes(n_node: int, n_dim: int) -> tuple[FloatArray, FloatArray]:
     """
     z, w = np.polynomial.hermite_e.hermegauss(n_node)
     nodes, log_weights = (
-        np.array(list(product(one, repeat=n_dim))) for one in (z, np.log(w / np.sum(w)))
+        np.array(list(product(values, repeat=n_dim))) for values in (z, np.log(w / np.sum(w)))
     )
     return nodes, np.sum(log_weights, axis=1)
 

@@ -17,7 +17,7 @@ from scipy.special import ndtri
 
 from estim.arrays import FloatArray, IntArray, all_finite
 
-_LOW, _HIGH = 0.05, 0.95  # quantiles that an effective size in the tails is asked of
+_LOW, _HIGH = 0.05, 0.95  # quantiles whose effective size is that of the tails
 _LEAST_STEPS = 4
 
 
@@ -63,7 +63,7 @@ def mcse_mean(draws: FloatArray) -> FloatArray:
 
 def autocorrelation_time(draws: FloatArray) -> float:
     """Longest integrated autocorrelation time, steps, averaged over the ensembles; nan while it
-    cannot be told.
+    cannot be estimated.
 
     As `emcee.autocorr.integrated_time`, the walkers transformed together.  draws (n_ensemble,
     n_step, n_walker, n_par).
@@ -118,8 +118,8 @@ def _mixing(draws: FloatArray) -> tuple[float, float, float]:
             )
     if n_step < _LEAST_STEPS:
         return rhat, math.nan, math.nan
-    below = (_chains(draws) <= ordered[int(p * (flat.size - 1))] for p in (_LOW, _HIGH))
-    tails = [_size(_halves(one).astype(float)) for one in below]
+    indicators = (_chains(draws) <= ordered[int(p * (flat.size - 1))] for p in (_LOW, _HIGH))
+    tails = [_size(_halves(indicator).astype(float)) for indicator in indicators]
     return rhat, _size(_halves(_chains(scores))), min(tails)
 
 
@@ -143,9 +143,9 @@ def _folded_scores(order: IntArray, ordered: FloatArray) -> FloatArray:
     median = (
         0.5 * (ordered[middle - 1] + ordered[middle]) if ordered.size % 2 == 0 else ordered[middle]
     )
-    away = np.abs(ordered - median)
-    merged = np.argsort(away, kind="stable")
-    return _normal_scores(order[merged], away[merged])
+    distances = np.abs(ordered - median)
+    merged = np.argsort(distances, kind="stable")
+    return _normal_scores(order[merged], distances[merged])
 
 
 def _chains(draws: FloatArray) -> FloatArray:

@@ -52,10 +52,10 @@ class Apart(emcee.moves.RedBlueMove):  # type: ignore[misc]
 
 
 def sampler_of(
-    density: Density, shape: tuple[int, int], ahead: IndependenceMoves, *, seed: int
+    density: Density, shape: tuple[int, int], independence: IndependenceMoves, *, seed: int
 ) -> emcee.EnsembleSampler:
-    """A sampler of all walkers.  shape : (n_ensemble, n_walker).  ahead : what independent moves
-    propose.
+    """A sampler of all walkers.  shape : (n_ensemble, n_walker).  independence : its
+    independent moves.
     """
     moves = [
         (emcee.moves.DEMove(), 0.8),
@@ -68,7 +68,7 @@ def sampler_of(
         len(density.names),
         density.log_density,
         vectorize=True,
-        moves=Moves(ahead, others),
+        moves=Moves(independence, others),
     )
     # as it is: the one that emcee makes of it prints a traceback where a signal ends it
     sampler.log_prob_fn = density.log_density
@@ -95,7 +95,7 @@ class EnsembleRun:
                 skip_initial_state_check=True,
             ):
                 self._state = state
-        except ValueError:  # of emcee, where a walker is asked to go to infinity
+        except ValueError:  # of emcee, where a walker moves to infinity
             if np.max(np.abs(self._state.coords)) < 1e100:
                 raise
             raise NumericalError(_RUNAWAY) from None
@@ -103,19 +103,19 @@ class EnsembleRun:
     @property
     def draws(self) -> FloatArray:
         """(n_ensemble, n_step, n_walker, n_par) since the start."""
-        return self._apart(self._sampler.get_chain())
+        return self._by_ensemble(self._sampler.get_chain())
 
     @property
     def log_density(self) -> FloatArray:
         """(n_ensemble, n_step, n_walker) of them."""
-        return self._apart(self._sampler.get_log_prob())
+        return self._by_ensemble(self._sampler.get_log_prob())
 
     @property
     def accepted(self) -> FloatArray:
         """(n_ensemble, n_walker) moves accepted since the start."""
         return self._sampler.backend.accepted.reshape(self._shape)
 
-    def _apart(self, steps: FloatArray) -> FloatArray:
+    def _by_ensemble(self, steps: FloatArray) -> FloatArray:
         """(n_ensemble, n_step, n_walker, ...) of steps (n_step, n_ensemble * n_walker, ...)."""
         return np.ascontiguousarray(
             np.moveaxis(steps.reshape(len(steps), *self._shape, *steps.shape[2:]), 1, 0)

@@ -32,13 +32,13 @@ def pareto_smoothed(log_ratio: FloatArray) -> tuple[FloatArray, float, float]:
     total = float(log_sum_exp(log_ratio))
     if total == -math.inf:
         return np.full(n, -np.inf), math.inf, -math.inf
-    plain, log_mean = log_ratio - total, total - math.log(n)
+    unsmoothed, log_mean = log_ratio - total, total - math.log(n)
     order = np.argsort(log_ratio)
     highest, n_tail = float(log_ratio[order[-1]]), min(n // 5, int(3.0 * math.sqrt(n)))
     if n_tail < _LEAST_TAIL or not np.isfinite(log_ratio[order[-n_tail - 1]]):
-        return plain, math.inf, log_mean
+        return unsmoothed, math.inf, log_mean
     if highest - log_ratio[order[-n_tail - 1]] < 1e-9:
-        return plain, -math.inf, log_mean
+        return unsmoothed, -math.inf, log_mean
     tail, log_weights = order[-n_tail:], log_ratio - highest
     cutoff = math.exp(log_weights[order[-n_tail - 1]])
     # where one draw outweighs all others the fit divides by zero, and finds no tail
@@ -51,7 +51,7 @@ def pareto_smoothed(log_ratio: FloatArray) -> tuple[FloatArray, float, float]:
         smooth = np.minimum(np.log(cutoff + excess), 0.0)
         log_weights[tail] = smooth
     if not (np.isfinite(k_hat) and scale > 0.0 and np.isfinite(smooth[-1])):
-        return plain, math.inf, log_mean
+        return unsmoothed, math.inf, log_mean
     total = float(log_sum_exp(log_weights))
     return log_weights - total, k_hat, total + highest - math.log(n)
 
@@ -110,10 +110,10 @@ def tempered(log_weights: FloatArray, least: float) -> FloatArray:
 
 
 def systematic(weights: FloatArray, n: int, rng: np.random.Generator) -> IntArray:
-    """(n,) indices, each draw as often as its weight says to within one."""
+    """(n,) indices, each draw in proportion to its weight, to within one."""
     edges = np.cumsum(weights)
-    places = (rng.random() + np.arange(n)) / n * edges[-1]
-    return np.minimum(np.searchsorted(edges, places), weights.size - 1)
+    positions = (rng.random() + np.arange(n)) / n * edges[-1]
+    return np.minimum(np.searchsorted(edges, positions), weights.size - 1)
 
 
 def spread(values: FloatArray, log_weights: FloatArray) -> float:

@@ -78,15 +78,18 @@ class IndependenceMoves:
 
 
 class Moves:
-    """The moves of the walkers, as emcee asks for them: independent ones where `ahead` has them,
-    else one of `others`.
+    """The moves of the walkers, as emcee calls them: independent ones where
+    `independence` has them, else one of `others`.
 
     others : moves with their probabilities, sum 1.
     """
 
-    def __init__(self, ahead: IndependenceMoves, others: Sequence[tuple[Any, float]]) -> None:
-        self._proposal, self._steps, self._others = ahead.proposal, ahead.steps(), others
-        # log densities of the proposal where the walkers are, as far as the last step tells
+    def __init__(
+        self, independence: IndependenceMoves, others: Sequence[tuple[Any, float]]
+    ) -> None:
+        self._proposal, self._others = independence.proposal, others
+        self._steps = independence.steps()
+        # log densities of the proposal where the walkers are, as far as known from the last step
         self._before: FloatArray | None = None
 
     def propose(self, model: Any, state: Any) -> tuple[Any, BoolArray]:

@@ -1,5 +1,5 @@
 """The second computation of a posterior, which shares no proposal with the chain; and the chain's
-proposal, mended by what it found.
+proposal, improved by what it found.
 
 It is importance sampling, half of whose draws come from a proposal that follows the ridges of the
 density (`estim.sampling.ridges`) and never saw a draw of the adapted one.  A tail that the adapted
@@ -40,7 +40,7 @@ def second_opinion(
     Raises NumericalError where the density is not a number.
     """
     ridges = ridge_proposal(density, start, cov, starts=starts, support=support)
-    certificate = certify(density, adapted.beside(ridges, 0.5), rng=rng)
+    certificate = certify(density, adapted.mixed_with(ridges, 0.5), rng=rng)
     if not certificate.reliable:
         return certificate, adapted
     return certificate, repaired(adapted, ridges, certificate, rng=rng)
@@ -62,5 +62,5 @@ def repaired(
     # density over proposal, root mean square at draws of the posterior, from which another is made
     if root_mean_square(ratio) < 2.0:
         return adapted
-    mended = adapted.beside(mixture_of_draws(draws, rng), 0.5)
-    return mended.beside(ridges, _RIDGE_SHARE)
+    mixture = adapted.mixed_with(mixture_of_draws(draws, rng), 0.5)
+    return mixture.mixed_with(ridges, _RIDGE_SHARE)

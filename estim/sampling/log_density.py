@@ -1,4 +1,4 @@
-"""What a sampler asks of a posterior, and how to ask it in batches."""
+"""What a sampler needs of a posterior, and its evaluation in batches."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ Student-t density adapted to their marginal, each run integrated out (`estim.sam
 the weights Pareto-smoothed; then every run's own parameters are drawn given the shared ones.
 
 Two things can be wrong, and each is checked.  The proposal may miss the marginal: k-hat of its
-weights tells.  The runs' own parameters may not be normal given the shared ones: on some of the
+weights shows it.  The runs' own parameters may not be normal given the shared ones: on some of the
 draws the weights in ALL dimensions are computed, in which nothing is approximated, and both sets of
 weights must give the same means and standard deviations (a choice of several nodes removes most of
 a difference).
@@ -66,7 +66,7 @@ class MarginalPosterior:
     refined : runs whose own parameters were not normal enough given the shared ones and were
         brought to their exact distribution.
     trusted : whether the draws may be used.
-    told : why or why not.
+    findings : why or why not.
     """
 
     names: tuple[str, ...]
@@ -83,12 +83,12 @@ class MarginalPosterior:
     shift: float
     refined: tuple[str, ...]
     trusted: bool
-    told: tuple[Finding, ...]
+    findings: tuple[Finding, ...]
 
     @property
     def reasons(self) -> tuple[str, ...]:
         """Why the draws may be used or not, in words."""
-        return tuple(map(tell, self.told))
+        return tuple(map(tell, self.findings))
 
     @property
     def mean(self) -> FloatArray:
@@ -146,48 +146,50 @@ def sample_marginal(
     if wide:
         proposal = proposal.widened()
     shared = proposal.draw(rng, n_draw)
-    log_beside = target.log_prior(shared)
-    seen = np.flatnonzero(np.isfinite(log_beside))
+    log_prior = target.log_prior(shared)
+    in_support = np.flatnonzero(np.isfinite(log_prior))
     draws = np.empty((n_draw, fit.problem.n_par))
     draws[:, columns] = shared
     by_run, log_q = np.zeros((2, len(terms), n_draw))
-    runs = target.at_runs(shared[seen], n_node=n_node, progress=progress)
+    runs = target.at_runs(shared[in_support], n_node=n_node, progress=progress)
     for i, (log_marginal, around) in enumerate(runs):
-        by_run[i, seen] = log_marginal
-        own, log_q[i, seen] = around.draw(rng)
-        draws[np.ix_(seen, terms[i].columns[terms[i].own])] = own
+        by_run[i, in_support] = log_marginal
+        own, log_q[i, in_support] = around.draw(rng)
+        draws[np.ix_(in_support, terms[i].columns[terms[i].own])] = own
     log_proposal = proposal.log_density(shared)
-    raw = log_beside + np.sum(by_run, axis=0) - log_proposal
+    raw = log_prior + np.sum(by_run, axis=0) - log_proposal
     log_weights = raw - np.max(raw)
     inside = np.flatnonzero(np.isfinite(log_weights))
-    nowhere = np.flatnonzero(~np.isfinite(log_weights))
+    outside = np.flatnonzero(~np.isfinite(log_weights))
     first = inside[inside < n_check]
     raw_all = np.full(min(n_check, n_draw), -np.inf)
-    raw_all[first] = (log_beside - log_proposal)[first]
+    raw_all[first] = (log_prior - log_proposal)[first]
     refined = []
     for number, (term, log_marginal, log_own) in enumerate(
         zip(terms, by_run, log_q, strict=True), start=1
     ):
         if progress is not None:
             progress(0, phrase("own parameters of run {k} of {n}", k=number, n=len(terms)))
-        given, own_columns = target.given(term, shared), term.columns[term.own]
+        of_run, own_columns = target.of_run(term, shared), term.columns[term.own]
         own = draws[:, own_columns]
         # where a draw of the shared ones has no weight, the fit
-        own[nowhere] = term.linearised(term.centre[None, term.own])
-        excess = term.log_joint(given[first], own[first]) - log_own[first]
+        own[outside] = term.linearised(term.centre[None, term.own])
+        excess = term.log_joint(of_run[first], own[first]) - log_own[first]
         raw_all[first] += excess
         # spread of a run's log weights above which its own parameters are no normal variables: a
         # shift of 0.08 of their sd
         if spread(excess - log_marginal[first], log_weights[first]) > 0.1:
-            own[inside] = term.refine_own(given[inside], own[inside], rng)
+            own[inside] = term.refine_own(of_run[inside], own[inside], rng)
             refined.append(term.run.name)
         draws[:, own_columns] = term.values(own)
     if fit.jeffreys is not None:
-        owed = fit.jeffreys.exact(fit.problem.named(draws[inside])) - _log(weight, draws[inside])
-        owed += _log(fit.measure, draws[inside])
-        owed = np.where(np.isnan(owed), -np.inf, owed)
-        raw[inside] += owed
-        raw_all[first] += owed[: first.size]
+        correction = fit.jeffreys.exact(fit.problem.named(draws[inside])) - _log(
+            weight, draws[inside]
+        )
+        correction += _log(fit.measure, draws[inside])
+        correction = np.where(np.isnan(correction), -np.inf, correction)
+        raw[inside] += correction
+        raw_all[first] += correction[: first.size]
     log_weights, k_hat, log_evidence = pareto_smoothed(raw)
     check, k_hat_all, log_evidence_all = pareto_smoothed(raw_all)
     shift, u_shift = difference(shared[: check.size], log_weights[: check.size], check)
@@ -217,7 +219,7 @@ def sample_marginal(
         shift=shift,
         refined=tuple(refined),
         trusted=trusted,
-        told=findings,
+        findings=findings,
     )
 
 
@@ -247,7 +249,7 @@ def sampled_columns(fit: Fit) -> IntArray:
         if near[i] and i not in shared and not isinstance(p.prior, LogNormal)
     ]
     if len(shared) + len(edges) > _MOST_SAMPLED:
-        beside = (
+        at_edges = (
             f", {len(edges)} of them close to the edge of their range "
             f"({problem.names[edges[0]]}, ...)"
             if edges
@@ -255,7 +257,7 @@ def sampled_columns(fit: Fit) -> IntArray:
         )
         raise InputError(
             f"are too many to sample at once ({len(shared) + len(edges)}, at most "
-            f"{_MOST_SAMPLED}){beside}: use the sampler",
+            f"{_MOST_SAMPLED}){at_edges}: use the sampler",
             field="shared parameters",
         )
     return np.array(sorted([*shared, *edges]), dtype=np.int64)

@@ -38,7 +38,7 @@ class Marginal:
         """The sampled parameters alone."""
         return Problem(tuple(self.problem.parameters[i] for i in self.columns), ())
 
-    def given(self, term: RunTerm, shared: FloatArray) -> FloatArray:
+    def of_run(self, term: RunTerm, shared: FloatArray) -> FloatArray:
         """The columns of shared (n_draw, n_sampled) that one run uses."""
         return shared[:, np.searchsorted(self.columns, term.columns[term.shared])]
 
@@ -61,9 +61,9 @@ class Marginal:
         for i, term in enumerate(self.terms):
             if progress is not None:
                 progress(0, phrase("run {k} of {n}", k=i + 1, n=len(self.terms)))
-            given = self.given(term, shared)
-            around = term.around(given)
-            yield term.log_marginal(given, around, n_node=n_node), around
+            of_run = self.of_run(term, shared)
+            around = term.around(of_run)
+            yield term.log_marginal(of_run, around, n_node=n_node), around
 
     def log_density(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) log p(y, s) in Laplace's approximation; -inf outside the priors' support."""

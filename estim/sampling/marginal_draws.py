@@ -22,8 +22,8 @@ _N_CHAIN = 4  # parts that the independent draws are shown in
 def marginal_chain(
     fit: Fit, *, target: Target, rng: np.random.Generator, progress: Progress | None = None
 ) -> tuple[Chain, Agreement]:
-    """Independent draws of a joint posterior by `estim.sampling.marginal`, and what exact weights
-    in all dimensions say of them.
+    """Independent draws of a joint posterior by `estim.sampling.marginal`, and the verdict of exact
+    weights in all dimensions on them.
 
     Where Laplace's approximation moves a parameter, the runs are integrated by 5 x 5 nodes, and
     where the proposal misses a tail, some of the draws come from far around.
@@ -50,7 +50,7 @@ def marginal_chain(
     )
     flat = draws.reshape(-1, draws.shape[-1])
     short = marginal.ess < target.ess
-    findings = (Finding(Kind.INDEPENDENT_DRAWS),) if marginal.trusted else marginal.told
+    findings = (Finding(Kind.INDEPENDENT_DRAWS),) if marginal.trusted else marginal.findings
     if short:
         findings = (
             Finding(Kind.DRAWS_SHORT, size=marginal.ess, numbers={"limit": target.ess}),
@@ -63,18 +63,18 @@ def marginal_chain(
         ess_tail=marginal.ess,
         tau=1.0,
         met=marginal.trusted and not short,
-        told=findings,
+        findings=findings,
     )
     log_density = fit.sampled.log_density(flat).reshape(draws.shape[:3])
     chain = Chain(fit.names, draws, log_density, 0, np.ones(_N_CHAIN), 0, convergence)
-    return chain, _opinion(marginal, len(fit.names))
+    return chain, _agreement(marginal, len(fit.names))
 
 
-def _opinion(marginal: MarginalPosterior, n_par: int) -> Agreement:
-    """The exact weights in all dimensions as a comparison; "missing" where they are too uneven to
-    tell.
+def _agreement(marginal: MarginalPosterior, n_par: int) -> Agreement:
+    """The exact weights in all dimensions as a comparison; "missing" where they are too uneven for
+    a verdict.
     """
-    disagree = any(finding.kind is Kind.WEIGHTS_MOVE for finding in marginal.told)
+    disagree = any(finding.kind is Kind.WEIGHTS_MOVE for finding in marginal.findings)
     conclusive = marginal.k_hat_all < K_HAT_LIMIT or len(marginal.sampled) == n_par
     verdict = "disagree" if disagree else "agree" if marginal.trusted and conclusive else "missing"
-    return replace(no_comparison(n_par, *marginal.told), verdict=verdict)
+    return replace(no_comparison(n_par, *marginal.findings), verdict=verdict)

@@ -86,21 +86,21 @@ class Proposal:
 
         A proposal that was adapted to draws of itself may miss a long tail (of an outlier's width,
         say), and weights cannot show what was never drawn.  Where the wide draws find something,
-        k-hat and the effective size say so.
+        k-hat and the effective size show it.
         """
         return self.guarded(_FAR_SHARE, _FAR_FACTOR)
 
     def guarded(self, share: float, factor: float) -> Proposal:
         """A `share` of the draws from `factor` times as far around."""
         mean = self.weights @ self.means
-        away = self.means - mean
+        deviations = self.means - mean
         scale = (
             np.einsum("k,kij,klj->il", self.weights, self.factors, self.factors)
-            + (self.weights[:, None] * away).T @ away
+            + (self.weights[:, None] * deviations).T @ deviations
         )
-        return self.beside(Proposal.single(mean, factor**2 * scale), share)
+        return self.mixed_with(Proposal.single(mean, factor**2 * scale), share)
 
-    def beside(self, other: Proposal, share: float) -> Proposal:
+    def mixed_with(self, other: Proposal, share: float) -> Proposal:
         """A `share` of the draws from another proposal."""
         return replace(
             self,
@@ -124,8 +124,8 @@ class Proposal:
         """(n_component, n_draw) squared distances from the centres in units of the scale
         matrices.
         """
-        seen = np.vstack([(draws - self.means[0]).T, np.ones(len(draws))])
-        whitened = (self._whitening @ seen).reshape(*self.means.shape, -1)
+        columns = np.vstack([(draws - self.means[0]).T, np.ones(len(draws))])
+        whitened = (self._whitening @ columns).reshape(*self.means.shape, -1)
         return np.einsum("kin,kin->kn", whitened, whitened)
 
     def component_log_densities(self, distances: FloatArray) -> FloatArray:
@@ -183,7 +183,7 @@ def adapt_proposal(
             best, quality, draws, weights = candidate, better, candidate_draws, candidate_weights
     # 40 % of the draws come from components around modes that are known: a wide mode of little
     # weight is seldom drawn, and a chain that has entered it does not leave it soon
-    return best.beside(_equally_weighted(centres[1:], factors[1:]), 0.4) if covs else best
+    return best.mixed_with(_equally_weighted(centres[1:], factors[1:]), 0.4) if covs else best
 
 
 def _equally_weighted(means: FloatArray, factors: FloatArray) -> Proposal:
@@ -259,11 +259,11 @@ def _fit(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
             np.array(means),
             lower_factor(np.array(scales)),
         )
-        settled = (
+        converged = (
             components.size == before.weights.size
             and np.max(np.abs(mixture.weights - before.weights)) < 1e-3
         )
-        if settled and np.max(before.distances(mixture.means).diagonal()) < 1e-5:
+        if converged and np.max(before.distances(mixture.means).diagonal()) < 1e-5:
             break
     return mixture
 
@@ -296,7 +296,7 @@ def _guarded(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Propo
     if mixture.weights.size == 1:
         return mixture
     mean, cov = _covariance(draws, weights)
-    return mixture.beside(Proposal.single(mean, _WIDE_FACTOR**2 * cov), _WIDE_SHARE)
+    return mixture.mixed_with(Proposal.single(mean, _WIDE_FACTOR**2 * cov), _WIDE_SHARE)
 
 
 def mixture_of_draws(draws: FloatArray, rng: np.random.Generator) -> Proposal:

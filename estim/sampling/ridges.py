@@ -34,7 +34,7 @@ _DEPTH = 10.0  # of a path, in log marginal density
 _LOWER = 16.0  # of a mode below the highest, in log density: it is left out
 # standard deviations; a path whose steps collapse ends before a jump of the density
 _MIN_STEP = 1e-2
-_LOOKS = 10  # for a point of a path
+_MAX_STEPS = 10  # of the search for a point of a path
 _DIFFERENCE = 0.01  # step of the finite differences, in standard deviations
 
 
@@ -84,12 +84,12 @@ class Ridges:
         rows = middle[:, None] + np.stack([moves, -moves])[:, None]
         above, below = self.objectives(rows.reshape(-1, len(eye))).reshape(rows.shape[:-1])
         own, both = np.split((above + below - 2.0 * above[:, :1])[:, 1:], [len(eye)], axis=1)
-        bent = own[:, :, None] * eye
-        bent[:, first, second] = bent[:, second, first] = 0.5 * (
+        curvatures = own[:, :, None] * eye
+        curvatures[:, first, second] = curvatures[:, second, first] = 0.5 * (
             both - own[:, first] - own[:, second]
         )
-        bent[~np.all(np.isfinite(bent), axis=(1, 2))] = 2.0 * _DIFFERENCE**2 * eye
-        sizes, axes = np.linalg.eigh(bent / _DIFFERENCE**2)
+        curvatures[~np.all(np.isfinite(curvatures), axis=(1, 2))] = 2.0 * _DIFFERENCE**2 * eye
+        sizes, axes = np.linalg.eigh(curvatures / _DIFFERENCE**2)
         axes = np.linalg.inv(factor).T @ axes
         # for the curvatures to be positive
         hessians = (axes * np.maximum(np.abs(sizes), 0.04)[:, None, :]) @ np.swapaxes(axes, 1, 2)
@@ -97,46 +97,46 @@ class Ridges:
         slopes = slopes @ np.linalg.inv(factor)
         return slopes + np.einsum("nij,nj->ni", hessians, points - middle), hessians
 
-    def precision(self, at: End, held: int | None = None) -> FloatArray:
+    def precision(self, at: End, fixed: int | None = None) -> FloatArray:
         """(n_par, n_par) of the normal distribution that is as wide as the density is at a point,
-        one parameter held; at a bound beyond which it rises it falls off exponentially.
+        one parameter fixed; at a bound beyond which it rises it falls off exponentially.
         """
         pressed = ((at.values <= self.low) & (at.gradient > 0.0)) | (
             (at.values >= self.high) & (at.gradient < 0.0)
         )
         precision = 0.5 * at.hessian + np.diag(np.where(pressed, 0.5 * at.gradient, 0.0) ** 2)
-        if held is not None:
-            precision[held], precision[:, held] = 0.0, 0.0
-            precision[held, held] = 1.0
+        if fixed is not None:
+            precision[fixed], precision[:, fixed] = 0.0, 0.0
+            precision[fixed, fixed] = 1.0
         return precision
 
-    def log_marginal(self, at: End, held: int) -> float:
+    def log_marginal(self, at: End, fixed: int) -> float:
         """Log marginal density of one parameter, up to a constant: the integral over the others, in
         Laplace's approximation.
         """
-        return -0.5 * (at.objective + float(np.linalg.slogdet(self.precision(at, held))[1]))
+        return -0.5 * (at.objective + float(np.linalg.slogdet(self.precision(at, fixed))[1]))
 
-    def path(self, mode: End, held: int, sign: float) -> Task[list[End]]:
-        """Conditional maxima from the mode on, one parameter led away from it."""
-        bound = self.high[held] if sign > 0.0 else self.low[held]
-        width, top = float(np.sqrt(self.cov[held, held])), self.log_marginal(mode, held)
+    def path(self, mode: End, fixed: int, sign: float) -> Task[list[End]]:
+        """Conditional maxima from the mode on, one parameter moved away from it."""
+        bound = self.high[fixed] if sign > 0.0 else self.low[fixed]
+        width, top = float(np.sqrt(self.cov[fixed, fixed])), self.log_marginal(mode, fixed)
         # how the others follow
-        tangent, points, depth, step = self.cov[held] / width**2, [mode], 0.0, width
+        tangent, points, depth, step = self.cov[fixed] / width**2, [mode], 0.0, width
         for _ in range(60):
-            here = points[-1].values
-            room = abs(float(bound - here[held]))
+            point = points[-1].values
+            room = abs(float(bound - point[fixed]))
             if not (room > 1e-12 * width and depth < _DEPTH and step > _MIN_STEP * width):
                 break
             advance = sign * min(step, room)
-            end = yield Start(here + tangent * advance, (held,), tolerance=1e-10)
-            deeper = top - self.log_marginal(end, held) if np.any(end.hessian) else np.inf
+            end = yield Start(point + tangent * advance, (fixed,), tolerance=1e-10)
+            deeper = top - self.log_marginal(end, fixed) if np.any(end.hessian) else np.inf
             # target decrease of the log marginal density in a step at the mode; 1 more for each
             # unit of depth
             decrease, allowed = deeper - depth, 1.5 + max(depth, 0.0)
             factor = float(np.sqrt(allowed / max(abs(decrease), 1e-3)))
             if -np.inf < decrease <= 1.5 * allowed:
                 points.append(end)
-                tangent, depth = (end.values - here) / advance, deeper
+                tangent, depth = (end.values - point) / advance, deeper
                 step *= np.clip(factor, 0.4, 2.0)
             else:
                 step *= np.clip(0.8 * factor, 0.1, 0.5)
@@ -147,7 +147,9 @@ class Ridges:
         density there.
         """
         sides = [(i, sign) for i in range(self.low.size) for sign in (-1.0, 1.0)]
-        ends = run_descents(self, [self.path(mode, i, sign) for i, sign in sides], max_steps=_LOOKS)
+        ends = run_descents(
+            self, [self.path(mode, i, sign) for i, sign in sides], max_steps=_MAX_STEPS
+        )
         parts = [
             self.components([*down[::-1], mode, *up], i, len(down))
             for i, (down, up) in enumerate(zip(ends[::2], ends[1::2], strict=True))
@@ -156,16 +158,17 @@ class Ridges:
         return Proposal(weights, means, lower_factor(covariances))
 
     def components(
-        self, path: Sequence[End], held: int, at_mode: int
+        self, path: Sequence[End], fixed: int, at_mode: int
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Weights (n,), means (n, n_par) and covariances (n, n_par, n_par) of the components of a
         path.
         """
         points = np.array([end.values for end in path])
-        covariances = np.array([np.linalg.inv(self.precision(end, held)) for end in path])
-        covariances[:, held, held] = 0.0
-        width = np.sqrt(self.cov[held, held])
-        tangents = np.gradient(points, axis=0) if len(path) > 1 else self.cov[held][None, :] / width
+        covariances = np.array([np.linalg.inv(self.precision(end, fixed)) for end in path])
+        covariances[:, fixed, fixed] = 0.0
+        width = np.sqrt(self.cov[fixed, fixed])
+        single = self.cov[fixed][None, :] / width
+        tangents = np.gradient(points, axis=0) if len(path) > 1 else single
         # standard deviation of a component along its path, over the spacing of the points
         covariances += 0.6**2 * squared_rows(tangents)
         # else half of the draws of a component on a bound would lie beyond it
@@ -173,10 +176,10 @@ class Ridges:
             margin = np.minimum(np.sqrt(covariances[:, i, i]), 0.25 * (high - low))
             shift = np.clip(points[:, i], low + margin, high - margin) - points[:, i]
             points = points + (shift / covariances[:, i, i])[:, None] * covariances[:, :, i]
-        heights = np.array([self.log_marginal(end, held) for end in path])
+        heights = np.array([self.log_marginal(end, fixed) for end in path])
         # exponent of the marginal density in the weights
         tempered = np.exp(np.minimum(0.4 * (heights - heights[at_mode]), 300.0))
-        return tempered * tangents[:, held] / width, points, covariances
+        return tempered * tangents[:, fixed] / width, points, covariances
 
 
 def ridge_proposal(
@@ -195,10 +198,10 @@ def ridge_proposal(
     low, high = support or (np.full(start.size, -np.inf), np.full(start.size, np.inf))
     modes = np.clip(np.vstack([start, *starts]), low, high)
     heights = log_density_in_batches(density, modes)
-    kept = modes[np.isfinite(heights) & ~(heights < np.max(heights) - _LOWER)]
+    relevant = modes[np.isfinite(heights) & ~(heights < np.max(heights) - _LOWER)]
     parts = [
         ridges.proposal(mode)
-        for ridges, mode in (about_mode(density, at, cov, (low, high)) for at in kept)
+        for ridges, mode in (about_mode(density, at, cov, (low, high)) for at in relevant)
     ]
     if not parts:
         return Proposal.single(start, cov)

@@ -19,7 +19,7 @@ _HEAVY = 2.0
 class Summary(msgspec.Struct, frozen=True):
     """Posterior of one quantity, SI units and radians.
 
-    mean, sd : None where the status does not allow them, and where `limit` says what is known.
+    mean, sd : None where the status does not allow them, and where `limit` holds what is known.
     limit : of a parameter whose most probable value is an edge of its prior; None for all others.
     """
 
@@ -94,7 +94,7 @@ def value_cell(p: Summary, shown: Label) -> str:
 
 def lopsided(p: Summary) -> bool:
     """Whether one half of the 68 or of the 95 % interval is more than 1.5 times the other, or tails
-    make the sd say little: then ± misleads.
+    make the sd meaningless: then ± misleads.
     """
     if p.median is None or p.q16 is None or p.q84 is None or p.q025 is None or p.q975 is None:
         return False
