@@ -33,7 +33,14 @@ from estim.campaign import Campaign, NewRun, load_campaign, with_own_gamma, with
 from estim.common import NumericalError, Quantity
 from estim.fitting import Fit, fit_least_squares, fit_problem
 from estim.fitting.unmodelled_force import fit_with_forces
-from estim.planning.candidates import BETTER, MORE, OTHERWISE, Change, Readings, measured_better
+from estim.planning.candidates import (
+    BETTER,
+    MORE,
+    OTHERWISE,
+    Change,
+    FurtherReadings,
+    measured_better,
+)
 from estim.planning.expected_uncertainty import sds_with
 from estim.planning.planned_readings import CurveBasis
 from estim.planning.planning import targets_of
@@ -155,7 +162,7 @@ def changes_of(basis: RollingBasis | CurveBasis) -> dict[str, Change]:
             "reading": Change(
                 "ten readings more",
                 MORE,
-                readings=(Readings(run.name, float(np.quantile(run.x, 0.2)), 10),),
+                readings=(FurtherReadings(run.name, float(np.quantile(run.x, 0.2)), 10),),
             )
         }
     like, name = basis.names[-1], "new"

@@ -61,7 +61,7 @@ from estim.common import (
     stream,
 )
 from estim.curve_fitting import CurveFit
-from estim.explanation import Candidate, Explanation, Outcome, explain
+from estim.explanation import Explanation, Outcome, RefitCandidate, explain
 from estim.fitting import Fit, fit_problem
 from estim.problem import JeffreysPrior, Problem, folded
 from estim.sampling import (
@@ -476,7 +476,7 @@ def explained(
     )
 
 
-def outcome_of(candidate: Candidate, *, seed: int) -> Outcome:
+def outcome_of(candidate: RefitCandidate, *, seed: int) -> Outcome:
     """The result of the campaign with the lines of a candidate, fit with this seed."""
     assert candidate.posed is not None, "asked of candidates that can be posed"
     try:

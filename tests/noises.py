@@ -28,7 +28,7 @@ from estim.problem.installed_tails import InstalledTails
 from estim.problem.likelihood import Noise, Points
 from estim.problem.noise import Differentiated, Independent, Scale
 from estim.problem.roots import root_of
-from estim.problem.tails import Mixture, StudentT, TwoPiece
+from estim.problem.tails import OutlierMixture, StudentT, TwoPiece
 
 N = 7
 X = np.array([0.0, 0.3, 0.4, 0.9, 1.1, 1.6, 2.0])
@@ -511,7 +511,7 @@ CASES = {
         outliers=True,
     ),
     "independent, mixture": Case(
-        Independent(*SCALES, RELATIVE, tails=Mixture("fraction", "log_width")),
+        Independent(*SCALES, RELATIVE, tails=OutlierMixture("fraction", "log_width")),
         SIZES | BOTH,
         one_by_one(line, spread, mixture),
         outliers=True,
@@ -571,7 +571,7 @@ CASES = {
             Scale(),
             np.ones(N),
             sigma_x=Scale(0.015),
-            tails=Mixture("fraction", "log_width"),
+            tails=OutlierMixture("fraction", "log_width"),
         ),
         BOTH,
         smeared(0.015, 0.1, mixture),

@@ -6,10 +6,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from estim.discrepancy.force import Response, Track, work_along
+from estim.discrepancy.force import ForceTrack, Response, work_along
 
 
-def fine_places(along: Track, first: float) -> np.ndarray:
+def fine_places(along: ForceTrack, first: float) -> np.ndarray:
     """Places from the first observation to the end, denser towards the release, at which the motion
     along it is asked for.
     """
@@ -27,7 +27,7 @@ def through(response: Response, matrix: np.ndarray) -> Response:
 
 
 def position_response(
-    along: Track,
+    along: ForceTrack,
     fine: np.ndarray,
     x: np.ndarray,
     speed: np.ndarray,

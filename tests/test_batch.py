@@ -21,7 +21,7 @@ import pytest
 from command_runner import runner
 from troubles import Disk
 
-from estim.batch import Row, Settings, run_batch, shard_of, spreads, units_of
+from estim.batch import RunRow, Settings, run_batch, shard_of, spreads, units_of
 from estim.batch.rows import Value, keep, kept
 from estim.batch.units import Unit
 from estim.campaign import Campaign, load_campaign
@@ -339,7 +339,7 @@ def test_one_name_in_two_units_is_two_quantities() -> None:
     ]
 
 
-def replace_row(row: Row, *, unit: str, mean: float) -> Row:
+def replace_row(row: RunRow, *, unit: str, mean: float) -> RunRow:
     return msgspec.structs.replace(
         row, values={"a": msgspec.structs.replace(row.values["a"], unit=unit, mean=mean)}
     )
@@ -538,12 +538,12 @@ def test_what_is_no_batch_is_refused(tmp_path: Path, arguments: list[str], rule:
     assert not (tmp_path / "out").exists()
 
 
-def rows_of(means: np.ndarray, sd: float, *, informed: bool = True) -> list[Row]:
+def rows_of(means: np.ndarray, sd: float, *, informed: bool = True) -> list[RunRow]:
     values = [
         Value(float(m), sd, float(m - 2 * sd), float(m + 2 * sd), "m", informed) for m in means
     ]
     return [
-        Row("c.toml", f"r{i}", f"c/r{i}", "measured", "ok", "", "", {"a": v}, 1.0, "")
+        RunRow("c.toml", f"r{i}", f"c/r{i}", "measured", "ok", "", "", {"a": v}, 1.0, "")
         for i, v in enumerate(values)
     ]
 

@@ -20,7 +20,7 @@ from estim.problem.roots import covariance_of
 from estim.reports.records import labels_of
 from estim.reports.uncertainty_budget import shares_of
 from estim.sampling import Target
-from estim.studies.fit_uncertainty_budget import Budget, uncertainty_budget
+from estim.studies.fit_uncertainty_budget import FitBudget, uncertainty_budget
 
 X = np.linspace(0.0, 1.0, 12)
 U, U_CLOCK, U_B = 0.05, 0.02, 0.03
@@ -40,7 +40,7 @@ def line() -> CurveFit:
     )
 
 
-def made(fit: Fit, draws: np.ndarray | None = None) -> Budget:
+def made(fit: Fit, draws: np.ndarray | None = None) -> FitBudget:
     budget = uncertainty_budget(fit, np.tile(fit.values, (3, 1)) if draws is None else draws)
     assert budget is not None
     return budget
@@ -129,7 +129,7 @@ def test_parts_of_a_simulated_experiment_are_how_it_scatters() -> None:
 
 
 @pytest.fixture(scope="module")
-def report() -> tuple[Budget, dict[str, bytes]]:
+def report() -> tuple[FitBudget, dict[str, bytes]]:
     fit = line()
     analysis = sample_curve(fit, seed=2, target=Target(ess=2000))
     return made(fit.fit, analysis.chain.flat), curve_report(
@@ -137,7 +137,7 @@ def report() -> tuple[Budget, dict[str, bytes]]:
     )
 
 
-def test_draws_say_the_same_of_stated_values(report: tuple[Budget, dict[str, bytes]]) -> None:
+def test_draws_say_the_same_of_stated_values(report: tuple[FitBudget, dict[str, bytes]]) -> None:
     """dE[q]/dm = Cov(q, p)/u^2; a covariance from 2000 independent draws is known to a share of
     0.022 of both standard deviations.
     """
@@ -149,7 +149,9 @@ def test_draws_say_the_same_of_stated_values(report: tuple[Budget, dict[str, byt
     assert abs(budget.drawn[0, 0] + budget.contributions[0, 0]) > 4.0 * error[0]
 
 
-def test_the_record_closes_and_the_report_shows_it(report: tuple[Budget, dict[str, bytes]]) -> None:
+def test_the_record_closes_and_the_report_shows_it(
+    report: tuple[FitBudget, dict[str, bytes]],
+) -> None:
     _, files = report
     result, text = json.loads(files["result.json"]), files["report.md"].decode()
     for part in result["budget"].values():

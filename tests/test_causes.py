@@ -19,10 +19,10 @@ from estim.common.labels import Notation
 from estim.common.statuses import Status
 from estim.curves import read_formula
 from estim.explanation import (
-    Candidate,
     Estimated,
     Explanation,
     Outcome,
+    RefitCandidate,
     Suspects,
     across_runs,
     explain,
@@ -391,8 +391,8 @@ def test_an_addition_that_ends_badly_is_not_offered_and_a_true_cause_is(
     assert not any("to add" in line for line in explanation_lines(bad))
 
 
-def candidate(value: float, sd: float = 0.001) -> Candidate:
-    return Candidate(
+def candidate(value: float, sd: float = 0.001) -> RefitCandidate:
+    return RefitCandidate(
         "clock",
         "a clock",
         Problem((), ()),

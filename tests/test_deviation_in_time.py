@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 
 from estim.curves.rolling import MotionCurve, RollingMotion
 from estim.discrepancy.force import force_priors, track_with_ways
-from estim.discrepancy.trajectory import Along, Trajectory
+from estim.discrepancy.trajectory import TrackResponse, Trajectory
 from estim.problem.likelihood import Points
 from estim.problem.noise import Independent, Scale
 
@@ -46,7 +46,7 @@ def hills(x: float) -> float:
     return math.sin(9.0 * x + 0.4) + 0.3 * math.cos(23.0 * x)
 
 
-def along(t: np.ndarray, *, pushed: float | None = None) -> Along:
+def along(t: np.ndarray, *, pushed: float | None = None) -> TrackResponse:
     arguments = ARGUMENTS if pushed is None else {**ARGUMENTS, "release_speed": pushed}
     return Trajectory(RollingMotion(False, None, True)).along(
         Points(MotionCurve(False), t, 0.0 * t, arguments),

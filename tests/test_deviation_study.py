@@ -15,7 +15,7 @@ from scipy.linalg import block_diag
 from test_deviation import innovations
 from wheels import FINE, FIRST, G_R, PHI, SIGMA, Wheel, WhiteFit, places, white_fit
 
-from estim.discrepancy.force import Response, Track, force_shapes, shared_force_shapes, track
+from estim.discrepancy.force import ForceTrack, Response, force_shapes, shared_force_shapes, track
 from estim.discrepancy.grid import FORCE_SCALE, START_SD, prior_grid
 from estim.discrepancy.inferred_force import find_force
 from estim.discrepancy.linearised import linearise
@@ -24,7 +24,7 @@ from estim.discrepancy.scale_mixture import diagonalise
 from estim.problem.roots import root_of
 
 
-def moved(along: Track, fit: WhiteFit) -> Response:
+def moved(along: ForceTrack, fit: WhiteFit) -> Response:
     """What a force does to the angles of a fit."""
     fine = fine_places(along, FIRST)
     rate = np.sqrt(

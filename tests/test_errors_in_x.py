@@ -25,7 +25,7 @@ from estim.problem.curve import POINTS
 from estim.problem.errors_in_x_quadrature import predictive, true_abscissas
 from estim.problem.posterior import Problem
 from estim.problem.roots import covariance_of
-from estim.problem.tails import GAUSSIAN, Mixture
+from estim.problem.tails import GAUSSIAN, OutlierMixture
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -301,7 +301,7 @@ def test_an_outlier_is_named_where_x_has_errors(rng: np.random.Generator) -> Non
     problem = posed("a + b*x", x, y, {"a": 1.0, "b": 2.0}, 0.05, 0.03)
     run = replace(
         problem.runs[0],
-        noise=replace(problem.runs[0].noise, tails=Mixture("fraction", "log_width")),
+        noise=replace(problem.runs[0].noise, tails=OutlierMixture("fraction", "log_width")),
     )
     named = {"a": 1.0, "b": 2.0, "fraction": 0.05, "log_width": np.log(10.0)}
     (probability,) = run.likelihood(named).outlier_probability(named)

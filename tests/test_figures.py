@@ -29,7 +29,7 @@ from estim.reports import corner_figures, curve_figures
 from estim.reports.consistency import _within
 from estim.reports.corner_figures import density_of, trace_figure
 from estim.reports.curve_figures import (
-    Residuals,
+    DrawnResiduals,
     draw_residuals,
     far_off,
     panel_pairs,
@@ -249,7 +249,7 @@ def test_frames_of_the_way_back_are_counted_and_no_marker_at_the_axis_is_cut(
     )
     figure = Figure()
     curve_figures._draw_points(
-        ax := figure.subplots(), run, Residuals(run, np.zeros(7), np.full(7, 0.1), NEAR[1:])
+        ax := figure.subplots(), run, DrawnResiduals(run, np.zeros(7), np.full(7, 0.1), NEAR[1:])
     )
     assert [text.get_text() for text in ax.texts] == [
         "2 frames of the way back (v < 0) are not shown"
@@ -267,7 +267,7 @@ def test_neither_an_outlier_far_off_nor_what_was_left_out_presses_the_points_fla
     far = far_off(run, [Outliers("other", np.ones(8)), Outliers(run.name, probability)])
     assert np.flatnonzero(far).tolist() == [2, 6]
     curve_figures._draw_points(
-        ax := Figure().subplots(), run, Residuals(run, np.zeros(8), np.full(8, 1e-4), far)
+        ax := Figure().subplots(), run, DrawnResiduals(run, np.zeros(8), np.full(8, 1e-4), far)
     )
     curve_figures._draw_outliers(ax, run, [Outliers(run.name, probability)], far)
     low, high = ax.get_ylim()
@@ -343,7 +343,7 @@ def test_the_axis_of_residuals_names_a_symbol_only_where_there_is_one(
     )
     ax = Figure().add_subplot()
     draw_residuals(
-        ax, Residuals(run, np.linspace(-0.1, 0.1, X.size), np.full(X.size, 0.1), NEAR), None
+        ax, DrawnResiduals(run, np.linspace(-0.1, 0.1, X.size), np.full(X.size, 0.1), NEAR), None
     )
     assert ax.get_ylabel() == label
 

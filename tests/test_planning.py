@@ -22,7 +22,7 @@ from estim.common import InputError, Quantity, Status
 from estim.discrepancy import force_sizes
 from estim.fitting import expected_information, fit_problem, information
 from estim.model import Body, speed, turning_point
-from estim.planning.candidates import MORE, OTHERWISE, Change, Readings, measured_better
+from estim.planning.candidates import MORE, OTHERWISE, Change, FurtherReadings, measured_better
 from estim.planning.expected_uncertainty import sds_with, weigh
 from estim.planning.halving import ways_to_halve
 from estim.planning.planned_readings import CurveBasis
@@ -281,7 +281,7 @@ def test_readings_of_a_line_do_what_the_closed_form_says(tmp_path: Path) -> None
     for change, expected in (
         (NOTHING, closed(x)),
         (
-            Change("", MORE, readings=(Readings("line", 12.0, 3),)),
+            Change("", MORE, readings=(FurtherReadings("line", 12.0, 3),)),
             closed(np.r_[x, 12.0, 12.0, 12.0]),
         ),
         (Change("", OTHERWISE, frames=2.0), closed(np.repeat(x, 2))),
@@ -303,7 +303,7 @@ def test_additional_readings_share_an_error_with_each_other_alone(tmp_path: Path
     fit = fit_problem(campaign.problem(["line"]), rng=np.random.default_rng(1))
     basis = CurveBasis(campaign, ("line",), fit)
     (b,) = targets_of(campaign, fit.problem, ["b"])
-    further = Change("", MORE, readings=(Readings("line", 30.0, 4),))
+    further = Change("", MORE, readings=(FurtherReadings("line", 30.0, 4),))
     sds = []
     for group in (3.0, 2.0):  # their own, and that of the nearest
         at, of = np.r_[x, np.full(4, 30.0)], np.r_[day, np.full(4, group)]

@@ -15,7 +15,7 @@ from estim import DataSet, fit_curve, fit_curves, fit_line
 from estim.checks import P_POOR_FIT, check_linear
 from estim.cli.commands import cli
 from estim.common import Finding, Kind
-from estim.line import Columns, straight_line
+from estim.line import LineColumns, straight_line
 from estim.line.findings import line_goodness, points_findings
 from estim.words import advice_for, choices_for, first_step
 
@@ -39,7 +39,7 @@ def verdicts(folder: Path, y: np.ndarray) -> dict[str, str]:
     )
     joint = fit_curves("a + b*x", {"one": DataSet(X, y, u_y=0.1)}, shared=["a"])
     return {
-        "line": str(straight_line(table, Columns()).status),
+        "line": str(straight_line(table, LineColumns()).status),
         "fit_curve": str(fit_curve("a + b*x", X, y, u_y=0.1).status),
         "fit_curves": str(joint.status),
     }

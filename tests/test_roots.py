@@ -7,7 +7,7 @@ import pytest
 
 from estim.problem import STENCILS, differentiate
 from estim.problem.differences import covariance_in_bands, in_rows, used_columns
-from estim.problem.roots import Band, Dense, LowRankRoot, Stacked, covariance_of
+from estim.problem.roots import BandedFactor, Dense, LowRankRoot, Stacked, covariance_of
 
 
 def _stencil(n, name="central", rng=None):
@@ -26,7 +26,7 @@ def _roots(n=300):
     rng = np.random.default_rng(2)
     matrix = _stencil(n)
     bands, dense = covariance_in_bands(matrix), matrix.toarray() @ matrix.toarray().T
-    band = Band.of(bands)
+    band = BandedFactor.of(bands)
     size = np.sqrt(np.diag(dense))
     causes = np.column_stack(
         [
@@ -48,7 +48,7 @@ def _roots(n=300):
         id="beside-twice",
     )
     yield pytest.param(
-        LowRankRoot.of(Band.of(size[None] ** 2), causes),
+        LowRankRoot.of(BandedFactor.of(size[None] ** 2), causes),
         np.diag(size**2) + columns @ columns.T,
         id="beside-points",
     )
@@ -56,7 +56,7 @@ def _roots(n=300):
     both = np.block(
         [[dense, np.zeros((len(dense), 2))], [np.zeros((2, len(dense))), np.diag([4.0, 9.0])]]
     )
-    yield pytest.param(Stacked((band, Band.of(np.array([[4.0, 9.0]])))), both, id="stacked")
+    yield pytest.param(Stacked((band, BandedFactor.of(np.array([[4.0, 9.0]])))), both, id="stacked")
 
 
 @pytest.mark.parametrize(("root", "dense"), list(_roots()))
@@ -97,12 +97,14 @@ def test_the_bands_of_a_stencil_are_its_covariance(name):
         )
     np.testing.assert_allclose(whole, dense, rtol=0.0, atol=1e-12 * np.max(dense))
     # one band too few
-    wrong = Band.of(
+    wrong = BandedFactor.of(
         bands[:-1] + np.array([[1.0], *[[0.0]] * (len(bands) - 2)]) * np.max(bands[-1] ** 2) ** 0.5
     )
     rows = np.ones((1, len(dense)))
     right = np.linalg.solve(np.linalg.cholesky(dense), rows.T).T
-    assert np.max(np.abs(Band.of(bands).whiten(rows) - right)) < 1e-10 * np.max(np.abs(right))
+    assert np.max(np.abs(BandedFactor.of(bands).whiten(rows) - right)) < 1e-10 * np.max(
+        np.abs(right)
+    )
     assert np.max(np.abs(wrong.whiten(rows) - right)) > 1e-3 * np.max(np.abs(right))
 
 
@@ -126,7 +128,7 @@ def test_errors_that_follow_each_other_are_cut_where_nothing_is_left(correlation
     matrix = _stencil(400)
     apart = np.abs(np.subtract.outer(np.arange(matrix.shape[1]), np.arange(matrix.shape[1])))
     dense = matrix.toarray() @ correlation**apart @ matrix.toarray().T
-    root = Band.of(covariance_in_bands(matrix, correlation))
+    root = BandedFactor.of(covariance_in_bands(matrix, correlation))
     assert len(root.lower) < 230
     np.testing.assert_allclose(covariance_of(root), dense, rtol=0.0, atol=1e-12 * np.max(dense))
     rows = np.random.default_rng(1).standard_normal((2, root.n_obs))

@@ -25,7 +25,7 @@ from estim.cli.commands import cli
 from estim.common.errors import InputError
 from estim.common.finding_kinds import Status
 from estim.common.quantity_text import Quantity
-from estim.line.table_line import Columns, straight_line
+from estim.line.table_line import LineColumns, straight_line
 from estim.reports.straight_line import straight_line_figure
 
 REFERENCE = Path(__file__).resolve().parent / "reference"
@@ -63,7 +63,7 @@ def told(tmp_path, *arguments):
     ],
 )
 def test_lines_and_inverse_predictions_of_iso_28037(name, y0, a, b, cov, x0, u_x0):
-    line = straight_line(LINES / f"iso28037_sec6_{name}_weights.csv", Columns(), inverse=[y0])
+    line = straight_line(LINES / f"iso28037_sec6_{name}_weights.csv", LineColumns(), inverse=[y0])
     error = line.fit.standard_errors["propagated"]
     assert (line.fit.intercept, error.u_intercept) == pytest.approx(a, abs=5e-5)
     assert (line.fit.slope, error.u_slope) == pytest.approx(b, abs=5e-5)
@@ -76,7 +76,7 @@ def test_errors_in_both_variables_of_iso_28037():
     """7.4 prints York's convention; the propagated uncertainties are those that GTC 2 (MSL) gives
     for the same points.
     """
-    line = straight_line(LINES / "iso28037_sec7_errors_in_both.csv", Columns())
+    line = straight_line(LINES / "iso28037_sec7_errors_in_both.csv", LineColumns())
     york, whole = line.fit.standard_errors["york"], line.fit.standard_errors["propagated"]
     assert (line.fit.intercept, line.fit.slope, line.fit.chi2) == pytest.approx(
         (0.5788, 2.1597, 2.743), abs=5e-4
@@ -94,7 +94,7 @@ def test_unknown_uncertainties_of_y_of_iso_28037():
     """Annex E, before its factor sqrt((m - 2)/(m - 4)) = 1.41, which stands for degrees of freedom
     that estim states instead.
     """
-    line = straight_line(LINES / "iso28037_annex_e.csv", Columns())
+    line = straight_line(LINES / "iso28037_annex_e.csv", LineColumns())
     error = line.fit.standard_errors["scaled"]
     assert (line.fit.intercept, error.u_intercept) == pytest.approx((1.172, 0.159), abs=5e-4)
     assert (line.fit.slope, error.u_slope) == pytest.approx((1.964, 0.041), abs=5e-4)
@@ -151,26 +151,26 @@ def test_columns_of_uncertainties_are_found_before_their_unit_and_must_have_that
         f"{x},{y},0.1,0.2\n" for x, y in ((0, 1.0), (1, 2.1), (2, 2.9), (3, 4.1), (4, 5.0))
     )
     path.write_text("t [s],s [m],u_t [s],u_s [m]\n" + rows)
-    line = straight_line(path, Columns("t", "s"))
+    line = straight_line(path, LineColumns("t", "s"))
     assert (line.columns.u_x, line.columns.u_y, line.fit.method) == ("u_t", "u_s", "york")
     path.write_text("t [s],s [m],u_t [s],u_s [mm]\n" + rows)
     with pytest.raises(InputError, match=r"points\.csv:1: 'u_s' must be in the unit of 's', m"):
-        straight_line(path, Columns("t", "s"))
+        straight_line(path, LineColumns("t", "s"))
     with pytest.raises(InputError, match="must be in the unit"):
-        straight_line(path, Columns("t", "s", u_y="u_s"))
-    assert straight_line(path, Columns("t", "s", u_y="0.2")).fit.method == "york"
+        straight_line(path, LineColumns("t", "s", u_y="u_s"))
+    assert straight_line(path, LineColumns("t", "s", u_y="0.2")).fit.method == "york"
 
 
 def test_hoggs_line_by_uncertainties_of_y(tmp_path):
     lines = (LINES / "hogg_bovy_lang_2010_table1.csv").read_text().splitlines()
     path = tmp_path / "hogg.csv"
     path.write_text("\n".join(lines[:2] + lines[6:]) + "\n")
-    line = straight_line(path, Columns(u_y="sigma_y"))
+    line = straight_line(path, LineColumns(u_y="sigma_y"))
     error = line.fit.standard_errors["propagated"]
     assert (line.fit.intercept, error.u_intercept, line.fit.slope, error.u_slope) == pytest.approx(
         (34.04773, 18.24617, 2.23992, 0.10778), abs=6e-6
     )
-    both = straight_line(path, Columns(u_x="sigma_x", u_y="sigma_y", r_xy="rho_xy"))
+    both = straight_line(path, LineColumns(u_x="sigma_x", u_y="sigma_y", r_xy="rho_xy"))
     assert (both.fit.method, both.columns.r_xy) == ("york", "rho_xy")
 
 
@@ -189,7 +189,7 @@ def test_prediction_of_gum_h3(tmp_path):
             for t, b in zip(table[:, -2].tolist(), table[:, -1].tolist(), strict=True)
         )
     )
-    line = straight_line(path, Columns(), predict=[Quantity(10.0)])
+    line = straight_line(path, LineColumns(), predict=[Quantity(10.0)])
     point = line.predictions[0]
     assert (round(point.value, 4), round(point.u, 4)) == (-0.1494, 0.0041)
     assert line.k == pytest.approx(stats.t.ppf(0.975, 9))
@@ -206,7 +206,7 @@ def test_fiellers_interval_is_the_set_of_lines_that_explain_the_reading(tmp_path
         "x,y,u_y\n"
         + "".join(f"{a!r},{b!r},0.25\n" for a, b in zip(x.tolist(), y.tolist(), strict=True))
     )
-    line = straight_line(path, Columns(), inverse=[Quantity(5.0, 0.3)])
+    line = straight_line(path, LineColumns(), inverse=[Quantity(5.0, 0.3)])
     found, error = line.inverses[0], line.fit.standard_errors["propagated"]
     grid = np.linspace(-50.0, 50.0, 1_000_001)
     variance = 0.3**2 + error.u_intercept**2 + grid**2 * error.u_slope**2 + 2.0 * grid * error.cov
@@ -215,7 +215,9 @@ def test_fiellers_interval_is_the_set_of_lines_that_explain_the_reading(tmp_path
     assert found.high - found.value > 1.1 * (found.value - found.low)
     flat = tmp_path / "flat.csv"
     flat.write_text("x,y,u_y\n1,1.0,1\n2,1.1,1\n3,0.9,1\n4,1.2,1\n")
-    assert math.isinf(straight_line(flat, Columns(), inverse=[Quantity(1.0, 0.1)]).inverses[0].high)
+    assert math.isinf(
+        straight_line(flat, LineColumns(), inverse=[Quantity(1.0, 0.1)]).inverses[0].high
+    )
 
 
 def test_a_line_that_does_not_fit_has_no_result_and_exit_code_3(tmp_path):
@@ -351,7 +353,7 @@ def test_units_of_the_columns_stand_behind_every_number_as_in_a_fit_of_a_formula
     ):
         assert words in report
     assert record["units"] == {"x": "s", "y": "V", "intercept": "V", "slope": "V/s"}
-    line = straight_line(path, Columns())
+    line = straight_line(path, LineColumns())
     upper, lower = straight_line_figure(line).axes
     assert (upper.get_ylabel(), lower.get_xlabel()) == ("Voltage (V)", "t (s)")
     assert lower.get_ylabel() == "residual (V)"
@@ -375,7 +377,7 @@ def test_a_table_without_units_has_none(tmp_path):
     result, folder = told(tmp_path, path)
     assert re.search(r"intercept 0\.\d+ ± 0\.\d+, slope 1\.\d+ ± 0\.\d+ \(", result.output)
     assert set(json.loads((folder / "result.json").read_bytes())["units"].values()) == {"1"}
-    assert straight_line_figure(straight_line(path, Columns())).axes[0].get_ylabel() == "y"
+    assert straight_line_figure(straight_line(path, LineColumns())).axes[0].get_ylabel() == "y"
 
 
 def test_a_scatter_that_sets_the_errors_is_no_test_of_the_line(tmp_path):
@@ -383,7 +385,7 @@ def test_a_scatter_that_sets_the_errors_is_no_test_of_the_line(tmp_path):
     path.write_text(UNITS)
     _, folder = told(tmp_path, path)
     text = (folder / "report.md").read_text()
-    line = straight_line(path, Columns()).fit
+    line = straight_line(path, LineColumns()).fit
     scatter = math.sqrt(line.chi2 / line.dof)
     assert f"scatter of the points about the line, {scatter:.2g} V with 4 degrees" in text
     assert "cannot test the line" in text

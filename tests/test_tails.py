@@ -9,10 +9,10 @@ import pytest
 from scipy import stats
 from scipy.integrate import quad
 
-from estim.problem.tails import GAUSSIAN, Mixture, StudentT
+from estim.problem.tails import GAUSSIAN, OutlierMixture, StudentT
 
 VALUES = {"w": np.array(0.07), "k": np.log(12.0)}
-SHAPES = {"normal": GAUSSIAN, "t": StudentT(), "mixture": Mixture("w", "k")}
+SHAPES = {"normal": GAUSSIAN, "t": StudentT(), "mixture": OutlierMixture("w", "k")}
 
 
 @pytest.fixture(params=SHAPES)

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.batch.rows import Row
+from estim.batch.rows import RunRow
 from estim.common import Label
 from estim.reading import odd_intervals
 
 
 @dataclass(frozen=True, eq=False)
-class Spread:
+class RunScatter:
     """One quantity in all runs that are ok, in SI units.
 
     label : how people read it.
@@ -41,7 +41,7 @@ class Spread:
     apart: tuple[int, ...]
 
 
-def spreads(rows: Sequence[Row]) -> list[Spread]:
+def spreads(rows: Sequence[RunRow]) -> list[RunScatter]:
     """Each quantity that a run which is ok has a value of, those that the data determine most often
     first.
 
@@ -55,7 +55,7 @@ def spreads(rows: Sequence[Row]) -> list[Spread]:
     return sorted(results, key=lambda spread: -spread.informed * len(spread.rows))
 
 
-def odd_runs(rows: Sequence[Row]) -> list[tuple[Row, str]]:
+def odd_runs(rows: Sequence[RunRow]) -> list[tuple[RunRow, str]]:
     """Runs whose frame interval is not that of most runs of their campaign, each with a sentence:
     what no run shows by itself.
     """
@@ -71,7 +71,7 @@ def odd_runs(rows: Sequence[Row]) -> list[tuple[Row, str]]:
     return [(rows[i], sentences[i]) for i in sorted(sentences)]
 
 
-def _spread(name: str, unit: str, rows: Sequence[Row], chosen: Sequence[int]) -> Spread:
+def _spread(name: str, unit: str, rows: Sequence[RunRow], chosen: Sequence[int]) -> RunScatter:
     values = [rows[i].values[name] for i in chosen]
     mean, sd = np.array([v.mean for v in values]), np.array([v.sd for v in values])
     median = float(np.median(mean))
@@ -86,7 +86,7 @@ def _spread(name: str, unit: str, rows: Sequence[Row], chosen: Sequence[int]) ->
     # of the spread and the own uncertainty together
     far = informed & (np.abs(mean - median) > 5.0 * np.hypot(scatter, sd))
     apart = tuple(i for i, outlying in zip(chosen, far.tolist(), strict=True) if outlying)
-    return Spread(
+    return RunScatter(
         name,
         unit,
         values[0].label or Label(name, name, unit, 1.0),

@@ -48,7 +48,7 @@ class Value(msgspec.Struct, frozen=True):
     label: Label | None = None
 
 
-class Row(msgspec.Struct, frozen=True):
+class RunRow(msgspec.Struct, frozen=True):
     """One run: its status, its values where that is ok, else the first reason; `error` where there
     is no result at all.
 
@@ -86,10 +86,10 @@ def row_of(
     key: str,
     seconds: float,
     interval: float | None,
-) -> Row:
+) -> RunRow:
     """The row of a `result.json`.  labels : of its parameters, by their names without a level."""
     record = json.loads(result)
-    return Row(
+    return RunRow(
         plain(str(unit.campaign)),
         unit.run,
         unit.place,
@@ -115,13 +115,13 @@ def _values(record: Json, labels: Mapping[str, Label]) -> dict[str, Value]:
     }
 
 
-def failed(unit: Unit, error: str, seconds: float = 0.0) -> Row:
+def failed(unit: Unit, error: str, seconds: float = 0.0) -> RunRow:
     """A run without a result."""
     campaign = plain(str(unit.campaign))
-    return Row(campaign, unit.run, unit.place, error=error, seconds=seconds)
+    return RunRow(campaign, unit.run, unit.place, error=error, seconds=seconds)
 
 
-def keep(folder: Path, row: Row, files: Files) -> None:
+def keep(folder: Path, row: RunRow, files: Files) -> None:
     """Write what was made of a run, with its row, in place of what an earlier batch made of it.
 
     Raises EstimError where a file of somebody else is in the way.
@@ -148,7 +148,7 @@ def require_places(folder: Path, units: Iterable[Unit]) -> None:
         require_room(folder / unit.place, (RESULT,), _written(folder, unit.place), within=folder)
 
 
-def kept(folder: Path, unit: Unit, key: str, interval: float | None) -> Row | None:
+def kept(folder: Path, unit: Unit, key: str, interval: float | None) -> RunRow | None:
     """The row of a result that is there and was made from the same things, read from that result;
     None where it has to be made.
     """
@@ -171,14 +171,14 @@ def _written(folder: Path, place: str) -> dict[str, str]:
     return {} if row is None else row.outputs
 
 
-def _row_at(folder: Path, place: str) -> Row | None:
+def _row_at(folder: Path, place: str) -> RunRow | None:
     """The row that stands there, None where none does.  Raises EstimError for a file of that name
     that is none of ours.
     """
     path = folder / place / ROW
     data = read_file(path, at_most=_LARGEST, within=folder)
     try:
-        row = None if data is None else msgspec.convert(json_of(data), Row)
+        row = None if data is None else msgspec.convert(json_of(data), RunRow)
     except (ValueError, msgspec.ValidationError):
         row = None
     if row is not None and all(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from estim.batch.rows import RESULT, Row, failed, forget, keep, kept, require_places, row_of
+from estim.batch.rows import RESULT, RunRow, failed, forget, keep, kept, require_places, row_of
 from estim.batch.units import Unit
 from estim.campaign import Campaign, load_campaign
 from estim.common import (
@@ -55,13 +55,13 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class _TaskRunner:
+class _BatchRunner:
     folder: Path
     settings: Settings
     report: Report
     resume: bool
 
-    def __call__(self, unit: Unit) -> Row:
+    def __call__(self, unit: Unit) -> RunRow:
         """The row of one run.  Whatever goes wrong with it is reported in its row, and stops no
         other.
         """
@@ -71,7 +71,7 @@ class _TaskRunner:
             row, inputs={plain(path): digest for path, digest in inputs.items()}
         )
 
-    def _row(self, unit: Unit) -> Row:
+    def _row(self, unit: Unit) -> RunRow:
         began = time.process_time()
         try:
             return self._done(unit, began)
@@ -85,7 +85,7 @@ class _TaskRunner:
         forget(self.folder, unit.place)
         return failed(unit, reason, time.process_time() - began)
 
-    def _done(self, unit: Unit, began: float) -> Row:
+    def _done(self, unit: Unit, began: float) -> RunRow:
         campaign = load_campaign(unit.campaign, only=unit.run or None)
         if not unit.run:
             raise InputError("has no [[runs]]", field="campaign", file=str(unit.campaign))
@@ -113,7 +113,7 @@ def run_batch(
     jobs: int = 1,
     executor: Executor | None = None,
     progress: Callable[[int], None] | None = None,
-) -> list[Row]:
+) -> list[RunRow]:
     """A row for each unit, in their order; their files are in `folder`, which all processes must
     see.
 
@@ -129,7 +129,7 @@ def run_batch(
     """
     require_places(folder, units)
     return run_parallel(
-        _TaskRunner(folder, settings or Settings(), report, resume),
+        _BatchRunner(folder, settings or Settings(), report, resume),
         units,
         jobs=jobs,
         executor=executor,

@@ -21,7 +21,7 @@ KEY = "between_runs"
 
 
 @dataclass(frozen=True)
-class Spread:
+class BetweenRunSpread:
     """How a quantity varies.  name : of the parameter of its standard deviation.  scale : of its
     half-normal prior, SI.
     """
@@ -32,7 +32,7 @@ class Spread:
     scale: float
 
 
-def spreads_of(levels: Levels, kinds: Mapping[str, QuantityKind]) -> dict[str, Spread]:
+def spreads_of(levels: Levels, kinds: Mapping[str, QuantityKind]) -> dict[str, BetweenRunSpread]:
     """Quantity -> how it varies, by the most particular level that states it; not those that the
     run states for itself.
 
@@ -40,7 +40,7 @@ def spreads_of(levels: Levels, kinds: Mapping[str, QuantityKind]) -> dict[str, S
     vary: fewer than two of several runs take the quantity from there.
     """
     of_key = {key: (quantity, kind) for quantity, kind in kinds.items() for key in kind.keys}
-    spreads: dict[str, Spread] = {}
+    spreads: dict[str, BetweenRunSpread] = {}
     for level in levels:
         for key, scale in (getattr(level.table, KEY) or {}).items():
             path = (*level.path, KEY, key)
@@ -65,7 +65,9 @@ def spreads_of(levels: Levels, kinds: Mapping[str, QuantityKind]) -> dict[str, S
                 )
             spreads.setdefault(
                 quantity,
-                Spread(quantity, kind, f"{quantity}_spread{level.suffix}", scale * kind.keys[key]),
+                BetweenRunSpread(
+                    quantity, kind, f"{quantity}_spread{level.suffix}", scale * kind.keys[key]
+                ),
             )
     return {
         quantity: spread
@@ -75,7 +77,7 @@ def spreads_of(levels: Levels, kinds: Mapping[str, QuantityKind]) -> dict[str, S
 
 
 def varied(
-    runs: Sequence[Observations], spreads: Mapping[str, Mapping[str, Spread]]
+    runs: Sequence[Observations], spreads: Mapping[str, Mapping[str, BetweenRunSpread]]
 ) -> tuple[tuple[Parameter, ...], tuple[Observations, ...]]:
     """The runs with values of their own where several of them share a spread, and the unknowns that
     these need.
@@ -107,7 +109,7 @@ def varied(
     return tuple(unknowns.values()), tuple(changed)
 
 
-def _of_spread(spread: Spread) -> Parameter:
+def _of_spread(spread: BetweenRunSpread) -> Parameter:
     kind = spread.kind
     notation = Notation(f"s({kind.notation.symbol})", kind.notation.unit, kind.notation.factor)
     meaning = phrase("{meaning}: standard deviation between runs", meaning=kind.meaning)
@@ -116,7 +118,7 @@ def _of_spread(spread: Spread) -> Parameter:
     )
 
 
-def _varying(run: Observations, own: Mapping[str, Spread]) -> Observations:
+def _varying(run: Observations, own: Mapping[str, BetweenRunSpread]) -> Observations:
     further = {spread_of(quantity): spread.name for quantity, spread in own.items()}
     further |= {shift_of(quantity): f"{quantity}_shift[{run.name}]" for quantity in own}
     return replace(run, arguments=MappingProxyType({**run.arguments, **further}))

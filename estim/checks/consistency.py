@@ -40,8 +40,8 @@ import numpy as np
 from estim.arrays import FloatArray, IntArray, diagonal_scale, sds_of
 from estim.checks.run_information import (
     PRIORS,
+    LinearMeasurements,
     Quadratic,
-    Rows,
     copies_of,
     copies_of_priors,
     measurements,
@@ -259,7 +259,9 @@ def _largest_spread(fit: Fit, shared: IntArray, alone: Sequence[SharedEstimate])
     return Amount(parameter.name, spread, parameter.label) if spread > 0.0 else None
 
 
-def _each_against_others(sources: Sequence[str], rows: Rows) -> tuple[Disagreement, ...]:
+def _each_against_others(
+    sources: Sequence[str], rows: LinearMeasurements
+) -> tuple[Disagreement, ...]:
     """Each source against all others, with p values corrected for testing all of them."""
     distances = {source: rows.between((), (source,)) for source in sources}
     p_values = {source: chi2_p(*distance) for source, distance in distances.items()}
@@ -275,7 +277,7 @@ def _each_against_others(sources: Sequence[str], rows: Rows) -> tuple[Disagreeme
     )
 
 
-def _suspects(comparisons: Sequence[Disagreement], rows: Rows) -> tuple[str, ...]:
+def _suspects(comparisons: Sequence[Disagreement], rows: LinearMeasurements) -> tuple[str, ...]:
     """Sources without which the others agree, those least probable first; only those that explain
     it about as well as the best.
     """

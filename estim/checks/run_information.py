@@ -38,7 +38,7 @@ information . u/2 with u = s - fit.
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class LinearMeasurements:
     """Measurements t (n_row,) = design (n_row, n_shared) . s with unit errors, s common to all
     sources.
 
@@ -67,7 +67,7 @@ class Rows:
 
 
 @dataclass(frozen=True, eq=False)
-class Copies:
+class SourceCopies:
     """The information of some sources about the shared parameters, each source with a copy of its
     own: a quadratic in all the copies at the fit.
 
@@ -131,7 +131,7 @@ def fitted(
     ], score[retained] - across @ score[free]
 
 
-def copies_of(fit: Fit, group: Group, shared: IntArray) -> tuple[Copies, ...]:
+def copies_of(fit: Fit, group: Group, shared: IntArray) -> tuple[SourceCopies, ...]:
     """The runs of a group, each with its own values of the shared parameters; their own parameters
     of the curve fitted with their priors.
     """
@@ -152,7 +152,7 @@ def copies_of(fit: Fit, group: Group, shared: IntArray) -> tuple[Copies, ...]:
         alone = fitted(information + prior, score - information @ moved + pull, shared, nuisance)
         used = np.array([fit.names[i] in run.parameters for i in shared])
         mine = alone[0] * np.outer(used, used), alone[1] * used  # of the rest it holds rounding
-        copies.append(Copies((run.name,), *_informative_part(mine, stated)))
+        copies.append(SourceCopies((run.name,), *_informative_part(mine, stated)))
     return tuple(copies)
 
 
@@ -189,7 +189,7 @@ def _own(fit: Fit, used: Collection[str], shared: IntArray) -> list[int]:
     ]
 
 
-def _tied_copies(fit: Fit, group: Group, shared: IntArray) -> Copies:
+def _tied_copies(fit: Fit, group: Group, shared: IntArray) -> SourceCopies:
     """The runs of a group as its likelihood ties them."""
     problem = fit.problem
     common = [problem.names[i] for i in shared]
@@ -213,21 +213,21 @@ def _tied_copies(fit: Fit, group: Group, shared: IntArray) -> Copies:
     z = np.append(residuals, fit.posterior.prior_residuals(fit.values)[nuisance])
     retained = np.arange(len(copied))
     alone = fitted(rows.T @ rows, -rows.T @ z, retained, np.arange(len(copied), rows.shape[1]))
-    return Copies(tuple(run.name for run in runs), *alone)
+    return SourceCopies(tuple(run.name for run in runs), *alone)
 
 
-def copies_of_priors(fit: Fit, shared: IntArray) -> Copies:
+def copies_of_priors(fit: Fit, shared: IntArray) -> SourceCopies:
     """The priors of the shared parameters as residuals; a uniform one has no information."""
     problem = fit.problem
     information = problem.prior_information(fit.values)[np.ix_(shared, shared)]
-    return Copies((PRIORS,), information, -problem.prior_gradient(fit.values)[shared])
+    return SourceCopies((PRIORS,), information, -problem.prior_gradient(fit.values)[shared])
 
 
 def total_of(quadratics: Sequence[Quadratic]) -> Quadratic:
     return np.asarray(sum(q[0] for q in quadratics)), np.asarray(sum(q[1] for q in quadratics))
 
 
-def measurements(copies: Sequence[Copies]) -> Rows:
+def measurements(copies: Sequence[SourceCopies]) -> LinearMeasurements:
     """Quadratics as measurements with unit errors, in coordinates where all sources together have
     unit information.
 
@@ -249,7 +249,7 @@ def measurements(copies: Sequence[Copies]) -> Rows:
             moves[name] = np.zeros((n_row, columns.shape[1]))
             moves[name][above : above + t.size] = columns
         above += t.size
-    return Rows(
+    return LinearMeasurements(
         np.concatenate([t for t, _, _ in blocks]),
         np.vstack([design for _, design, _ in blocks]),
         moves,
@@ -257,7 +257,7 @@ def measurements(copies: Sequence[Copies]) -> Rows:
 
 
 def _block(
-    copies: Copies, transform: FloatArray, directions: FloatArray
+    copies: SourceCopies, transform: FloatArray, directions: FloatArray
 ) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
     """t, design and moves of the sources of one quadratic, as far as they have information; the
     moves in `directions`.

@@ -102,18 +102,18 @@ def line(
             campaign, out or out_folder(campaign, "line"), seed=seed, figures=figures
         )
         return
-    from estim.line import Columns, Correlated, commons, straight_line
+    from estim.line import LineColumns, LineCovariances, commons, straight_line
     from estim.reading import dialect_of_options
     from estim.reports.straight_line import straight_line_lines, straight_line_report
 
     folder, table_dialect = out or Path("out") / campaign.stem, dialect_of_options(dialect)
     predict_at = [read_quantity(text, field="--predict") for text in predict]
     inverse_at = [read_quantity(text, field="--inverse") for text in inverse]
-    shared = Correlated(cov, cov_x, cov_y, commons(common_x, common_y))
+    shared = LineCovariances(cov, cov_x, cov_y, commons(common_x, common_y))
     reserve_output(folder, "result.json")
     fitted = straight_line(
         campaign,
-        Columns(x or "", y or "", ux, uy, correlation),
+        LineColumns(x or "", y or "", ux, uy, correlation),
         predict=predict_at,
         inverse=inverse_at,
         dialect=table_dialect,

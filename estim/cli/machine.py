@@ -15,7 +15,7 @@ _KEY = "estim.json"
 
 
 @dataclass(frozen=True)
-class Answer:
+class JsonAnswer:
     """lines : what would have been printed.  files : that were written.  results : file, or what a
     result without a file is -> its record in JSON.
     """
@@ -47,7 +47,7 @@ class Answer:
         }
 
 
-def answer() -> Answer | None:
+def answer() -> JsonAnswer | None:
     """The answer of the command under way; None without --json."""
     context = click.get_current_context(silent=True)
     return None if context is None else context.meta.get(_KEY)
@@ -69,7 +69,7 @@ def keep_files(folder: Path, files: Files) -> None:
         )
 
 
-def begin_answer() -> Answer:
+def begin_answer() -> JsonAnswer:
     """The answer of the command under way, which is empty."""
-    click.get_current_context().meta[_KEY] = current = Answer()
+    click.get_current_context().meta[_KEY] = current = JsonAnswer()
     return current

@@ -171,7 +171,7 @@ def _recompute(origin: Origin, out: Path, place: Path) -> str:
 
 
 @dataclass(frozen=True)
-class _Part:
+class _ReportPair:
     """A report of those that a command makes.  folder : within the whole.  before, now : how it was
     made.  files : name -> as it was written before, and now; None where it is not there.
     """
@@ -223,7 +223,7 @@ class _Comparison:
             self.wrong.extend(line for line in changed if line not in self.wrong)
             self._compare_part(part, same_draws=same_draws, exact=exact)
 
-    def _part(self, folder: Path) -> _Part | None:
+    def _part(self, folder: Path) -> _ReportPair | None:
         """None where its origin cannot be read, which is wrong."""
         now = read_origin(self.recomputed / folder)
         try:
@@ -241,7 +241,7 @@ class _Comparison:
             }
             for root in (self.folder, self.recomputed)
         )
-        return _Part(folder, before, now, {name: (old[name], new[name]) for name in old})
+        return _ReportPair(folder, before, now, {name: (old[name], new[name]) for name in old})
 
     def changed_outputs(self, folder: Path, origin: Origin) -> Iterator[str]:
         for name, digest in origin.outputs.items():
@@ -252,7 +252,7 @@ class _Comparison:
             elif hashlib.sha256(data).hexdigest() != digest:
                 yield f"changed: {label} is not as it was written"
 
-    def _compare_part(self, part: _Part, *, same_draws: bool, exact: bool) -> None:
+    def _compare_part(self, part: _ReportPair, *, same_draws: bool, exact: bool) -> None:
         """same_draws : in all parts.  exact : whether all files of numbers are the same to the last
         byte.
         """
@@ -314,7 +314,7 @@ class _Comparison:
         if len(wrong) > _MOST_LISTED:
             self.wrong.append(f"{label}: and {len(wrong) - _MOST_LISTED} more")
 
-    def _not_named(self, part: _Part) -> Iterator[str]:
+    def _not_named(self, part: _ReportPair) -> Iterator[str]:
         """Files that stand there and that the origin does not name: they may come from elsewhere
         there.
         """
@@ -325,7 +325,7 @@ class _Comparison:
                 if path not in {*part.before.outputs, ORIGIN} and not os.path.isdir(place / path):
                     yield (part.folder / path).as_posix()
 
-    def _page(self, part: _Part) -> bytes:
+    def _page(self, part: _ReportPair) -> bytes:
         """`report.html` as it follows from the report and the figures beside it."""
         from estim.reports.formats import with_formats
 

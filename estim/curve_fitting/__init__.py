@@ -3,4 +3,4 @@ several data sets, the record of a fit, figures.
 """
 
 from estim.curve_fitting.result import CurveFit
-from estim.curve_fitting.tables import Columns, read_table
+from estim.curve_fitting.tables import TableColumns, read_table

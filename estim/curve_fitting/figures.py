@@ -50,7 +50,7 @@ class Prediction:
 
 
 @dataclass(frozen=True, eq=False)
-class Region(Contour):
+class ConfidenceRegion(Contour):
     """Where two parameters of a fit may lie together: the profile of the likelihood (and of
     priors), in the parameters' own units.
 
@@ -95,13 +95,13 @@ class Region(Contour):
 
 def region_of(
     contour: Contour, *, best: FloatArray, cov: FloatArray, labels: tuple[Label, Label]
-) -> Region:
+) -> ConfidenceRegion:
     """`contour` with the ellipses of the covariance matrix cov (2, 2) about best (2,)."""
     values, axes = np.linalg.eigh(cov) if all_finite(cov) else (np.full(2, np.nan), np.eye(2))
     circle = np.stack([np.cos(_CIRCLE), np.sin(_CIRCLE)], axis=1)
     unit = circle * np.sqrt(np.where(values >= 0.0, values, np.nan)) @ axes.T
     ellipses = {p: best + np.sqrt(level) * unit for p, level in contour.levels.items()}
-    return Region(**vars(contour), ellipses=ellipses, best=best, labels=labels)
+    return ConfidenceRegion(**vars(contour), ellipses=ellipses, best=best, labels=labels)
 
 
 def curve_figure(
@@ -184,7 +184,7 @@ def _draw_curve(ax: Axes, curve: Prediction, inner: Prediction) -> None:
     ax.plot(curve.x, curve.value, color=BLUE, lw=1.3, label=phrase("best curve"))
 
 
-def _refined(region: Region, a: FloatArray, b: FloatArray) -> FloatArray:
+def _refined(region: ConfidenceRegion, a: FloatArray, b: FloatArray) -> FloatArray:
     """(n, m) rise at all pairs of a (n,) and b (m,), by cubic splines between the points of the
     grid; inf beside points without a value.
     """
@@ -198,7 +198,7 @@ def _refined(region: Region, a: FloatArray, b: FloatArray) -> FloatArray:
     return finite_or(rise, np.inf)
 
 
-def _draw_region(ax: Axes, region: Region) -> None:
+def _draw_region(ax: Axes, region: ConfidenceRegion) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

@@ -30,7 +30,7 @@ from estim.common import (
     signed,
     table,
 )
-from estim.curve_fitting.figures import Prediction, Region, curve_figure, region_of
+from estim.curve_fitting.figures import ConfidenceRegion, Prediction, curve_figure, region_of
 from estim.curves import are_abscissas, at_abscissas, refuse_quantities
 from estim.discrepancy import FoundDeviation
 from estim.distributions import student_quantile
@@ -304,7 +304,9 @@ class CurveFit:
             ax=ax,
         )
 
-    def contour(self, a: str, b: str, *, probabilities: tuple[float, ...] = (0.68, 0.95)) -> Region:
+    def contour(
+        self, a: str, b: str, *, probabilities: tuple[float, ...] = (0.68, 0.95)
+    ) -> ConfidenceRegion:
         """Where the parameters a and b lie together, by profiles of the likelihood, beside the
         ellipses of the linear theory.
 

@@ -33,7 +33,7 @@ from estim.reading import (
 
 
 @dataclass(frozen=True, eq=False)
-class Columns:
+class TableColumns:
     """columns : name -> (n_row,) read-only array; the name has its unit, "U (mV)", only where two
     columns have the same name without.  units : the same -> unit, "" for none.
 
@@ -116,7 +116,7 @@ def read_table(
     range: str | None = None,  # noqa: A002
     decimal: Decimal | None = None,
     dialect: Dialect = PLAIN,
-) -> Columns:
+) -> TableColumns:
     """The columns of numbers in a file (text, .xlsx, .ods, a zip of one table), or in a data frame.
 
     source : a path, or a data frame.
@@ -143,14 +143,14 @@ def read_table(
     names = list(columns or numeric_columns(layout))
     table = table_of(layout, names, 1)
     keys = _keys(names)
-    return Columns(
+    return TableColumns(
         {keys[name]: column for name, column in table.columns.items()},
         {keys[name]: unit for name, unit in table.units.items()},
         (*table.facts, *table.warnings),
     )
 
 
-def _of_frame(frame: Any, columns: Sequence[str] | None) -> Columns:
+def _of_frame(frame: Any, columns: Sequence[str] | None) -> TableColumns:
     """The columns of a data frame, those of numbers where none are named; rows without a value in
     one of them are left out.
     """
@@ -175,7 +175,7 @@ def _of_frame(frame: Any, columns: Sequence[str] | None) -> Columns:
     keys = _keys(list(names))
     units = {name: unit for name, (_, unit) in zip(names, names_and_units([*names]), strict=True)}
     n_dropped = len(frame) - len(table)
-    return Columns(
+    return TableColumns(
         {keys[name]: real_numbers(table[label].to_numpy(), name) for name, label in names.items()},
         {keys[name]: stated.get(names[name], unit) for name, unit in units.items()},
         (f"{n_dropped} rows without a value were left out",) if n_dropped else (),

@@ -16,7 +16,7 @@ _Range = tuple[float, float, float]  # from, to, share of the draws
 
 
 @dataclass(frozen=True)
-class Scale:
+class ParameterSizes:
     """What a parameter may be: locations between two ends, and sizes of either sign whose logarithm
     is drawn evenly, each (low, high, share).
 
@@ -66,13 +66,13 @@ def scale_of(
     high: float,
     *,
     is_location: bool,
-) -> Scale:
+) -> ParameterSizes:
     """What a parameter of a unit may be, times a factor; None: of any unit.
 
     is_location : whether the formula adds it to x, or takes it from x.
     """
     locations, sizes = _ranges(unit, x, y, is_location=is_location)
-    return Scale(
+    return ParameterSizes(
         None if locations is None else (factor * locations[0], factor * locations[1], locations[2]),
         tuple((factor * small, factor * large, share) for small, large, share in sizes),
         low,

@@ -18,7 +18,7 @@ from estim.curves.dimensions import dimensions_of
 from estim.curves.dual_numbers import Dual, plain
 from estim.curves.formula import Formula, evaluate, names_in
 from estim.curves.models import Limits
-from estim.curves.parameter_sizes import Scale, location_parameters, scale_of
+from estim.curves.parameter_sizes import ParameterSizes, location_parameters, scale_of
 from estim.levenberg_marquardt import LeastSquares
 
 
@@ -73,7 +73,7 @@ class ProjectedCurve:
     known: Mapping[str, float]
     linear: tuple[str, ...]
     nonlinear: tuple[str, ...]
-    scales: tuple[Scale, ...]
+    scales: tuple[ParameterSizes, ...]
     blocks: tuple[tuple[int, ...], ...]
 
     @cached_property

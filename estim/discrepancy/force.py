@@ -36,7 +36,7 @@ _WAY_CORRELATIONS = {FORCE: 1.0, f"{FORCE}, another on the way back": 0.0}
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class ForceTrack:
     """A track with nodes between which the force is linear.
 
     start, end : place of release and the last place reached, m or rad.
@@ -75,7 +75,7 @@ class Response:
     force: FloatArray
     start: FloatArray
 
-    def carried(self, own: Track, common: Track) -> Response:
+    def carried(self, own: ForceTrack, common: ForceTrack) -> Response:
         """The response to a force on the nodes of a `common` track that is at least as long;
         positions count from the release of each.
         """
@@ -94,7 +94,7 @@ class Response:
         )
 
 
-def track(end: float, *, start: float = 0.0) -> Track:
+def track(end: float, *, start: float = 0.0) -> ForceTrack:
     """The track from the release at `start` to `end`.  Raises InputError where it has no length, or
     runs backwards.
     """
@@ -102,10 +102,10 @@ def track(end: float, *, start: float = 0.0) -> Track:
         raise InputError("must lie beyond the release", field="end", value=end)
     weights = np.ones(_N_NODE)
     weights[[0, -1]] = 0.5
-    return Track(start, end, np.linspace(start, end, _N_NODE), weights / weights.sum())
+    return ForceTrack(start, end, np.linspace(start, end, _N_NODE), weights / weights.sum())
 
 
-def track_with_ways(x: FloatArray, v: FloatArray) -> Track:
+def track_with_ways(x: FloatArray, v: FloatArray) -> ForceTrack:
     """The track of a motion through positions x (n + 1,) in the order of time, with the velocities
     v (n,) between them.
     """
@@ -123,11 +123,11 @@ def track_with_ways(x: FloatArray, v: FloatArray) -> Track:
         shares.append(weights / max(weights.sum(), 1.0))
     out, back = shares
     one_way = not (out.any() and back.any())
-    return Track(low, high, nodes, out + back if one_way else out, None if one_way else back)
+    return ForceTrack(low, high, nodes, out + back if one_way else out, None if one_way else back)
 
 
 def speed_response(
-    along: Track, x: FloatArray, speed: FloatArray, inertia: FloatArray, *, acceleration: float
+    along: ForceTrack, x: FloatArray, speed: FloatArray, inertia: FloatArray, *, acceleration: float
 ) -> Response:
     """Of the energy residuals of speeds measured at positions x (n_obs,); speed and inertia
     (n_obs,) of the fit there.  Raises InputError at rest.
@@ -137,7 +137,7 @@ def speed_response(
     return Response(lever[:, None] * work_along(along, x), lever)
 
 
-def force_kernel(along: Track, length: float, *, radius: float | None = None) -> FloatArray:
+def force_kernel(along: ForceTrack, length: float, *, radius: float | None = None) -> FloatArray:
     """(n_node, n_node) correlation of the force, its mean over the track not yet removed.
 
     radius : length of track for one radian of a turning wheel, which then has a moment once and
@@ -167,7 +167,7 @@ class ForcePrior:
     elsewhere: float
 
 
-def force_priors(along: Track, *, radius: float | None = None) -> tuple[ForcePrior, ...]:
+def force_priors(along: ForceTrack, *, radius: float | None = None) -> tuple[ForcePrior, ...]:
     """One for each of some six lengths, about a sixth of the track.
 
     Where the body came back, positions distinguish small profiles, and there are three
@@ -203,7 +203,7 @@ def force_priors(along: Track, *, radius: float | None = None) -> tuple[ForcePri
     return tuple(priors)
 
 
-def _on_both_ways(along: Track, kernel: FloatArray, correlation: float) -> FloatArray:
+def _on_both_ways(along: ForceTrack, kernel: FloatArray, correlation: float) -> FloatArray:
     """(2 n_node, 2 n_node) of a force on the way out and one on the way back, of correlation
     `correlation`, each without its mean.
     """
@@ -216,7 +216,7 @@ def _on_both_ways(along: Track, kernel: FloatArray, correlation: float) -> Float
 
 
 def force_shapes(
-    along: Track, response: Response, *, radius: float | None = None
+    along: ForceTrack, response: Response, *, radius: float | None = None
 ) -> tuple[Shape, ...]:
     """The force with its mean over the track removed: one shape for each of `force_priors`.
 
@@ -230,7 +230,7 @@ def force_shapes(
 
 
 def shared_force_shapes(
-    along: Track,
+    along: ForceTrack,
     responses: Sequence[Response],
     *,
     radius: float | None = None,
@@ -263,7 +263,7 @@ def own_kind(ratio: float) -> str:
     return f"{FORCE}, own x {ratio:g}"
 
 
-def work_along(along: Track, x: FloatArray) -> FloatArray:
+def work_along(along: ForceTrack, x: FloatArray) -> FloatArray:
     """(n, n_node) F(x) = int f dx' from the release, for a force that is 1 at one node and falls to
     0 at its neighbours.
     """

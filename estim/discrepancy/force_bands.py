@@ -21,7 +21,7 @@ from estim.discrepancy.kernels import without_mean
 from estim.discrepancy.mixture_likelihood import Mixture, inverse_times
 from estim.discrepancy.residuals import Residuals
 from estim.discrepancy.scale_mixture import Family
-from estim.discrepancy.trajectory import Along
+from estim.discrepancy.trajectory import TrackResponse
 from estim.problem import Motion, Named, Points
 
 
@@ -37,7 +37,7 @@ class Completed:
     motion: Motion
     mixture: Mixture
     formed: Residuals
-    along: Along
+    along: TrackResponse
 
     def gained(
         self, x: FloatArray, named: Named, rng: np.random.Generator

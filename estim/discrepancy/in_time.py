@@ -30,7 +30,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import InputError
-from estim.discrepancy.force import Response, Track, track_with_ways
+from estim.discrepancy.force import ForceTrack, Response, track_with_ways
 
 _N_STEP, _LEAST_STEPS = 1200, 60  # of the whole motion, and of one way
 _N_LOOK = 600  # times at which a change of direction is looked for
@@ -69,7 +69,7 @@ class Moving:
 
 
 @dataclass(frozen=True, eq=False)
-class _Path:
+class _TimedMotion:
     """The motion on a grid of times and between: t, x, v (2 n + 1,), the even ones are the ends of
     the steps.
 
@@ -82,7 +82,7 @@ class _Path:
     turns: FloatArray
 
 
-def response_in_time(moving: Moving, t: FloatArray) -> tuple[Track, Response]:
+def response_in_time(moving: Moving, t: FloatArray) -> tuple[ForceTrack, Response]:
     """The track that was covered, and the responses of the positions at times t (n_obs,) s, one
     column for each node and way of the track.
 
@@ -112,7 +112,7 @@ def response_in_time(moving: Moving, t: FloatArray) -> tuple[Track, Response]:
     return along, Response(np.where(moves[:, None], force, 0.0), np.where(moves, pushed, 0.0))
 
 
-def _follow(moving: Moving) -> _Path:
+def _follow(moving: Moving) -> _TimedMotion:
     """The motion on every way, each with steps of its own length; what is at rest for good is left
     out.
     """
@@ -144,7 +144,7 @@ def _follow(moving: Moving) -> _Path:
         factors.append(np.append(np.ones(n - 1), 1.0 if end == ends[-1] else _bent(moving, end)))
     t = np.concatenate(parts)
     x, v = moving.state(t)
-    return _Path(t, x, v, np.concatenate(factors))
+    return _TimedMotion(t, x, v, np.concatenate(factors))
 
 
 def _turning(moving: Moving, low: float, high: float) -> float:
@@ -170,7 +170,7 @@ def _accelerations(moving: Moving, t: float) -> tuple[float, float]:
     return float(3.0 * v[2] - 4.0 * v[1] + v[0]), float(4.0 * v[3] - 3.0 * v[2] - v[4])
 
 
-def _solutions(moving: Moving, path: _Path) -> tuple[FloatArray, FloatArray]:
+def _solutions(moving: Moving, path: _TimedMotion) -> tuple[FloatArray, FloatArray]:
     """Phi (n + 1, 2, 2), what a start (delta_x, delta_p) becomes without a force, and its
     determinant (n + 1,), by Runge and Kutta's rule.
     """
@@ -190,7 +190,7 @@ def _solutions(moving: Moving, path: _Path) -> tuple[FloatArray, FloatArray]:
     return solutions, np.concatenate([[1.0], np.cumprod(path.turns)])
 
 
-def _matrix(moving: Moving, path: _Path) -> FloatArray:
+def _matrix(moving: Moving, path: _TimedMotion) -> FloatArray:
     """(n, 2, 2) of the linear equation of motion."""
     h, x, v = moving.step, path.x, path.v
     below, inertia, above = (moving.inertia(x + shift) for shift in (-h, 0.0, h))
@@ -204,7 +204,7 @@ def _matrix(moving: Moving, path: _Path) -> FloatArray:
     return matrix
 
 
-def _caused(along: Track, path: _Path, acceleration: float) -> FloatArray:
+def _caused(along: ForceTrack, path: _TimedMotion, acceleration: float) -> FloatArray:
     """(n + 1, n_cause) A f for a force that is 1 at one node on one way and falls to 0 at its
     neighbours.
     """
@@ -221,7 +221,7 @@ def _caused(along: Track, path: _Path, acceleration: float) -> FloatArray:
     return acceleration * np.hstack([np.where(back, 0.0, hats), np.where(back, hats, 0.0)])
 
 
-def _start(moving: Moving, path: _Path) -> FloatArray:
+def _start(moving: Moving, path: _TimedMotion) -> FloatArray:
     """(2,) delta_x and delta_p at release for E0 = 1, that change of the start which is no shift of
     time.
     """

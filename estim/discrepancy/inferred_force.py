@@ -11,7 +11,7 @@ import numpy as np
 
 from estim.arrays import FloatArray, IntArray, max_abs, root_mean_square
 from estim.common import QUANTILES
-from estim.discrepancy.force import FORCE, Response, Track, force_kernel, force_priors
+from estim.discrepancy.force import FORCE, ForceTrack, Response, force_kernel, force_priors
 from estim.discrepancy.linearised import Linearised, mixture_quantiles
 
 _NEGLECTED = 0.01
@@ -60,7 +60,7 @@ class Force(WithMean):
 
 
 def find_force(
-    linearised: Linearised, along: Track, response: Response, *, radius: float | None = None
+    linearised: Linearised, along: ForceTrack, response: Response, *, radius: float | None = None
 ) -> Force:
     """The force under the posterior of `force_shapes`, or the shared one of `shared_force_shapes`;
     same track and radius.
@@ -102,7 +102,7 @@ class OwnForce:
 
 def find_own_force(
     linearised: Linearised,
-    along: Track,
+    along: ForceTrack,
     response: Response,
     *,
     run: str,

@@ -21,14 +21,14 @@ from estim.arrays import FloatArray, sds_of
 from estim.common import InputError, later, phrase
 from estim.discrepancy.bad_frame_search import BadFrames, find_bad_frames
 from estim.discrepancy.curve_covariances import stated_is_conservative
-from estim.discrepancy.force import OWN, Response, Track, force_shapes, shared_force_shapes
+from estim.discrepancy.force import OWN, ForceTrack, Response, force_shapes, shared_force_shapes
 from estim.discrepancy.force_bands import Completed
 from estim.discrepancy.grid import SCALES, Grid, prior_grid
 from estim.discrepancy.inferred_force import OwnForce, find_force, find_own_force
 from estim.discrepancy.likelihood import MixtureErrors
 from estim.discrepancy.linearised import Linearised, linearise_with_effects
 from estim.discrepancy.mixture_likelihood import Mixture, keep_probable
-from estim.discrepancy.noise_with_discrepancy import Stated, StatedErrors, WithMixture, formed_about
+from estim.discrepancy.noise_with_discrepancy import NormalErrors, Stated, WithMixture, formed_about
 from estim.discrepancy.noise_with_force import (
     FoundForce,
     TrialInformation,
@@ -45,7 +45,7 @@ from estim.discrepancy.normal_parts import NormalParts as NormalParts
 from estim.discrepancy.normal_parts import normal_parts
 from estim.discrepancy.residuals import Residuals, points_about, stacked
 from estim.discrepancy.scale_mixture import Deviation, Shape, diagonalise
-from estim.discrepancy.trajectory import Along, Trajectory
+from estim.discrepancy.trajectory import TrackResponse, Trajectory
 from estim.problem import (
     Likelihood,
     Named,
@@ -409,9 +409,9 @@ class Tracked:
     """
 
     formed: tuple[Residuals, ...]
-    stated: tuple[StatedErrors, ...]
-    alongs: tuple[Along, ...]
-    track: Track
+    stated: tuple[NormalErrors, ...]
+    alongs: tuple[TrackResponse, ...]
+    track: ForceTrack
     responses: tuple[Response, ...]
     pushes: FloatArray
 

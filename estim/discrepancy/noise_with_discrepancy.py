@@ -126,7 +126,7 @@ class WithMixture(Stated):
 
 
 @dataclass(frozen=True, eq=False)
-class StatedErrors:
+class NormalErrors:
     """root : of the covariance of normal errors.  shift : (n_obs,) their mean."""
 
     root: Root
@@ -141,7 +141,7 @@ def formed_about(
     *,
     scale: float | None,
     speed: FloatArray | None = None,
-) -> tuple[Residuals, StatedErrors]:
+) -> tuple[Residuals, NormalErrors]:
     """How residuals are formed for a fit with the values `named`, and the stated errors of such
     residuals.
 
@@ -173,8 +173,8 @@ def _inertias(
     return (Inertia.of(trajectory.motion, places, points.bind(named)),), scale
 
 
-def normal_covariance(base: Noise, points: Points, named: Named) -> StatedErrors:
+def normal_covariance(base: Noise, points: Points, named: Named) -> NormalErrors:
     """The stated errors at the values `named`; they must be normal."""
     likelihood: Likelihood = base.likelihood(points, named)
     assert likelihood.normal is not None, "tested where a campaign is read"
-    return StatedErrors(likelihood.normal.root(named), points.y - likelihood.y)
+    return NormalErrors(likelihood.normal.root(named), points.y - likelihood.y)

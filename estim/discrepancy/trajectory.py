@@ -10,7 +10,7 @@ from scipy.sparse import eye_array
 
 from estim.arrays import FloatArray
 from estim.discrepancy.bad_frame_search import Frames
-from estim.discrepancy.force import Response, Track, speed_response, track
+from estim.discrepancy.force import ForceTrack, Response, speed_response, track
 from estim.discrepancy.grid import START_SD
 from estim.discrepancy.in_time import Moving, response_in_time
 from estim.discrepancy.smoothing import smoothed_positions
@@ -20,7 +20,7 @@ _STEP = 2e-3  # rad, over which inertia and height of a body are smooth
 
 
 @dataclass(frozen=True, eq=False)
-class Along:
+class TrackResponse:
     """The track of a run and the responses of its points.
 
     push : (n_obs,) what one sd of the energy at release does to them.
@@ -28,7 +28,7 @@ class Along:
     radian : of a turn, in the unit of position.  upright : normal force over the weight, at rest.
     """
 
-    track: Track
+    track: ForceTrack
     response: Response
     push: FloatArray
     radian: float
@@ -59,7 +59,7 @@ class Trajectory:
 
     def along(
         self, points: Points, named: Named, noise: Noise, *, about: FloatArray | None
-    ) -> Along:
+    ) -> TrackResponse:
         """The responses at `named`.
 
         about : (n_obs,) the speeds of `Residuals` for points that are speeds, None for positions.
@@ -76,7 +76,7 @@ class Trajectory:
                 along, x, about, evaluated.inertia(x), acceleration=evaluated.acceleration
             )
         push = START_SD * evaluated.scalar(self.motion.radian) * response.start
-        return Along(
+        return TrackResponse(
             along,
             response,
             push,
@@ -169,7 +169,7 @@ class _Here:
         return np.ravel(potential / self.scalar(self.motion.metres) ** 2)
 
 
-def _in_time(evaluated: _Here, curve: PositionCurve) -> tuple[Track, Response]:
+def _in_time(evaluated: _Here, curve: PositionCurve) -> tuple[ForceTrack, Response]:
     """Of positions at known times, on every way."""
 
     def state(t: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -61,7 +61,7 @@ class Outcome:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Candidate(Cause):
+class RefitCandidate(Cause):
     """One thing that may be missing, refit.
 
     gain : see above.  numbers : what was found of it, beside white noise.
@@ -106,15 +106,15 @@ class Explanation:
     """
 
     runs: tuple[str, ...]
-    plain: Candidate
-    candidates: tuple[Candidate, ...]
+    plain: RefitCandidate
+    candidates: tuple[RefitCandidate, ...]
 
     @property
-    def found(self) -> tuple[Candidate, ...]:
+    def found(self) -> tuple[RefitCandidate, ...]:
         return tuple(candidate for candidate in self.candidates if candidate.found)
 
     @property
-    def slip(self) -> Candidate | None:
+    def slip(self) -> RefitCandidate | None:
         """A slip in what was stated that explains what is left as well as anything, if there is
         one.
         """
@@ -122,7 +122,7 @@ class Explanation:
         return first if first is not None and first.slip and first.random else None
 
     @property
-    def tied(self) -> tuple[Candidate, ...]:
+    def tied(self) -> tuple[RefitCandidate, ...]:
         """The first and those that these data cannot distinguish from it; none where nothing is
         found.
         """
@@ -132,13 +132,13 @@ class Explanation:
         )
 
     @property
-    def offered(self) -> Candidate | None:
+    def offered(self) -> RefitCandidate | None:
         """The first of these that is an answer and that lines of the campaign state."""
         return next(
             (candidate for candidate in self.tied if candidate.lines and candidate.explains), None
         )
 
-    def with_outcomes(self, outcome: Callable[[Candidate], Outcome]) -> Explanation:
+    def with_outcomes(self, outcome: Callable[[RefitCandidate], Outcome]) -> Explanation:
         """The same with what fits of the campaign with the first of these give."""
         # candidates with which the campaign is fit again
         leading = [candidate for candidate in self.tied if candidate.posed is not None][:6]
@@ -169,13 +169,13 @@ def explain(
     plain = suspects.plain
     base = fit_least_squares(plain, rng=rng, n_start=1 if values is not None else 4, start=values)
     every = [*suspects.causes, *_correlated_errors(suspects), *frame_causes(base)]
-    fits: dict[str, tuple[Candidate, Fit]] = {}
+    fits: dict[str, tuple[RefitCandidate, Fit]] = {}
     lowest = badness(base)
     for done, cause in enumerate(every, start=1):
         fit = _with(cause, base)
         if fit is not None:
             gain = lowest - badness(fit) - 2.0 * cause.n_number - cause.searched
-            candidate = Candidate(**vars(cause), gain=gain, numbers=_numbers(cause, fit))
+            candidate = RefitCandidate(**vars(cause), gain=gain, numbers=_numbers(cause, fit))
             if (candidate.found or not cause.slip) and (
                 cause.name not in fits or candidate.gain > fits[cause.name][0].gain
             ):
@@ -193,7 +193,9 @@ def explain(
         for i, (entry, fit) in enumerate(ordered)
     ]
     names = tuple(run.name for run in plain.runs)
-    return Explanation(names, _tested(Candidate("", "", plain, (), ()), base, rng), tuple(tested))
+    return Explanation(
+        names, _tested(RefitCandidate("", "", plain, (), ()), base, rng), tuple(tested)
+    )
 
 
 def badness(fit: Fit) -> float:
@@ -270,7 +272,7 @@ def _larger(fit: Fit) -> float:
     return math.sqrt(max(1.0, chi2 / n_data))
 
 
-def _tested(candidate: Candidate, fit: Fit, rng: np.random.Generator) -> Candidate:
+def _tested(candidate: RefitCandidate, fit: Fit, rng: np.random.Generator) -> RefitCandidate:
     checks = [good.checks for good in check_goodness(fit, rng=rng)]
     order = [check.p_value for of_run in checks for name, check in of_run.items() if name != _SIZE]
     size = [of_run[_SIZE].p_value for of_run in checks if _SIZE in of_run]

@@ -12,7 +12,7 @@ import numpy as np
 
 from estim.common import Finding, Kind, split_level
 from estim.explanation.candidates import Estimated
-from estim.explanation.explaining import FOUND, Candidate, Explanation
+from estim.explanation.explaining import FOUND, Explanation, RefitCandidate
 from estim.fitting import chi2_p
 
 
@@ -39,7 +39,7 @@ def across_runs(explanations: Sequence[Explanation]) -> tuple[CauseOfRuns, ...]:
     """The candidates that two runs or more show together, the strongest first; `explanations` are
     of single runs.
     """
-    by_name: dict[str, list[tuple[str, Candidate]]] = {}
+    by_name: dict[str, list[tuple[str, RefitCandidate]]] = {}
     for explanation in explanations:
         for cause in (candidate for candidate in explanation.candidates if not candidate.slip):
             by_name.setdefault(split_level(cause.name)[0], []).append((explanation.runs[0], cause))
@@ -60,7 +60,7 @@ def across_runs(explanations: Sequence[Explanation]) -> tuple[CauseOfRuns, ...]:
     return tuple(sorted(causes, key=lambda cause: -cause.gain))
 
 
-def _together(candidates: Sequence[Candidate]) -> tuple[tuple[Estimated, ...], float]:
+def _together(candidates: Sequence[RefitCandidate]) -> tuple[tuple[Estimated, ...], float]:
     means, chi2, dof = [], 0.0, 0
     for numbers in zip(*(item.numbers for item in candidates), strict=True):
         informative = [item for item in numbers if item.sd > 0.0]  # nan: on an edge

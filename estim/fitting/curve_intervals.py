@@ -60,7 +60,7 @@ FEW = 10  # degrees of freedom up to which value ± s is not shown: it would hol
 
 
 @dataclass(frozen=True, eq=False)
-class Spread:
+class FitUncertainty:
     """How far the values of a fit may be off: covariance, standard deviations (n_par,), intervals,
     and why some are missing.
 
@@ -74,16 +74,16 @@ class Spread:
     open: tuple[Finding, ...]
 
 
-def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool) -> Spread:
+def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool) -> FitUncertainty:
     """fixed : the fit with errors of a fixed size.  scale : of its covariance.  unknown : whether
     nothing determines that size.
     """
     cov, names, nothing = best.cov * scale**2, fixed.names, (math.nan, math.nan)
     missing = {name: dict.fromkeys(PROBABILITIES, nothing) for name in names}
     if best.singular:
-        return Spread(cov, np.full(len(names), np.nan), missing, (), ())
+        return FitUncertainty(cov, np.full(len(names), np.nan), missing, (), ())
     if unknown:
-        return Spread(
+        return FitUncertainty(
             np.full_like(cov, np.nan),
             np.full(len(names), np.nan),
             missing,
@@ -109,7 +109,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     bent = vague(fixed, sds)
     curved = bent | (bending(fixed) >= _CURVED)
     if not (np.any(near_edge) or skewed or np.any(curved)):
-        return Spread(cov, sds, symmetric, (), ())
+        return FitUncertainty(cov, sds, symmetric, (), ())
     everything = skewed or bool(np.any(near_edge))
     selected = np.ones_like(curved) if everything or np.any(bent) else curved
     profiles, left_open = profiled(fixed, fixed_size(float(np.min(dofs))), np.flatnonzero(selected))
@@ -150,7 +150,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
             sds[i] = np.nan
         elif not (everything or curved[i]):
             intervals[name] = symmetric[name]
-    return Spread(cov, sds, intervals, tuple(notes), tuple(left_open))
+    return FitUncertainty(cov, sds, intervals, tuple(notes), tuple(left_open))
 
 
 def _at_end(run: Observations, fit: Fit) -> bool:

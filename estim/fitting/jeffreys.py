@@ -20,7 +20,7 @@ import numpy as np
 from estim.arrays import BoolArray, FloatArray, IntArray, all_finite, sds_of
 from estim.problem import (
     WIDE,
-    Band,
+    BandedFactor,
     Coordinates,
     InformationBlock,
     JeffreysPrior,
@@ -59,7 +59,11 @@ def jeffreys_prior(
     named, runs = problem.named(values), []
     for likelihood, columns in zip(posterior.likelihoods, problem.columns, strict=True):
         normal = likelihood.normal
-        root = Band.of(likelihood.sd(named)[None] ** 2) if normal is None else normal.root(named)
+        root = (
+            BandedFactor.of(likelihood.sd(named)[None] ** 2)
+            if normal is None
+            else normal.root(named)
+        )
         used = np.isin(free, columns)
         alone = used & (uses == 1) & (len(problem.groups) > 1)
         own, shared = np.flatnonzero(alone), np.flatnonzero(used & ~alone)

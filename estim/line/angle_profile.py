@@ -206,7 +206,7 @@ def _spread(values: FloatArray, u: FloatArray) -> float:
     )
 
 
-class Profile(NamedTuple):
+class AngleProfile(NamedTuple):
     """S and its derivatives along the angle, each shaped like the angle."""
 
     chi2: FloatArray  # S(theta), least over the offset
@@ -218,7 +218,7 @@ class Profile(NamedTuple):
     centre: FloatArray  # weighted mean of the adjusted points, along the line
 
 
-def profile(angle: FloatArray, points: ScaledPoints) -> Profile:
+def profile(angle: FloatArray, points: ScaledPoints) -> AngleProfile:
     """S(theta) and the score of the angle.
 
     With d_i = across_i - c and w_i = 1/v_i, the score is sum w_i d_i z_i, where z_i = along_i +
@@ -231,7 +231,7 @@ def profile(angle: FloatArray, points: ScaledPoints) -> Profile:
     """
     if points.dense and angle.ndim:
         rows = [profile(direction, points) for direction in angle]
-        return Profile(*(np.array(values) for values in zip(*rows, strict=True)))
+        return AngleProfile(*(np.array(values) for values in zip(*rows, strict=True)))
     s, c = np.sin(angle), np.cos(angle)
     if not points.dense:
         s, c = s[..., None], c[..., None]
@@ -247,7 +247,9 @@ def profile(angle: FloatArray, points: ScaledPoints) -> Profile:
     centre = (w * z).sum(axis=-1) / total
     deviations = z - centre[..., None]
     information = (deviations * points.solve(variance, deviations)).sum(axis=-1)
-    return Profile((d * wd).sum(axis=-1), (wd * z).sum(axis=-1), information, offset, total, centre)
+    return AngleProfile(
+        (d * wd).sum(axis=-1), (wd * z).sum(axis=-1), information, offset, total, centre
+    )
 
 
 def best_angle(points: ScaledPoints) -> tuple[float, float]:

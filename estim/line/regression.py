@@ -54,8 +54,8 @@ from estim.common import (
 from estim.distributions import chi2_quantile, chi2_tail, student_quantile
 from estim.given_numbers import check_probability, real_number, real_numbers
 from estim.line.angle_profile import (
+    AngleProfile,
     LineData,
-    Profile,
     ScaledPoints,
     best_angle,
     line_data,
@@ -215,7 +215,7 @@ def _names(method: str) -> tuple[str, ...]:
 
 
 def _standard_errors(
-    points: ScaledPoints, angle: float, best: Profile, *, method: str, scale: float
+    points: ScaledPoints, angle: float, best: AngleProfile, *, method: str, scale: float
 ) -> dict[str, StandardError]:
     """All conventions that make sense for the method, in the units of the data."""
     slope = float(np.tan(angle))
@@ -309,7 +309,7 @@ class LineValues(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Band:
+class LineBand:
     """An interval of y at each abscissa, arrays (n_x,) and read-only; each holds pointwise, not for
     the whole line at once.
     """
@@ -347,7 +347,7 @@ def line_values(fit: LineFit, x: ArrayLike, *, convention: str | None = None) ->
 
 def confidence_band(
     fit: LineFit, x: ArrayLike, *, probability: float = 0.95, convention: str | None = None
-) -> Band:
+) -> LineBand:
     """Where the line is, pointwise: line -+ k u, k normal, or Student's t for "scaled".
 
     fit : the line.  x : (n_x,) where, unit of x.
@@ -379,7 +379,7 @@ def prediction_band(
     u_y: ArrayLike | None = None,
     u_x: ArrayLike = 0.0,
     convention: str | None = None,
-) -> Band:
+) -> LineBand:
     """Where one more reading of y will fall: line -+ k sqrt(u^2 + u_y^2 + slope^2 u_x^2).
 
     fit : the line.  x : (n_x,) where, unit of x.  probability : that the reading is within.
@@ -470,8 +470,8 @@ def _reading_uncertainty(fit: LineFit, u: ArrayLike | None, field: str) -> Float
     return values
 
 
-def _band(x: ArrayLike, centre: FloatArray, half: FloatArray, probability: float) -> Band:
-    band = Band(
+def _band(x: ArrayLike, centre: FloatArray, half: FloatArray, probability: float) -> LineBand:
+    band = LineBand(
         np.atleast_1d(np.array(x, dtype=np.float64)),
         centre,
         centre - half,

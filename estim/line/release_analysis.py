@@ -86,7 +86,7 @@ UNKNOWNS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class GammaEstimate:
     """gamma by one way.  e_n : against the stated value, nan without one.  reliable : False where
     its importance weights cannot be trusted.
     """
@@ -122,7 +122,7 @@ class TrialsAnalysis(Judged):
     posterior: ReleasePosterior
     chain: Chain
     agreement: Agreement
-    ways: Mapping[str, Way]
+    ways: Mapping[str, GammaEstimate]
     ends_apart: Quantity | None
     thresholds: tuple[Threshold, ...]
     offset: Quantity
@@ -286,10 +286,12 @@ def weigh(posterior: ReleasePosterior, *, rng: np.random.Generator) -> Certifica
     return certify(posterior, proposal, rng=rng)
 
 
-def _result_of(gamma: FloatArray, gamma_masses: Quantity | None, reliable: bool) -> Way:
+def _result_of(gamma: FloatArray, gamma_masses: Quantity | None, reliable: bool) -> GammaEstimate:
     summary = summarise(gamma, unit="1", meaning=phrase(UNKNOWNS["gamma"][1]))
     estimate = Quantity.of(gamma)
-    return Way(summary, math.nan if gamma_masses is None else e_n(estimate, gamma_masses), reliable)
+    return GammaEstimate(
+        summary, math.nan if gamma_masses is None else e_n(estimate, gamma_masses), reliable
+    )
 
 
 def _difference_of_ends(

@@ -22,7 +22,7 @@ from estim.reading import Dialect, read_columns
 
 
 @dataclass(frozen=True)
-class Correlated:
+class LineCovariances:
     """cov : file with the covariance matrix of all x, then all y.  cov_x, cov_y : of one axis
     alone.  common : errors that all readings share.
     """
@@ -79,7 +79,7 @@ def common_error(axis: str, text: str) -> Common:
 
 
 def stated_covariance(
-    stated: Correlated,
+    stated: LineCovariances,
     n: int,
     u_x: FloatArray | float | None,
     u_y: FloatArray | float | None,
@@ -143,7 +143,7 @@ def slope_with_scales(
 
 
 def _own_errors(
-    stated: Correlated,
+    stated: LineCovariances,
     n: int,
     u_x: FloatArray | float | None,
     u_y: FloatArray | float | None,

@@ -36,7 +36,12 @@ from estim.line.regression import (
     standard_error,
 )
 from estim.line.slope_interval import SlopeInterval, slope_interval
-from estim.line.stated_errors import Correlated, slope_with_scales, stated_covariance, with_scales
+from estim.line.stated_errors import (
+    LineCovariances,
+    slope_with_scales,
+    stated_covariance,
+    with_scales,
+)
 from estim.reading import (
     PLAIN,
     Dialect,
@@ -54,7 +59,7 @@ from estim.words import first_step, tell
 
 
 @dataclass(frozen=True, eq=False)
-class Columns:
+class LineColumns:
     """Names of columns; "" for x and y, or the two that there are, from left to right.
 
     An uncertainty and a correlation may be one number for all points, None for the column "u_NAME"
@@ -101,7 +106,7 @@ class StraightLine:
 
     path: Path
     sha256: str
-    columns: Columns
+    columns: LineColumns
     fit: LineFit
     slope: SlopeInterval
     k: float
@@ -160,13 +165,13 @@ class StraightLine:
 
 def straight_line(
     path: Path,
-    columns: Columns,
+    columns: LineColumns,
     *,
     predict: Sequence[Quantity] = (),
     inverse: Sequence[Quantity] = (),
     probability: float = 0.95,
     dialect: Dialect = PLAIN,
-    correlated: Correlated | None = None,
+    correlated: LineCovariances | None = None,
 ) -> StraightLine:
     """The line through the CSV table at `path`.  Raises InputError with file, line, column, rule
     and value.
@@ -176,7 +181,7 @@ def straight_line(
     dialect : how the table is written, as far as that is stated.
     correlated : errors that points share.
     """
-    stated = correlated or Correlated()
+    stated = correlated or LineCovariances()
     layout = read_layout(path, dialect, needed=[name for name in (columns.x, columns.y) if name])
     columns = _with_axes(columns, layout)
     candidates = [name for name in layout.names if columns.x in (name, bare_name(name))]
@@ -274,7 +279,7 @@ def _own_uncertainty(name: str, layout: Layout) -> str | None:
     return column if column is None or column.startswith("u(") else bare_name(column)
 
 
-def _with_axes(columns: Columns, layout: Layout) -> Columns:
+def _with_axes(columns: LineColumns, layout: Layout) -> LineColumns:
     """The columns with names of x and y: x and y, where they have these names, or those of the two
     columns of values.  Raises InputError.
     """
@@ -306,7 +311,9 @@ def _with_axes(columns: Columns, layout: Layout) -> Columns:
     return replace(columns, x=x, y=y)
 
 
-def _without_contained(columns: Columns, read: Columns, stated: Correlated) -> Columns:
+def _without_contained(
+    columns: LineColumns, read: LineColumns, stated: LineCovariances
+) -> LineColumns:
     """The columns without those of uncertainties that a matrix holds.  Raises InputError where one
     of these was named.
     """

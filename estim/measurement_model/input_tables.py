@@ -26,7 +26,7 @@ _OTHER_NAMES = {
 }
 
 
-class ComponentTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+class InputComponentTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """The keys of one component of an uncertainty."""
 
     meaning: str = ""
@@ -42,7 +42,7 @@ class ComponentTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw
     half_width_error: float | None = None
 
 
-class InputTable(ComponentTable, frozen=True, kw_only=True):
+class InputTable(InputComponentTable, frozen=True, kw_only=True):
     """The keys of an input."""
 
     value: str | float | None = None
@@ -50,7 +50,7 @@ class InputTable(ComponentTable, frozen=True, kw_only=True):
     low: float | None = None
     high: float | None = None
     readings: list[float] | None = None
-    components: dict[str, ComponentTable] = {}
+    components: dict[str, InputComponentTable] = {}
 
 
 def inputs_of(name: str, table: InputTable) -> tuple[Input, ...]:
@@ -122,7 +122,7 @@ def _value(table: InputTable) -> tuple[float, float | None, float | None]:
 
 def _stated(
     name: str,
-    table: ComponentTable,
+    table: InputComponentTable,
     value: float,
     *,
     unit: str,
@@ -182,7 +182,7 @@ def _stated(
     return Input(name, value, u, distribution, dof, unit, shape)
 
 
-def _dof(table: ComponentTable) -> float:
+def _dof(table: InputComponentTable) -> float:
     """Degrees of freedom; from the relative uncertainty of u they are 1/(2 r^2) (GUM eq. G.3)."""
     if table.relative_u_of_u is not None:
         _refuse(table, "relative_u_of_u", "dof")
@@ -190,7 +190,7 @@ def _dof(table: ComponentTable) -> float:
     return math.inf if table.dof is None else table.dof
 
 
-def _distribution(table: ComponentTable, *, bounded: bool, dof: float) -> Distribution:
+def _distribution(table: InputComponentTable, *, bounded: bool, dof: float) -> Distribution:
     """As stated; else rectangular between limits (GUM 4.3.7), t where u has degrees of freedom
     (JCGM 101, 6.4.9), normal.
     """
@@ -207,7 +207,7 @@ def _distribution(table: ComponentTable, *, bounded: bool, dof: float) -> Distri
     )
 
 
-def _shape(table: ComponentTable, distribution: str, half_width: float | None) -> float:
+def _shape(table: InputComponentTable, distribution: str, half_width: float | None) -> float:
     if (table.plateau is None) != (distribution != "trapezoidal"):
         raise InputError(
             "goes with the trapezoidal distribution, and it with 'plateau' (width of the "
@@ -230,7 +230,7 @@ def _shape(table: ComponentTable, distribution: str, half_width: float | None) -
     return table.plateau or 0.0
 
 
-def _refuse(table: ComponentTable, key: str, *others: str, why: str = "") -> None:
+def _refuse(table: InputComponentTable, key: str, *others: str, why: str = "") -> None:
     for other in others:
         if getattr(table, other, None) is not None:
             raise InputError(f"does not go with '{key}'" + (f": {why}" if why else ""), field=other)

@@ -42,7 +42,7 @@ class _CorrelationTable(KeyTable, frozen=True, kw_only=True):
     r: Annotated[float, Meta(ge=-1.0, le=1.0)]
 
 
-class _TopTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+class _ModelTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     title: str = ""
     source: str = ""
     measurand: dict[str, Any]
@@ -70,7 +70,7 @@ class Output:
 
 
 @dataclass(frozen=True, eq=False)
-class Quantity:
+class InputQuantity:
     """An input of the formulas: the sum of `parts`, independent inputs of the propagation, the
     first of which holds the value.
     """
@@ -96,7 +96,7 @@ class MeasurementModel:
     title: str
     source: str
     outputs: tuple[Output, ...]
-    quantities: tuple[Quantity, ...]
+    quantities: tuple[InputQuantity, ...]
     correlation: Mapping[tuple[str, str], float] | None
     probability: float
     digits: int
@@ -159,7 +159,7 @@ def _model_of(
         if not isinstance(raw, dict):
             rule = "must be a table, like {value = 1.0, u = 0.1}"
             raise places.error(rule, ("inputs", name), value=raw)
-    top = checked(tree, _TopTable, places, ())
+    top = checked(tree, _ModelTable, places, ())
     quantities = tuple(_quantity(name, table, places) for name, table in top.inputs.items())
     if not 1 <= sum(len(quantity.parts) for quantity in quantities) <= _MOST_INPUTS:
         raise places.error(
@@ -186,7 +186,7 @@ def _model_of(
     )
 
 
-def _quantity(name: str, table: InputTable, places: Places) -> Quantity:
+def _quantity(name: str, table: InputTable, places: Places) -> InputQuantity:
     _check_name(name, ("inputs", name), places)
     try:
         parts = inputs_of(name, table)
@@ -194,10 +194,10 @@ def _quantity(name: str, table: InputTable, places: Places) -> Quantity:
         keys = str(error.field).removeprefix(f"{name}.").split(".")
         raise places.error(error.rule, ("inputs", name, *keys), value=error.value) from None
     meanings = (component.meaning for component in table.components.values())
-    return Quantity(name, table.unit, parts, (table.meaning, *meanings))
+    return InputQuantity(name, table.unit, parts, (table.meaning, *meanings))
 
 
-def _outputs(top: _TopTable, places: Places) -> tuple[Output, ...]:
+def _outputs(top: _ModelTable, places: Places) -> tuple[Output, ...]:
     """One table `[measurand]`, or several `[measurand.NAME]`."""
     alone = isinstance(top.measurand.get("formula"), str)
     tables = {str(top.measurand.get("name", "y")): top.measurand} if alone else top.measurand
@@ -242,7 +242,9 @@ def _check_name(name: str, path: KeyPath, places: Places) -> None:
         )
 
 
-def _check_names(outputs: Sequence[Output], quantities: Sequence[Quantity], places: Places) -> None:
+def _check_names(
+    outputs: Sequence[Output], quantities: Sequence[InputQuantity], places: Places
+) -> None:
     """Each formula names inputs and outputs above it, and every input is used."""
     known = [quantity.name for quantity in quantities]
     if lookalikes := same_looks((*known, *(output.name for output in outputs))):
@@ -281,7 +283,7 @@ def _check_names(outputs: Sequence[Output], quantities: Sequence[Quantity], plac
 
 
 def _in_units(
-    outputs: Sequence[Output], quantities: Sequence[Quantity], places: Places
+    outputs: Sequence[Output], quantities: Sequence[InputQuantity], places: Places
 ) -> tuple[Output, ...]:
     """The outputs with the units that follow where none were stated.  Raises InputError where a
     stated one is another, or a sine takes degrees.
@@ -312,7 +314,7 @@ def _place_of_formula(output: Output, places: Places) -> tuple[str, ...]:
 
 
 def _correlations(
-    top: _TopTable, quantities: Sequence[Quantity], places: Places
+    top: _ModelTable, quantities: Sequence[InputQuantity], places: Places
 ) -> dict[tuple[str, str], float] | None:
     """Stated correlations, and those of readings that were taken together (GUM 5.2.3, eq. 17)."""
     parts = {part.name: part for quantity in quantities for part in quantity.parts}
@@ -346,7 +348,7 @@ def _correlations(
     return pairs or None
 
 
-def _check_sets(top: _TopTable, places: Places) -> None:
+def _check_sets(top: _ModelTable, places: Places) -> None:
     """n - N degrees of freedom must be left (JCGM 102, 5.3.2)."""
     if top.simultaneous_dof == "n - 1":
         return
@@ -363,7 +365,7 @@ def _check_sets(top: _TopTable, places: Places) -> None:
             )
 
 
-def _together(quantity: Quantity, top: _TopTable) -> Quantity:
+def _together(quantity: InputQuantity, top: _ModelTable) -> InputQuantity:
     """The quantity, its readings marked as taken together with those of its group."""
     at = next((i for i, group in enumerate(top.simultaneous) if quantity.name in group), None)
     if at is None:
@@ -378,7 +380,7 @@ def _together(quantity: Quantity, top: _TopTable) -> Quantity:
 
 
 def _of_readings(
-    top: _TopTable, group: Sequence[str], places: Places, path: KeyPath
+    top: _ModelTable, group: Sequence[str], places: Places, path: KeyPath
 ) -> dict[tuple[str, str], float]:
     lists = []
     for name in group:

@@ -20,7 +20,7 @@ MORE: Group = "more data"
 
 
 @dataclass(frozen=True, eq=False)
-class Readings:
+class FurtherReadings:
     """Further readings of a user's own curve: `n` of run `run` at abscissa `x`."""
 
     run: str
@@ -50,7 +50,7 @@ class Change:
     error: float = 1.0
     reach: float = 1.0
     runs: tuple[NewRun, ...] = ()
-    readings: tuple[Readings, ...] = ()
+    readings: tuple[FurtherReadings, ...] = ()
     which: str = ""
 
 
@@ -129,7 +129,7 @@ def further(
     *,
     own: bool = False,
     runs: tuple[NewRun, ...] = (),
-    readings: tuple[Readings, ...] = (),
+    readings: tuple[FurtherReadings, ...] = (),
 ) -> Change:
     """Further runs, or '3 additional readings at x = 3'."""
     n = readings[0].n if readings else len(runs)

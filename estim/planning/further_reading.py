@@ -9,7 +9,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase
-from estim.planning.candidates import MORE, Change, Readings, further, which_place
+from estim.planning.candidates import MORE, Change, FurtherReadings, further, which_place
 from estim.planning.expected_uncertainty import sds_by
 from estim.planning.planned_readings import CurveBasis
 from estim.planning.rolling import Outlook
@@ -20,7 +20,7 @@ _N_PLACE = 61
 
 
 @dataclass(frozen=True, eq=False)
-class Along:
+class ReadingsAtPlaces:
     """One further reading of a run at each of some places.
 
     x : (n,).
@@ -36,7 +36,7 @@ class Along:
 
 def weigh_places(
     basis: CurveBasis, present: Outlook, targets: Sequence[Parameter]
-) -> tuple[Along, ...]:
+) -> tuple[ReadingsAtPlaces, ...]:
     """For every run, one further reading at places over its range and beside it; those where none
     can be taken are left out.
     """
@@ -47,7 +47,7 @@ def weigh_places(
         for place in _places(run.x):
             try:
                 changed = basis.outlook(
-                    Change("", MORE, readings=(Readings(run.name, float(place), 1),))
+                    Change("", MORE, readings=(FurtherReadings(run.name, float(place), 1),))
                 )
             except InputError:
                 continue
@@ -55,7 +55,7 @@ def weigh_places(
             ratios.append(sds_by(changed.information, columns) / now)
         if x:
             weighed.append(
-                Along(
+                ReadingsAtPlaces(
                     run.name,
                     np.array(x),
                     np.array(ratios).T,
@@ -75,7 +75,7 @@ def _places(x: FloatArray) -> FloatArray:
     return np.linspace(start, high + margin, _N_PLACE)
 
 
-def more_readings(present: Outlook, weighed: Sequence[Along]) -> tuple[Change, ...]:
+def more_readings(present: Outlook, weighed: Sequence[ReadingsAtPlaces]) -> tuple[Change, ...]:
     """As many readings as a tenth of those at hand at the place that is best for each target,
     inside the range and beside it.
     """
@@ -94,6 +94,6 @@ def more_readings(present: Outlook, weighed: Sequence[Along]) -> tuple[Change, .
                     else phrase(", outside the present range")
                 )
                 which = which_place(x, along.run if len(present.problem.runs) > 1 else "") + where
-                readings = (Readings(along.run, x, n),)
+                readings = (FurtherReadings(along.run, x, n),)
                 changes[along.run, x] = further(which, readings=readings)
     return tuple(changes.values())

@@ -29,7 +29,7 @@ _EXACT = 1e-4  # of a stated uncertainty
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class HalvingWay:
     """One way: how much of it in `words`, and the `ratio` that is reached: at most a half where it
     is enough.
     """
@@ -49,7 +49,7 @@ class Halving:
     """
 
     target: Parameter
-    ways: tuple[Way, ...]
+    ways: tuple[HalvingWay, ...]
 
 
 def ways_to_halve(
@@ -91,7 +91,7 @@ def ways_to_halve(
     return tuple(halvings)
 
 
-def _better(present: Outlook, change: Change, target: Parameter, now: float) -> Way:
+def _better(present: Outlook, change: Change, target: Parameter, now: float) -> HalvingWay:
     """A stated quantity as well known as it takes, or as it can be."""
     parameters = [p for p in present.problem.parameters if p.name in change.u]
 
@@ -107,16 +107,18 @@ def _better(present: Outlook, change: Change, target: Parameter, now: float) -> 
     if least > _HALF:
         name = next(iter(by_quantity(parameters)))
         label = parameters[0].bare_label if len(parameters) > 1 else parameters[0].label
-        return Way(phrase("{symbol} known exactly", symbol=label.symbol or name), least)
+        return HalvingWay(phrase("{symbol} known exactly", symbol=label.symbol or name), least)
     low, high = _EXACT, 1.0
     for _ in range(40):
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if ratio(middle) <= _HALF else (low, middle)
     rounded = {name: float(f"{low * u:.2g}") for name, u in change.u.items()}
-    return Way(better_words(parameters, rounded), _HALF)
+    return HalvingWay(better_words(parameters, rounded), _HALF)
 
 
-def _steps(of_readings: Callable[[float, float], Option], present: Outlook, k: int) -> list[Way]:
+def _steps(
+    of_readings: Callable[[float, float], Option], present: Outlook, k: int
+) -> list[HalvingWay]:
     """More frames and smaller errors, for the target at place k."""
 
     def of(frames: float = 1.0, error: float = 1.0) -> float:
@@ -134,7 +136,7 @@ def _steps(of_readings: Callable[[float, float], Option], present: Outlook, k: i
     ]
 
 
-def _many(basis: Basis, best: Option, target: Parameter, now: float) -> Way:
+def _many(basis: Basis, best: Option, target: Parameter, now: float) -> HalvingWay:
     def of(n: int) -> tuple[str, float]:
         several = repeated(best.change, n)
         option = weigh(basis, several, [target], np.array([now]))
@@ -143,13 +145,13 @@ def _many(basis: Basis, best: Option, target: Parameter, now: float) -> Way:
     return _doubled(of, between=True)
 
 
-def _doubled(of: Callable[[int], tuple[str, float]], *, between: bool = False) -> Way:
+def _doubled(of: Callable[[int], tuple[str, float]], *, between: bool = False) -> HalvingWay:
     """The first of 2, 4, 8, 16 times that is enough, else the best of them that can be had.
     between: or the least number of times.
     """
-    ways: list[Way] = []
+    ways: list[HalvingWay] = []
     for i in range(1, 5):
-        ways.append(Way(*of(2**i)))
+        ways.append(HalvingWay(*of(2**i)))
         if ways[-1].enough:
             break
     else:
@@ -157,6 +159,6 @@ def _doubled(of: Callable[[int], tuple[str, float]], *, between: bool = False) -
     low, high, least = 2 ** (i - 1), 2**i, ways[-1]
     while between and high - low > 1:
         middle = (low + high) // 2
-        way = Way(*of(middle))
+        way = HalvingWay(*of(middle))
         low, high, least = (low, middle, way) if way.enough else (middle, high, least)
     return least

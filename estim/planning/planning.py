@@ -33,7 +33,7 @@ from estim.planning.candidates import (
     BETTER,
     OTHERWISE,
     Change,
-    Readings,
+    FurtherReadings,
     better_words,
     further,
     measured_better,
@@ -41,7 +41,7 @@ from estim.planning.candidates import (
     which_place,
 )
 from estim.planning.expected_uncertainty import Option, sds_with, weigh
-from estim.planning.further_reading import Along, more_readings, weigh_places
+from estim.planning.further_reading import ReadingsAtPlaces, more_readings, weigh_places
 from estim.planning.halving import Halving, ways_to_halve
 from estim.planning.planned_readings import CurveBasis
 from estim.planning.rolling import Outlook, posed, rolling_basis
@@ -80,7 +80,7 @@ class Plan:
     options: tuple[Option, ...]
     refused: tuple[Option, ...]
     halving: tuple[Halving, ...]
-    along: tuple[Along, ...]
+    along: tuple[ReadingsAtPlaces, ...]
     force: bool
     findings: tuple[Finding, ...]
     seed: int
@@ -210,7 +210,7 @@ def targets_of(
 
 
 def _suggested(
-    campaign: Campaign, fit: Fit, present: Outlook, along: Sequence[Along]
+    campaign: Campaign, fit: Fit, present: Outlook, along: Sequence[ReadingsAtPlaces]
 ) -> tuple[Change, ...]:
     moving = campaign.formula is None
     more = more_runs(campaign, fit) if moving else more_readings(present, along)
@@ -223,7 +223,7 @@ def _requested_readings(campaign: Campaign, names: Sequence[str]) -> list[Change
         run = reading.run or names[0]
         if run in names:
             which = which_place(reading.x, run if len(names) > 1 else "")
-            readings = (Readings(run, reading.x, reading.n),)
+            readings = (FurtherReadings(run, reading.x, reading.n),)
             changes.append(further(which, own=True, readings=readings))
     return changes
 

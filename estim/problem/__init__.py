@@ -74,7 +74,14 @@ from estim.problem.priors import (
     of_other_package,
 )
 from estim.problem.curve_noise import Correlated, Readings, check_covariance
-from estim.problem.roots import Band, Root, beside, covariance_of, stacked_root, with_columns
+from estim.problem.roots import (
+    BandedFactor,
+    Root,
+    beside,
+    covariance_of,
+    stacked_root,
+    with_columns,
+)
 from estim.problem.symmetry import TURNS, Symmetry, folded, no_symmetry, same_curves
 from estim.problem.whitened_residuals import Linear, Whitened
 from estim.problem.installed_tails import known_laws

@@ -24,7 +24,7 @@ from estim.distributions import normal_log_density
 from estim.problem.differences import covariance_in_bands, used_columns
 from estim.problem.likelihood import Ends, Likelihood, Points
 from estim.problem.noise_variance import NoiseVariance, Scale
-from estim.problem.roots import DENSE, Band, Dense, Root
+from estim.problem.roots import DENSE, BandedFactor, Dense, Root
 from estim.problem.whitened_residuals import Linear
 
 KNOWN = NoiseVariance(Scale(1.0))
@@ -58,7 +58,7 @@ class Diagonal:
 
     def root(self, diagonal: FloatArray) -> Root:
         """The triangular root of C for V (n_obs,)."""
-        return Band.of(diagonal[None, :])
+        return BandedFactor.of(diagonal[None, :])
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,10 +175,10 @@ class GaussianErrors(Likelihood):
     ) -> GaussianErrors:
         """Of C0 in bands (n_band + 1, n_obs), where a covariance of this size is `in_bands`."""
         if size.parameters:
-            return cls(points, size, Rooted(Band.of(bands)), shift)
+            return cls(points, size, Rooted(BandedFactor.of(bands)), shift)
         total = float(size.reading_variance({})) * bands
         total[0] += np.square(size.scatter.at({}))
-        return cls.rooted(points, Band.of(total), shift)
+        return cls.rooted(points, BandedFactor.of(total), shift)
 
     @cached_property
     def y(self) -> FloatArray:

@@ -1,8 +1,8 @@
 """The laws of what is counted: how counts scatter about their expectation, which determines how
 far.
 
-- `Poisson`: events in a bin or a fixed time; y is their number, m the number expected.
-- `Binomial`: y is the fraction of n trials that succeeded, m the probability of one.
+- `PoissonLaw`: events in a bin or a fixed time; y is their number, m the number expected.
+- `BinomialLaw`: y is the fraction of n trials that succeeded, m the probability of one.
 
 Each is an exponential family in its mean m: with V the variance of y, d log p/dm = (y - m)/V, and
 1/V is the Fisher information about m.  `size` (n_obs,) is the number of trials; a Poisson count has
@@ -21,7 +21,7 @@ from estim.common import later
 
 
 @dataclass(frozen=True)
-class Poisson:
+class PoissonLaw:
     """Numbers of independent events.
 
     word, new, used : how y are called: they, one more of them, and those that are fit.
@@ -65,7 +65,7 @@ class Poisson:
 
 
 @dataclass(frozen=True)
-class Binomial:
+class BinomialLaw:
     """Fractions of independent trials."""
 
     word, new, used = later("fractions"), later("a new fraction"), later("fractions used")
@@ -102,11 +102,11 @@ class Binomial:
         return binom.ppf(probability, size, mean) / size
 
 
-Law = Poisson | Binomial
+Law = PoissonLaw | BinomialLaw
 """Functions of y and m, which broadcast with `size`; nan where m is no mean, and the density of
 what cannot be is -inf.
 """
-POISSON, BINOMIAL = Poisson(), Binomial()
+POISSON, BINOMIAL = PoissonLaw(), BinomialLaw()
 
 
 @dataclass(frozen=True, eq=False)

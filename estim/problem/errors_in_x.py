@@ -50,7 +50,7 @@ from estim.problem.errors_in_x_quadrature import (
 from estim.problem.likelihood import Ends, Likelihood, Points, n_draws, some_draws
 from estim.problem.noise_variance import NoiseVariance, Scale
 from estim.problem.tails import Tails
-from estim.problem.whitened_residuals import Tabled
+from estim.problem.whitened_residuals import TabulatedScores
 
 _BLOCK = 1_000_000  # values of the curve computed at once
 _FAREST = 5.0
@@ -151,10 +151,10 @@ class LatentErrors(Likelihood):
             self.y.size,
         )
 
-    def whitened(self, named: Named, names: Sequence[str]) -> Tabled:
+    def whitened(self, named: Named, names: Sequence[str]) -> TabulatedScores:
         at, scores, slopes = self.score_table(named, names)
         mask = self._of_curve(names)
-        return Tabled(
+        return TabulatedScores(
             self.standardised(named)[0],
             self.information_root(named, names),
             at,

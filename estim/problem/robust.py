@@ -13,7 +13,7 @@ from estim.common import Notation, phrase
 from estim.problem.installed_tails import tails_called
 from estim.problem.observations import Parameter
 from estim.problem.priors import DefaultNormal, DefaultUniform
-from estim.problem.tails import GAUSSIAN, Mixture, StudentT, Tails
+from estim.problem.tails import GAUSSIAN, OutlierMixture, StudentT, Tails
 
 # Cauchy's weights are 95 % efficient where an error this many standard deviations off is taken to
 # be 1.4 times as wide
@@ -49,7 +49,7 @@ def shape_of(robust: str | None, suffix: str) -> tuple[Tails, tuple[Parameter, .
         return StudentT(), ()
     if robust == "mixture":
         fraction, width = f"outlier_fraction{suffix}", f"log_outlier_width{suffix}"
-        return Mixture(fraction, width), (
+        return OutlierMixture(fraction, width), (
             Parameter(
                 fraction,
                 "1",

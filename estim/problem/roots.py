@@ -1,6 +1,6 @@
 """Triangular roots L of covariances C = L L^T, without the matrix where it is large.
 
-`Band` where only neighbours are correlated: independent points, speeds made of neighbouring
+`BandedFactor` where only neighbours are correlated: independent points, speeds made of neighbouring
 positions.  `LowRankRoot` where a few causes move all points beside that: an error of the clock, a
 push at the start, a force along the track.  `Dense` for any other matrix, and for few points, where
 one product of matrices is faster than many small ones.  `Stacked` for runs below each other.
@@ -110,13 +110,13 @@ class Dense:
 
 
 @dataclass(frozen=True, eq=False)
-class Band:
+class BandedFactor:
     """lower : (n_band + 1, n_obs), [d, i] the element (i + d, i) of L."""
 
     lower: FloatArray
 
     @classmethod
-    def of(cls, bands: FloatArray) -> Band:
+    def of(cls, bands: FloatArray) -> BandedFactor:
         """Of a covariance in bands (n_band + 1, n_obs); one that rounding leaves indefinite is
         lifted by as much.  Raises LinAlgError.
         """
@@ -180,8 +180,8 @@ class Band:
             product[..., d:] += rows[..., :-d] * self.lower[d, :-d]
         return product
 
-    def times(self, factor: float) -> Band:
-        return Band(factor * self.lower)
+    def times(self, factor: float) -> BandedFactor:
+        return BandedFactor(factor * self.lower)
 
 
 @dataclass(frozen=True, eq=False)
@@ -352,4 +352,4 @@ def root_of(covariance: FloatArray) -> Root:
     """Of variances (n_obs,) or a covariance (n_obs, n_obs).  Raises LinAlgError where it is not
     positive definite.
     """
-    return Band.of(covariance[None, :]) if covariance.ndim == 1 else Dense.of(covariance)
+    return BandedFactor.of(covariance[None, :]) if covariance.ndim == 1 else Dense.of(covariance)

@@ -5,7 +5,7 @@ Which to choose:
 - `Gaussian`: every frame is as good as its sigma says.
 - `StudentT`: heavy tails, 4 degrees of freedom, sigma is the scale of the core.  Bad frames lose
   their weight smoothly; no further unknowns.  For a few mild outliers.
-- `Mixture`: a frame is good, or (with probability `fraction`) an outlier whose sigma is `width`
+- `OutlierMixture`: a frame is good, or (with probability `fraction`) an outlier whose sigma is `width`
   times larger; both are inferred (Hogg, Bovy & Lang 2010, arXiv 1008.4686, eq. 17, with the
   outliers centred on the curve).  For gross outliers, dropouts, a tail of the run that is another
   motion; it names the bad frames.
@@ -223,7 +223,7 @@ class StudentT(Tails):
 
 
 @dataclass(frozen=True)
-class Mixture(Tails):
+class OutlierMixture(Tails):
     """(1 - fraction) normal + fraction normal of exp(log_width) times the standard deviation; both
     names of parameters.
     """

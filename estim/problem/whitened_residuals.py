@@ -50,7 +50,7 @@ class Linear:
 
 
 @dataclass(frozen=True, eq=False)
-class Tabled(Linear):
+class TabulatedScores(Linear):
     """Normal scores z (n_obs,) of points with errors of x: what they tell about the parameters is
     not linear in them, and a table gives it.
 

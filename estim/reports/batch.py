@@ -11,7 +11,7 @@ from pathlib import PurePath
 import msgspec
 import numpy as np
 
-from estim.batch import Row, Spread, odd_runs, spreads
+from estim.batch import RunRow, RunScatter, odd_runs, spreads
 from estim.common import FigureChoice, Files, as_csv, as_json, phrase
 from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, grid, whole_ticks
 from estim.pipeline import Analysis
@@ -40,7 +40,7 @@ def full_files(
     return with_formats(analysis_report(campaign, analysis, figures=figures), formats)
 
 
-def batch_report(rows: Sequence[Row], *, figures: FigureChoice) -> Files:
+def batch_report(rows: Sequence[RunRow], *, figures: FigureChoice) -> Files:
     """`report.md`, `summary.csv`, `summary.json` and, where there is something to draw,
     `figures/overview.png`.
     """
@@ -69,7 +69,7 @@ def batch_report(rows: Sequence[Row], *, figures: FigureChoice) -> Files:
     ) | {"summary.csv": _csv(rows, quantities)}
 
 
-def batch_times(rows: Sequence[Row]) -> Files:
+def batch_times(rows: Sequence[RunRow]) -> Files:
     """`times.csv`: seconds of one processor for each run.  It is no part of the report, which
     follows from the inputs alone.
     """
@@ -77,7 +77,7 @@ def batch_times(rows: Sequence[Row]) -> Files:
     return {"times.csv": as_csv([("campaign", "run", "cpu_s"), *lines]).encode()}
 
 
-def batch_line(rows: Sequence[Row]) -> str:
+def batch_line(rows: Sequence[RunRow]) -> str:
     """How many of each status, and what they took, in one line."""
     return phrase(
         "{counts} ({seconds:.3g} s of processor time)",
@@ -86,12 +86,12 @@ def batch_line(rows: Sequence[Row]) -> str:
     )
 
 
-def _counts(rows: Sequence[Row]) -> list[tuple[str, int]]:
+def _counts(rows: Sequence[RunRow]) -> list[tuple[str, int]]:
     counted = Counter(row.status or phrase("without a result") for row in rows)
     return sorted(counted.items(), key=lambda item: (item[0] != "ok", -item[1]))
 
 
-def _csv(rows: Sequence[Row], quantities: Sequence[Spread]) -> bytes:
+def _csv(rows: Sequence[RunRow], quantities: Sequence[RunScatter]) -> bytes:
     """A line for each run; of each quantity mean, sd and the ends of the 95 % interval in SI units,
     empty where there is none.
     """
@@ -112,7 +112,7 @@ def _csv(rows: Sequence[Row], quantities: Sequence[Spread]) -> bytes:
     return as_csv(lines).encode()
 
 
-def _record(row: Row) -> dict[str, object]:
+def _record(row: RunRow) -> dict[str, object]:
     """The results in a row, without how and when it was made."""
     left_out = ("seconds", "key", "outputs")
     return {key: value for key, value in msgspec.to_builtins(row).items() if key not in left_out}
@@ -123,7 +123,7 @@ def _cell(text: str) -> str:
     return f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text
 
 
-def synthetic_words(rows: Sequence[Row]) -> str:
+def synthetic_words(rows: Sequence[RunRow]) -> str:
     """Which data are synthetic; "" where none are."""
     n, of = sum(row.kind == "synthetic" for row in rows), sum(bool(row.kind) for row in rows)
     if n == 0:
@@ -135,7 +135,7 @@ def synthetic_words(rows: Sequence[Row]) -> str:
     )
 
 
-def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
+def overview_figure(rows: Sequence[RunRow], shown: Sequence[RunScatter]) -> Figure:
     """Each quantity against the number of the run; a run that is not ok is a cross at the bottom,
     what stands apart is named.
     """

@@ -58,7 +58,7 @@ class Column:
 
 
 @dataclass(frozen=True, eq=False)
-class Density:
+class DrawDensity:
     """Smoothed number of draws per cell: z (n_bin + 2, n_bin + 2) at x and y (n_bin + 2,), the
     middles of the cells and the ends of their ranges.
 
@@ -149,7 +149,7 @@ def density_of(
     n_bin: int = 30,
     smooth: float = 1.2,
     probabilities: Sequence[float] = PROBABILITIES[::-1],
-) -> Density:
+) -> DrawDensity:
     """The density of draws (n_draw,) between the ends of two `ranges`.
 
     smooth : standard deviation of the kernel, in cells; what is beyond the edges is what is inside,
@@ -169,7 +169,7 @@ def density_of(
     cumulative = np.cumsum(ordered)
     levels = ordered[np.searchsorted(cumulative, np.array(probabilities) * cumulative[-1])]
     levels[:-1] = np.minimum(levels[:-1], levels[1:] * (1.0 - 1e-4))
-    return Density(middles[0], middles[1], np.pad(smoothed, 1, mode="edge"), levels)
+    return DrawDensity(middles[0], middles[1], np.pad(smoothed, 1, mode="edge"), levels)
 
 
 def _column(

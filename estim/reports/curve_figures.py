@@ -204,7 +204,7 @@ def _draw_bands(ax: Axes, bands: Bands, new: str = "", *, less: FloatArray | flo
         fill(ax, bands.x, low - less, high - less, colour, alpha, label=name if new else None)
 
 
-def _draw_points(ax: Axes, run: Observations, residuals: Residuals) -> None:
+def _draw_points(ax: Axes, run: Observations, residuals: DrawnResiduals) -> None:
     draw_points_with_bars(
         ax,
         residuals,
@@ -280,7 +280,7 @@ def _draw_bad_frames(ax: Axes, run: Observations, forces: Sequence[FoundForce]) 
 
 
 @dataclass(frozen=True, eq=False)
-class Residuals:
+class DrawnResiduals:
     """Data less the curve that is drawn, and standard deviations of the readings, (n_obs,) each in
     the unit of y.
 
@@ -305,7 +305,7 @@ def drawn_runs(goodness: Sequence[Goodness]) -> list[int]:
     return sorted(np.argsort(worst, kind="stable")[:MOST_DRAWN].tolist())
 
 
-def residuals_of(analysis: Analysis) -> list[Residuals]:
+def residuals_of(analysis: Analysis) -> list[DrawnResiduals]:
     """Of every run, from the median of the draws where the status is ok, else from the most
     probable curve, as of several abscissas, whose points have the fitted values as x.
     """
@@ -321,7 +321,7 @@ def residuals_of(analysis: Analysis) -> list[Residuals]:
                 (1, run.n_obs),
             )[0]
         run = run.against_fit(curve) if run.numbered else run
-        residuals.append(Residuals(run, run.y - curve, sd, far_off(run, analysis.outliers)))
+        residuals.append(DrawnResiduals(run, run.y - curve, sd, far_off(run, analysis.outliers)))
     return residuals
 
 
@@ -369,7 +369,7 @@ def tidy_labels(pairs: Sequence[tuple[Axes, Axes]]) -> None:
 
 
 def draw_points_with_bars(
-    ax: Axes, residuals: Residuals, *, label: str, colour: str = INK, mark: str = "o"
+    ax: Axes, residuals: DrawnResiduals, *, label: str, colour: str = INK, mark: str = "o"
 ) -> None:
     """The data used, with one standard deviation of a reading; without bars where there are so many
     that they would hide the curve.
@@ -382,7 +382,7 @@ def draw_points_with_bars(
         ax.errorbar(run.x[near], run.y[near], residuals.sd[near], ms=3, label=label, **style)
 
 
-def draw_residuals(ax: Axes, residuals: Residuals, bands: Bands | None) -> None:
+def draw_residuals(ax: Axes, residuals: DrawnResiduals, bands: Bands | None) -> None:
     """Data less curve: points with their bars, and the bands about the curve; none where `bands` is
     None.
     """

@@ -24,7 +24,15 @@ from estim.common import (
     signed,
     with_unit,
 )
-from estim.explanation import FOUND, TIED, Candidate, CauseOfRuns, Estimated, Explanation, verdict
+from estim.explanation import (
+    FOUND,
+    TIED,
+    CauseOfRuns,
+    Estimated,
+    Explanation,
+    RefitCandidate,
+    verdict,
+)
 from estim.reports.records import Record
 from estim.reports.rendering import render
 from estim.words import tell
@@ -162,7 +170,7 @@ def runs_text(causes: Sequence[CauseOfRuns]) -> Markdown:
     return render("causes_of_runs.md.j2", rows=rows)
 
 
-def _values(candidate: Candidate) -> str:
+def _values(candidate: RefitCandidate) -> str:
     return ", ".join(map(_value, candidate.numbers))
 
 
@@ -181,7 +189,7 @@ def _shown(value: float, sd: float, label: Label) -> str:
     return with_unit(format_quantity(value * label.factor, sd * label.factor), label.unit)
 
 
-def _residual_words(candidate: Candidate) -> str:
+def _residual_words(candidate: RefitCandidate) -> str:
     """How the residuals are with a candidate."""
     if math.isnan(candidate.p_order):
         return phrase("not tested")
@@ -190,7 +198,7 @@ def _residual_words(candidate: Candidate) -> str:
     return phrase("random" if candidate.as_large_as_stated else "random, but larger than stated")
 
 
-def _added(candidate: Candidate) -> str:
+def _added(candidate: RefitCandidate) -> str:
     """What a fit of the campaign with a candidate gives."""
     if candidate.outcome is None:
         return phrase("not tested in the campaign")
@@ -204,7 +212,7 @@ def _added(candidate: Candidate) -> str:
     )
 
 
-def _add_cell(candidate: Candidate) -> Markdown:
+def _add_cell(candidate: RefitCandidate) -> Markdown:
     """Lines for a candidate that is an answer; those of one that is none would lead astray."""
     if not candidate.lines:
         return markdown(candidate.remark)

@@ -82,7 +82,7 @@ from estim.reports.records import (
     FitSummary,
     Labels,
     ParameterSummary,
-    Profile,
+    ProfileRecord,
     Provenance,
     Report,
     RunSummary,
@@ -100,7 +100,7 @@ from estim.reports.rolling import RollingSummary, rolling_summaries
 from estim.reports.uncertainty_budget import UncertaintyBudget, budget_of, budget_records
 from estim.sampling import summarise, trusted
 from estim.studies.determination import Determination
-from estim.studies.fit_uncertainty_budget import PRIOR, READINGS, STATED, Budget
+from estim.studies.fit_uncertainty_budget import PRIOR, READINGS, STATED, FitBudget
 from estim.versions import engine_versions, version
 from estim.words import Choice, advice_for, choices_for, common_error, tell
 
@@ -165,7 +165,7 @@ class Result(Report, dict=True):
     budget: dict[str, UncertaintyBudget] | None
     sampling: Sampling
     certificate: CertificateSummary
-    profile: dict[str, Profile] | None
+    profile: dict[str, ProfileRecord] | None
     # of each run of a user's own curve, where it was asked for
     curve_deviation: dict[str, DeviationSummary] | None
     # of each run, or body of runs that share one, where there is an unmodelled force
@@ -246,7 +246,7 @@ def result_of(
     analysis: Analysis,
     determination: Determination | None = None,
     *,
-    budget: Budget | None = None,
+    budget: FitBudget | None = None,
 ) -> Result:
     """The record of an analysis, with its profile intervals if they were determined.  budget : made
     here where it is None.
@@ -318,7 +318,7 @@ def result_of(
         profile=None
         if determination is None
         else {
-            i.name: Profile(
+            i.name: ProfileRecord(
                 i.low[0.68],
                 i.high[0.68],
                 i.low[0.95],

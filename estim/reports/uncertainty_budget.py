@@ -21,8 +21,8 @@ from estim.studies.fit_uncertainty_budget import (
     PRIOR,
     READINGS,
     STATED,
-    Budget,
-    Source,
+    BudgetSource,
+    FitBudget,
     uncertainty_budget,
 )
 
@@ -85,7 +85,7 @@ class Shares:
         ]
 
 
-def budget_of(analysis: Analysis) -> Budget | None:
+def budget_of(analysis: Analysis) -> FitBudget | None:
     """None where the status allows no standard deviation, or there is no covariance."""
     return (
         uncertainty_budget(analysis.fit, analysis.chain.thinned(DRAWS))
@@ -95,7 +95,7 @@ def budget_of(analysis: Analysis) -> Budget | None:
 
 
 def budget_records(
-    analysis: Analysis, budget: Budget | None
+    analysis: Analysis, budget: FitBudget | None
 ) -> dict[str, UncertaintyBudget] | None:
     """One for each quantity of the budget; None where there is none."""
     if budget is None:
@@ -109,7 +109,7 @@ def budget_records(
     }
 
 
-def _record(budget: Budget, k: int, unit: str) -> UncertaintyBudget:
+def _record(budget: FitBudget, k: int, unit: str) -> UncertaintyBudget:
     shares, drawn = budget.shares[:, k], budget.shares_drawn[:, k]
     # share of the variance below which a source goes with the others
     order = [int(i) for i in np.argsort(-shares, kind="stable") if shares[i] >= 1e-3]
@@ -133,7 +133,7 @@ def _record(budget: Budget, k: int, unit: str) -> UncertaintyBudget:
     )
 
 
-def shares_of(analysis: Analysis, budget: Budget, labels: Labels) -> Shares:
+def shares_of(analysis: Analysis, budget: FitBudget, labels: Labels) -> Shares:
     """The requested quantities first, then the parameters that runs share; sources of one kind (the
     tilts of many runs) together, small ones too.
     """
@@ -173,7 +173,7 @@ def shares_of(analysis: Analysis, budget: Budget, labels: Labels) -> Shares:
     )
 
 
-def _words(source: Source, counts: Mapping[tuple[str, str], int], labels: Labels) -> str:
+def _words(source: BudgetSource, counts: Mapping[tuple[str, str], int], labels: Labels) -> str:
     """counts : how many sources there are of a kind and a base name."""
     if source.kind not in (STATED, PRIOR):
         return {

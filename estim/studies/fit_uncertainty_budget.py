@@ -38,7 +38,7 @@ _MOST = 150
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class BudgetSource:
     """name : of a parameter whose prior it is, or of a part of the errors of the readings.
 
     kind : "stated" (a measured value), "prior" (any other prior), "common" (an error in common that
@@ -51,7 +51,7 @@ class Source:
 
 
 @dataclass(frozen=True, eq=False)
-class Budget:
+class FitBudget:
     """sources : rows.  names : of quantities, parameters first, then what follows from them (with
     "[run]" where runs differ).
 
@@ -62,7 +62,7 @@ class Budget:
     posterior : (n_quantity,) of the draws.
     """
 
-    sources: tuple[Source, ...]
+    sources: tuple[BudgetSource, ...]
     names: tuple[str, ...]
     contributions: FloatArray
     drawn: FloatArray
@@ -80,7 +80,7 @@ class Budget:
         return np.square(self.drawn / self.posterior)
 
 
-def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
+def uncertainty_budget(fit: Fit, draws: FloatArray) -> FitBudget | None:
     """What the standard deviation of each parameter of the curve, and of what was sought from them,
     is made of; None without a covariance.
 
@@ -101,15 +101,17 @@ def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
         - np.sum(stated**2, axis=0)
         - sum((part**2 for part in parts.values()), np.zeros(sds.size))
     )
-    priors = [Source(fit.names[i], _kind_of(problem.parameters[i].prior)) for i in informative]
-    further = [Source(name, "curve") for name in parts]
+    priors = [
+        BudgetSource(fit.names[i], _kind_of(problem.parameters[i].prior)) for i in informative
+    ]
+    further = [BudgetSource(name, "curve") for name in parts]
     is_normal = [isinstance(problem.parameters[i].prior, Normal) for i in informative]
     drawn = np.where(
         np.array(is_normal)[:, None], _drawn(pulls[informative], draws, values), np.nan
     )
     nothing = np.full(sds.size, np.nan)
-    return Budget(
-        sources=(*priors, *further, Source(READINGS, READINGS)),
+    return FitBudget(
+        sources=(*priors, *further, BudgetSource(READINGS, READINGS)),
         names=tuple(names),
         contributions=np.vstack([*stated, *parts.values(), np.sqrt(np.maximum(rest, 0.0))]),
         drawn=np.vstack([drawn, *(nothing for _ in parts), nothing]),

@@ -19,7 +19,7 @@ from estim.pipeline import Analysis
 
 
 @dataclass(frozen=True)
-class Limit:
+class LimitingUncertainty:
     """If `group` were known exactly, u(parameter) would fall from `u` to `u_known`."""
 
     parameter: str
@@ -51,7 +51,7 @@ class Narrowing:
     u_prior: FloatArray
 
 
-def limits(fit: Fit, parameter: str) -> tuple[Limit, ...]:
+def limits(fit: Fit, parameter: str) -> tuple[LimitingUncertainty, ...]:
     """What each group of other parameters (all tilts, all angles of release, ...) costs
     `parameter`, largest share first.
 
@@ -77,7 +77,7 @@ def limits(fit: Fit, parameter: str) -> tuple[Limit, ...]:
                 ]
             )
         )
-        costs.append(Limit(parameter, group, u, known))
+        costs.append(LimitingUncertainty(parameter, group, u, known))
     return tuple(sorted(costs, key=lambda limit: -limit.share))
 
 

@@ -20,7 +20,7 @@ from estim.line import LineAnalysis, ThetaMinSeries, analyse_line, read_theta_mi
 from estim.pipeline import Analysis, analyse
 from estim.sampling import Target
 from estim.studies.energy import Drift, EnergyRecord, drift_of, energy_along
-from estim.studies.limits import Limit, Narrowing, limits, narrowing
+from estim.studies.limits import LimitingUncertainty, Narrowing, limits, narrowing
 from estim.studies.noise_comparison import ProgressOf
 from estim.studies.paper_band import PropagatedBand, propagated_bands
 from estim.studies.published import (
@@ -60,7 +60,7 @@ class BodyAnalysis(_JointResult):
     body: str
     gamma_masses: Quantity | None
     narrowing: Narrowing
-    limits: tuple[Limit, ...]
+    limits: tuple[LimitingUncertainty, ...]
 
 
 @dataclass(frozen=True, eq=False)

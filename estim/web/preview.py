@@ -20,7 +20,7 @@ from estim.common import EstimError, InputError, as_json, read_file, spoken, wri
 from estim.web.question import Fields, options_of
 
 if TYPE_CHECKING:
-    from estim.curve_fitting import Columns
+    from estim.curve_fitting import TableColumns
     from estim.drawing import Figure
 
 _LARGEST = 2**28  # bytes of a part of a report
@@ -125,11 +125,11 @@ def _table(file: Path, *arguments: str) -> dict[str, Any] | bytes:
     return {"columns": shown, "told": table.notes, "tracks": tracks, "x": values[0], "y": y}
 
 
-def _read(file: Path) -> tuple[Columns, Sequence[str]]:
+def _read(file: Path) -> tuple[TableColumns, Sequence[str]]:
     """The columns of a table or a track, and the tracks where there are several: the columns are
     those of the first.
     """
-    from estim.curve_fitting import Columns, read_table
+    from estim.curve_fitting import TableColumns, read_table
     from estim.reading import Choices, import_track, is_tracker_file, track_columns
 
     if not is_tracker_file(file):
@@ -143,13 +143,13 @@ def _read(file: Path) -> tuple[Columns, Sequence[str]]:
         tracks = error.quoted.split(", ")
         imported = import_track(file, Choices(tracks[0]))
     track = track_columns(imported, ("t", "x", "y", "x_m"))
-    return Columns(track.columns, track.units, (*imported.facts, *imported.warnings)), tracks
+    return TableColumns(track.columns, track.units, (*imported.facts, *imported.warnings)), tracks
 
 
 def _start(file: Path, fields: Fields) -> tuple[dict[str, float], bytes]:
     """Parameters of a curve at its start, and the picture.  Raises InputError."""
     from estim.campaign import campaign_of_table, choices_of_table
-    from estim.curve_fitting import Columns
+    from estim.curve_fitting import TableColumns
     from estim.drawing import png
 
     choices = choices_of_table(options_of(fields))
@@ -160,7 +160,7 @@ def _start(file: Path, fields: Fields) -> tuple[dict[str, float], bytes]:
     grid = run.along(run.x[0], run.x[-1], 400)
     curve = run.curve.value(grid, run.bind(values))[0]
     x, y = run.x_label, run.y_label  # two quantities may have one name
-    points = Columns({x: run.x, y: run.y}, {x: "", y: ""})
+    points = TableColumns({x: run.x, y: run.y}, {x: "", y: ""})
     shown = {name: values[name] for name in problem.names if name in run.curve_parameters}
     return shown, png(lambda: _points(x, y, {file.stem: points}, (grid, curve)))
 
@@ -168,7 +168,7 @@ def _start(file: Path, fields: Fields) -> tuple[dict[str, float], bytes]:
 def _points(
     x: str,
     y: str,
-    tables: Mapping[str, Columns],
+    tables: Mapping[str, TableColumns],
     curve: tuple[FloatArray, FloatArray] | None = None,
 ) -> Figure:
     """The columns x and y of those `tables` that have both; of the first one are their units."""

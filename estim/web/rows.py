@@ -14,7 +14,7 @@ from estim.web.labels import on_page
 from estim.web.store import Answer, Store
 
 if TYPE_CHECKING:
-    from estim.batch import Row, Spread
+    from estim.batch import RunRow, RunScatter
 
 
 def answers_of(store: Store, batch: str) -> list[Answer]:
@@ -28,7 +28,7 @@ def answers_of(store: Store, batch: str) -> list[Answer]:
     return [*rows.values()]
 
 
-def rows_of(store: Store, answers: Sequence[Answer]) -> tuple[list[Row], list[Spread]]:
+def rows_of(store: Store, answers: Sequence[Answer]) -> tuple[list[RunRow], list[RunScatter]]:
     """A row for each of `answers`, and the quantities in them."""
     from estim.batch import spreads
 
@@ -44,7 +44,7 @@ def summary_of(store: Store, answers: Sequence[Answer]) -> bytes:
     return batch_report(rows_of(store, ended)[0], figures="none")["summary.csv"]
 
 
-def _row(store: Store, answer: Answer) -> Row:
+def _row(store: Store, answer: Answer) -> RunRow:
     from estim.batch import Unit, failed, row_of
 
     unit = Unit(Path(), "", answer.id)
