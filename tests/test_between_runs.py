@@ -20,7 +20,7 @@ from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.planning import plan
 from estim.problem import Points
 from estim.sampling.marginal import sample_marginal
-from estim.words import tell
+from estim.words import describe
 
 X = np.linspace(0.05, 0.3, 5)
 OFF = "unmodelled_force = 0\n"
@@ -143,7 +143,7 @@ def by_a_grid(apart: Fit) -> tuple[tuple[float, float], tuple[float, float], flo
 def test_where_runs_disagree_the_line_is_offered_and_with_it_they_agree(tmp_path: Path) -> None:
     apart = check_consistency(fitted(tmp_path, ""))
     assert not apart.agree
-    words = tell(apart.finding)
+    words = describe(apart.finding)
     assert "let γ[b] vary from run to run: between_runs = {gamma = 0.0" in words
     assert words.endswith("under [bodies.b]")
     again = check_consistency(fitted(tmp_path, VARIES))

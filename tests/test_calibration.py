@@ -32,7 +32,7 @@ from estim.problem.noise import Scale
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal, Uniform
 from estim.reports.calibration import unlike_fit
-from estim.words import tell
+from estim.words import describe
 
 QUICK = 500.0  # effective draws
 CLOCK = 'release_time_s = "0.000(5)"\noffset_m = "0.0000(5)"'
@@ -342,7 +342,7 @@ def test_a_sigma_half_as_large_is_called_too_narrow(tmp_path):
         load(tmp_path, "{sigma_x_m = 0.001}"), 60, analysed=NoiseTable(sigma_x_m=0.0005)
     )
     assert calibration.p_value("theta0[r]") < 1e-3
-    said = {finding.parameters[0].name: tell(finding) for finding in findings(calibration)}
+    said = {finding.parameters[0].name: describe(finding) for finding in findings(calibration)}
     assert "intervals are too narrow" in said["theta0[r]"]
     assert "turning_point[r]" in said
 
@@ -357,7 +357,7 @@ def test_differences_taken_for_independent_speeds_are_called_too_wide(tmp_path):
         load(tmp_path, "{sigma_x_m = 0.001}", every=1, text=text, speeds=False), 150, analysed=wrong
     )
     assert any(
-        finding.parameters[0].name == "theta0[r]" and "too wide" in tell(finding)
+        finding.parameters[0].name == "theta0[r]" and "too wide" in describe(finding)
         for finding in findings(calibration)
     )
 
@@ -428,7 +428,7 @@ def test_a_curve_of_ones_own_is_calibrated_at_its_points(rng):
     assert tuple(right.reported) == ("a", "b")
     assert findings(right) == ()
     assert {finding.parameters[0].name for finding in findings(wrong)} == {"a", "b"}
-    assert all("too narrow" in tell(finding) for finding in findings(wrong))
+    assert all("too narrow" in describe(finding) for finding in findings(wrong))
 
 
 @pytest.mark.slow

@@ -22,7 +22,7 @@ from estim.model import Body, trajectory, turning_point
 from estim.problem.noise import Differentiated, Independent
 from estim.problem.priors import HalfNormal, LogNormal, Normal, TruncatedNormal, Uniform
 from estim.reading.toml import locate_keys
-from estim.words import tell
+from estim.words import describe
 
 DEGREE = math.pi / 180
 PAPER = Body(radius=0.15, gamma=0.187, kappa=0.45)
@@ -389,7 +389,7 @@ def test_frames_near_the_release_and_the_turn_are_left_out_and_counted(load):
     inside = x[1:-1]  # where the midpoint rule exists
     kept = (inside >= 0.005) & (inside <= inside.max() - 0.005)
     assert run.x == pytest.approx(inside[kept])
-    assert sorted(map(tell, run.excluded)) == sorted(
+    assert sorted(map(describe, run.excluded)) == sorted(
         [
             "2 at the ends or next to a missing frame, where the central derivative cannot "
             "be computed",
@@ -418,13 +418,13 @@ def test_the_guard_grows_with_the_error_of_a_position(load):
 def test_a_window_that_names_an_end_keeps_its_frames(load, window, gone):
     plain = load().problem(["h4"]).runs[0]
     run = load((RUN_H4, RUN_H4 + f"window = {window}\n")).problem(["h4"]).runs[0]
-    assert any(gone in tell(why) for why in plain.excluded)
-    assert not any(gone in tell(why) for why in run.excluded)
+    assert any(gone in describe(why) for why in plain.excluded)
+    assert not any(gone in describe(why) for why in run.excluded)
     assert run.n_obs > plain.n_obs
     both = (
         load((RUN_H4, RUN_H4 + "window = {x_min_m = 0.0, x_max_m = 1.0}\n")).problem(["h4"]).runs[0]
     )
-    assert tuple(map(tell, both.excluded)) == (
+    assert tuple(map(describe, both.excluded)) == (
         "2 at the ends or next to a missing frame, where the central derivative cannot be computed",
     )
 
@@ -454,7 +454,7 @@ def test_the_most_particular_window_stands_alone(load):
 def test_a_run_that_ends_at_full_speed_has_no_turning_point_to_avoid(load, folder):
     (folder / "h4.csv").write_text(motion_table(frames=24))
     run = load().problem(["h4"]).runs[0]
-    assert not any("turning point" in tell(why) for why in run.excluded)
+    assert not any("turning point" in describe(why) for why in run.excluded)
     assert run.x.max() == pytest.approx(
         float((folder / "h4.csv").read_text().splitlines()[-2].split(",")[1])
     )
@@ -466,7 +466,7 @@ def test_the_way_back_is_another_motion():
     open_window = Window(-math.inf, math.inf, -math.inf, math.inf)
     chosen = select(x, np.gradient(x, t), t, window=open_window, sigma_position=0.0)
     assert t[chosen.indices].max() == pytest.approx(2.0)
-    assert tuple(map(tell, chosen.reasons)) == (
+    assert tuple(map(describe, chosen.reasons)) == (
         "19 after the farthest point (the way back is another motion)",
     )
 

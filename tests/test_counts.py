@@ -36,7 +36,7 @@ from estim.fitting.least_squares import fit_least_squares
 from estim.fitting.profile import profile_intervals
 from estim.problem import BINOMIAL, POISSON
 from estim.problem.count_distributions import deviance_residual
-from estim.words import tell
+from estim.words import describe
 
 EDGES = np.linspace(0.0, 10.0, 21)
 MIDDLES = 0.5 * (EDGES[1:] + EDGES[:-1])
@@ -428,7 +428,7 @@ def test_roots_of_counts_as_errors_are_told(rng: np.random.Generator) -> None:
     assert [f.kind for f in told.remarks] == [Kind.COUNTS_AS_READINGS]
     assert 'including empty bins: noise="poisson", in place of u_y' in told.notes[0]
     with spoken("en", commands=True):
-        assert "including empty bins: noise: poisson, in place of u_y" in tell(told.remarks[0])
+        assert "including empty bins: noise: poisson, in place of u_y" in describe(told.remarks[0])
     for quiet in (
         fit_curve("0.5*N/tau*exp(-x/tau)", MIDDLES[some], counts[some] * 1.5, **keys),
         fit_curve(

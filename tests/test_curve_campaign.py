@@ -20,7 +20,7 @@ from estim.common import InputError, spoken
 from estim.fitting.optimum import fit_optimum
 from estim.pipeline import analyse
 from estim.sampling.chain import Target
-from estim.words import tell
+from estim.words import describe
 
 CAMPAIGN = """title = "Discharge of a capacitor"
 kind = "synthetic"
@@ -130,7 +130,7 @@ def test_a_window_leaves_rows_out_and_says_so(folder: Path) -> None:
         .runs[0]
     )
     assert (run.x.min(), run.x.max()) == (1.2, 8.8)
-    assert [tell(why) for why in run.excluded] == ["6 outside the stated window"]
+    assert [describe(why) for why in run.excluded] == ["6 outside the stated window"]
     assert run.excluded_points.shape == (6, 2)
 
 

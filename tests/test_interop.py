@@ -27,7 +27,7 @@ from estim.pipeline import Analysis
 from estim.reports import interop
 from estim.sampling.chain import Target
 from estim.sampling.diagnostics import mixing_of
-from estim.words import advice, tell
+from estim.words import advice, describe
 
 NEEDED = "needs the extra arviz"
 
@@ -345,7 +345,7 @@ def test_notebook_shows_reasons_and_no_number_where_the_status_is_not_ok(
     bad = rejected(analysis, status)
     for shown in (bad._repr_markdown_(), estim.result_of(campaign, bad)._repr_markdown_()):
         assert f"**{status}**" in shown
-        assert f"- {tell(WRONG)}" in shown
+        assert f"- {describe(WRONG)}" in shown
         assert f"- What to do: {advice(WRONG)}" in shown
         body = shown.replace("heavy-04", "").replace("1403.7220", "")
         assert not re.search(r"\d", body), body

@@ -12,7 +12,7 @@ from estim.arrays import FloatArray
 from estim.common import Kind
 from estim.pipeline import Analysis
 from estim.pipeline import _integrable as integrable
-from estim.words import tell
+from estim.words import describe
 
 TEMPERATURES = np.linspace(290.0, 350.0, 9)
 COARSE = Target(ess=2000.0)
@@ -176,7 +176,7 @@ def test_stated_parameters_keep_their_priors() -> None:
     remarks = sample_curve(limited, seed=1, target=COARSE).diagnosis.remarks
     (told,) = (one for one in remarks if one.kind is Kind.UNIFORM_PRIOR_MOVES)
     assert -1.0 < told.size < -0.6
-    assert tell(told).startswith(
+    assert describe(told).startswith(
         "limits on both sides state a uniform prior (a, E); Jeffreys' prior within them would "
         "move E by -0."
     )
@@ -218,7 +218,7 @@ def test_runs_of_counts_whose_constants_are_known_to_powers_of_ten_are_refused()
     fit = fit_curves("a*exp(-x/tau) + b", sets, shared=["tau"])
     refused = sample_curve(fit, seed=1, target=COARSE).diagnosis
     assert refused.status == "not-identified"
-    assert "write exp(b) in its place" in tell(refused.findings[0])
+    assert "write exp(b) in its place" in describe(refused.findings[0])
     cured = fit_curves("exp(c - x/tau) + b", sets, shared=["tau"])
     analysis = sample_curve(cured, seed=1, target=COARSE)
     assert analysis.diagnosis.status == "ok"

@@ -22,7 +22,7 @@ from estim.discrepancy.grid import prior_grid
 from estim.discrepancy.scale_mixture import Shape, diagonalise
 from estim.fitting import fit_problem
 from estim.problem.roots import root_of
-from estim.words import tell
+from estim.words import describe
 
 N, SD = 24, 0.5
 T = np.arange(N) * 0.1
@@ -173,7 +173,7 @@ def test_a_recording_with_a_step_ends_where_the_same_one_without_it_does(tmp_pat
     white = nearby(with_step(tmp_path, 0.015, 20, run="unmodelled_force = 0.0\n"))
     assert np.abs((white.values - clean.values) / np.sqrt(np.diag(clean.cov))).max() > 5.0
     (finding,) = bad_frames_found(spoiled.forces[0])
-    words = tell(finding)
+    words = describe(finding)
     assert "line 22 of its file" in words
     assert "t_max_s = 0.616667 in its window" in words  # differences reach one reading farther
     assert "t_min_s = 0.716667 only what comes after" in words
@@ -186,7 +186,7 @@ def test_rows_that_are_left_out_as_stated_are_gone_and_counted(tmp_path: Path) -
     time = 0.683333
     campaign = with_step(tmp_path, 0.0, 20, run=f"leave_out_s = [{time:.6f}]\n")
     (run,) = campaign.problem(["r"]).runs
-    assert "1 excluded by leave_out_s" in [tell(why) for why in run.excluded]
+    assert "1 excluded by leave_out_s" in [describe(why) for why in run.excluded]
     assert run.t is not None
     assert np.abs(run.t - time).min() > 0.03
     for written, rule in (
@@ -237,7 +237,7 @@ def test_counts_that_a_real_wheels_encoder_loses_are_named_and_its_moment_stays(
     assert jump.size / step == pytest.approx(counts, abs=3.0 * jump.sd / step)
     i = clean.names.index("rolling_resistance")
     assert abs(found.values[i] - clean.values[i]) < 0.7 * np.sqrt(found.cov[i, i])
-    words = tell(bad_frames_found(found.forces[0])[0])
+    words = describe(bad_frames_found(found.forces[0])[0])
     assert "counts of the encoder" in words
     # what is advised cures it on both sides; a window that ends with the last reading before it
     # has speeds that are made of one after it

@@ -68,7 +68,7 @@ def sentences_at(node: ast.AST) -> list[ast.expr]:
         return []
     if isinstance(node.args[0], ast.Dict) and ast.unparse(node.func) == "PhraseTable":
         return node.args[0].values
-    place = {"phrase": 0, "later": 0, "said": 1}.get(ast.unparse(node.func))
+    place = {"phrase": 0, "later": 0, "worded": 1}.get(ast.unparse(node.func))
     return [] if place is None else node.args[place : place + 1]
 
 

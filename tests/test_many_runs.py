@@ -13,12 +13,13 @@ from joint_runs import DECAY, LINE, Formula, problem_of
 from scipy.optimize import least_squares, lsq_linear
 
 from estim import load_campaign
+from estim.arrays import inverse_of
 from estim.campaign.campaign_file import read_campaign_file
 from estim.checks import goodness_of_fit, prior_sensitivity
 from estim.checks.goodness_of_fit import Check, Goodness
 from estim.fitting import arrowhead
 from estim.fitting.fisher_information import information
-from estim.fitting.least_squares import _fit_curve, _inverse, fit_least_squares
+from estim.fitting.least_squares import _fit_curve, fit_least_squares
 from estim.problem.noise import Independent, Scale
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal, Uniform
@@ -226,10 +227,10 @@ def test_eight_runs_of_the_replica_end_where_dense_least_squares_do():
 def test_what_is_not_positive_has_the_inverse_of_what_is_said(rng):
     problem, _ = lines(MANY, rng, Normal(1.0, 0.5))
     matrix = information(problem.linearised(problem.start()), problem.start())
-    assert np.allclose(_inverse(matrix) @ matrix, np.eye(problem.n_par), atol=1e-9)
+    assert np.allclose(inverse_of(matrix) @ matrix, np.eye(problem.n_par), atol=1e-9)
     matrix[3], matrix[:, 3] = 0.0, 0.0
     said = np.diag(np.arange(problem.n_par) != 3)
-    assert np.allclose(_inverse(matrix) @ matrix, said, atol=1e-9)
+    assert np.allclose(inverse_of(matrix) @ matrix, said, atol=1e-9)
 
 
 def test_derivatives_of_each_run_in_its_own_parameters_are_those_of_differences(rng):

@@ -20,7 +20,7 @@ from estim.pipeline import analyse, sample_curve
 from estim.problem import Uniform
 from estim.problem.symmetry import folded, same_curves
 from estim.sampling.chain import Target
-from estim.words import tell
+from estim.words import describe
 
 SINE = "A*sin(2*pi*f*x + p)"
 WAVE = "A*sin(2*pi*f*x) + B*cos(2*pi*f*x)"
@@ -408,7 +408,7 @@ def test_symmetries_of_a_curve_are_found_and_named(
     )
     assert found.shift.shape[0] == n_label
     assert words in "; ".join(
-        map(tell, same_curves(found, fit.names, np.array(list(start.values()))))
+        map(describe, same_curves(found, fit.names, np.array(list(start.values()))))
     )
 
 

@@ -23,7 +23,7 @@ from estim.reports.analysis import analysis_report
 from estim.reports.result import result_of
 from estim.reports.rolling import rolling_figure
 from estim.sampling import Target
-from estim.words import tell
+from estim.words import describe
 
 BODY = {
     "radius": 0.15,
@@ -142,7 +142,7 @@ def test_what_is_told(tmp_path, rng, friction, kind, remarks):
     assert found.holds == {"0.5": 1.0, "0.02": 0.0}.get(
         friction, pytest.approx(math.nan, nan_ok=True)
     )
-    assert f"{found.typical:.2g}" in tell(found.finding)
+    assert f"{found.typical:.2g}" in describe(found.finding)
 
 
 def test_positions_speak_of_the_same_motion(tmp_path, rng):
@@ -162,7 +162,7 @@ def test_much_friction_is_told_though_none_is_stated():
     assert [told.kind for told in rolling_remarks([of([0.6] * 20)])] == [Kind.FRICTION_NEEDED]
     hopping = of([0.2] * 10 + [np.inf] * 10)
     assert (hopping.hops, hopping.finding.kind) == (0.5, Kind.ROLLING_HOPS)
-    assert "would leave the ramp with probability 0.50" in tell(hopping.finding)
+    assert "would leave the ramp with probability 0.50" in describe(hopping.finding)
 
 
 def test_littlewoods_hoop_leaves_the_ramp():

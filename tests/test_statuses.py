@@ -31,7 +31,7 @@ from estim.sampling.chain import Target
 from estim.sampling.independent_check import second_opinion
 from estim.sampling.proposal import Proposal
 from estim.studies.paper_band import propagated_bands
-from estim.words import tell
+from estim.words import describe
 
 NAMED = ("mean", "sd", "median", "q025", "q16", "q84", "q975")
 
@@ -168,7 +168,7 @@ def test_walkers_that_never_moved_are_told(
     stuck: int, words: str | None, healthy: Analysis
 ) -> None:
     found = sampling_findings(replace(healthy.chain, stuck=stuck))
-    assert [tell(finding) for finding in found] == ([] if words is None else [words])
+    assert [describe(finding) for finding in found] == ([] if words is None else [words])
     assert all(finding.status == "not-converged" for finding in found)
 
 

@@ -23,7 +23,7 @@ from estim.curves import Component, MotionCurve, PhaseCurve, Place, Poisson, Rol
 from estim.fitting import Fit, fit_least_squares, fit_problem
 from estim.model import Body, speed
 from estim.problem import Independent, Normal, Observations, Parameter, Problem, Scale
-from estim.words import tell
+from estim.words import describe
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 from truth.motion import Truth, solve
@@ -193,7 +193,7 @@ def test_where_no_fit_accounts_for_an_error_the_report_says_so() -> None:
     found = influences(fit)
     assert (found[0].name, dict(found[0].shifts)) == ("scale_x", {})
     (finding,) = large_influences(fit, found)
-    assert "1 % error in the scale of x: no fit that allows for it converges" in tell(finding)
+    assert "1 % error in the scale of x: no fit that allows for it converges" in describe(finding)
 
 
 def replica(folder: Path, text: str, runs: list[str]) -> Fit:
@@ -256,7 +256,7 @@ def test_a_sag_is_one_of_the_ramp_that_all_runs_lie_on(tmp_path: Path) -> None:
     farthest = max(float(run.x.max()) for run in fit.problem.runs)
     assert told.along == pytest.approx(farthest)
     assert farthest == pytest.approx(0.362, abs=0.001)
-    assert "1 mm of sag on a 0.362 m ramp: " in tell(large_influences(fit, [told])[0])
+    assert "1 mm of sag on a 0.362 m ramp: " in describe(large_influences(fit, [told])[0])
     short = next(
         one for one in influences(replica(tmp_path, unsaid, runs[1:])) if one.name == "sag"
     )

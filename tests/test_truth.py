@@ -15,7 +15,7 @@ from estim.campaign import as_complete, load_campaign
 from estim.checks import check_goodness, tolerated_pattern
 from estim.fitting import fit_least_squares, fit_problem
 from estim.model import Body, trajectory
-from estim.words import tell
+from estim.words import describe
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 from truth.__main__ import Case, against, by_quantity, generator
@@ -188,7 +188,7 @@ def test_neighbours_that_are_alike_are_borne_beside_a_force_and_no_larger_than_s
     assert borne.failed == ()
     (finding,) = tolerated_pattern(borne)
     assert finding.status.ok
-    assert "neighbouring residuals are correlated (test 'autocorrelation'" in tell(finding)
+    assert "neighbouring residuals are correlated (test 'autocorrelation'" in describe(finding)
     drifting = {**borne.checks, "trend": replace(borne.checks["trend"], p_value=1e-4)}
     assert replace(borne, checks=drifting).failed == ("autocorrelation", "trend")
     assert replace(

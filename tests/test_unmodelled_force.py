@@ -27,7 +27,7 @@ from estim.reports.analysis import analysis_report
 from estim.reports.model_discrepancy import force_figure
 from estim.reports.result import result_of
 from estim.sampling.chain import Target
-from estim.words import tell
+from estim.words import describe
 
 WHEEL = Path(__file__).resolve().parents[1] / "data" / "wheel"
 KEY, OFF = "unmodelled_force = 0.02\n", "unmodelled_force = 0\n"
@@ -85,7 +85,9 @@ def test_it_is_there_unless_the_campaign_says_0_and_a_stated_size_replaces_the_d
     assert off.forces == switched.forces == ()
     assert np.array_equal(off.values, switched.values)
     assert off.problem.runs[0].complete is not None
-    assert tell(off.problem.runs[0].complete) == "the curve is assumed to be complete: as stated"
+    assert (
+        describe(off.problem.runs[0].complete) == "the curve is assumed to be complete: as stated"
+    )
 
 
 AS_READ = '{model = "positions", sigma_x_m = 0.001}'
@@ -262,7 +264,7 @@ def test_where_nobody_asked_for_it_the_curve_is_taken_as_complete_and_the_reason
     run = body(tmp_path, noise=written["noise"]).problem(["r"]).runs[0]
     assert run.force == 0.0
     assert run.complete is not None
-    assert rule in tell(run.complete)
+    assert rule in describe(run.complete)
 
 
 def test_other_commands_refuse_it_where_it_is_stated(tmp_path: Path) -> None:
@@ -327,4 +329,4 @@ def test_a_run_that_cannot_be_linearised_is_fit_without_and_says_so_unless_a_for
 def said(problem: Problem) -> str:
     """Why the curve of its first run is taken as complete."""
     assert problem.runs[0].complete is not None
-    return tell(problem.runs[0].complete)
+    return describe(problem.runs[0].complete)

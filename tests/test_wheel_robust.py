@@ -22,7 +22,7 @@ from estim.checks.outliers import find_outliers
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.sampling.certificate import certify
 from estim.sampling.proposal import adapt_proposal
-from estim.words import tell
+from estim.words import describe
 
 RUNS = ["class-balanced_1", "class-unbalanced_1"]
 COUNTS = {"class-balanced": 4, "class-unbalanced": 3, "mixed-balanced": 2, "mixed-unbalanced": 2}
@@ -204,7 +204,7 @@ def test_more_bad_frames_than_good_ones_defeat_robust_noise_and_are_reported(
     assert whole.values[at[0]] > trimmed.values[at[1]] + 10.0 * np.sqrt(trimmed.cov[at[1], at[1]])
     (finding,) = too_many_outliers(whole)
     assert finding.status == "poor-fit"
-    assert "of the readings would be outliers" in tell(finding)
+    assert "of the readings would be outliers" in describe(finding)
     # with the few frames until the wheel is at rest there is nothing to report
     until_rest = fit_least_squares(
         spoiled(wheel("mixture", run), run)[0].problem([run]),

@@ -16,7 +16,7 @@ from estim.common.labels import Notation
 from estim.common.phrases import spoken
 from estim.common.statuses import Amount, Finding, decide, gravest, wrong
 from estim.words import residuals
-from estim.words.sentences import ADVICE, WORDS, advice, advice_for, tell
+from estim.words.sentences import ADVICE, WORDS, advice, advice_for, describe
 from estim.words.statuses import STATUS_WORDS
 
 ANGLE = Notation("θ₀", "°", 180.0 / math.pi)
@@ -142,7 +142,7 @@ def test_every_kind_has_words_and_advice_where_something_is_wrong() -> None:
 
 @pytest.mark.parametrize("kind", Kind)
 def test_a_finding_is_told_in_one_line(kind: Kind) -> None:
-    told = tell(example(kind))
+    told = describe(example(kind))
     assert len(told) > 8 or kind in (Kind.IMAGE, Kind.VALUES, Kind.EXCHANGE)
     assert told == " ".join(told.split())
     assert "nan" not in told
@@ -150,7 +150,7 @@ def test_a_finding_is_told_in_one_line(kind: Kind) -> None:
 
 
 def test_a_number_with_its_uncertainty_is_told_with_it() -> None:
-    assert "γ of the line, 2.0 ± 0.5, and γ as stated" in tell(example(Kind.GAMMA_DISAGREES))
+    assert "γ of the line, 2.0 ± 0.5, and γ as stated" in describe(example(Kind.GAMMA_DISAGREES))
 
 
 def test_options_of_a_command_are_named_to_nobody_else() -> None:
@@ -212,13 +212,13 @@ def test_one_finding_is_said_in_the_units_of_a_reader() -> None:
         parameters=(Amount("theta0[r]", math.radians(30.0), ANGLE.label("rad", "[r]")),),
     )
     assert (
-        tell(edge)
+        describe(edge)
         == "θ₀[r] lies at the edge of its prior, 30 °, and the data favour values beyond it "
         "(p = 0.0040)"
     )
     limit = Finding(Kind.PRESSED_LIMIT, p=0.004, parameters=(Amount("b", 0.25),))
     assert (
-        tell(limit)
+        describe(limit)
         == "b lies at its limit 0.25, and the data favour values beyond it (p = 0.0040): is "
         "the limit right?"
     )
@@ -226,7 +226,7 @@ def test_one_finding_is_said_in_the_units_of_a_reader() -> None:
         Kind.RESIDUALS_NOT_RANDOM, run="r", test="runs", p=5e-5, numbers={"least": 5e-5}
     )
     assert (
-        tell(failed)
+        describe(failed)
         == "run r: the points stay on one side of the curve too long (test 'runs', p < 5e-5)"
     )
 

@@ -20,7 +20,7 @@ from estim.campaign.lookup_levels import Levels
 from estim.common import Finding, InputError, Kind
 from estim.discrepancy import GUARD
 from estim.reading import Run
-from estim.words import tell
+from estim.words import describe
 
 _MIN_OBS = 5
 MAX_OBS = 10_000
@@ -129,7 +129,7 @@ def check_count(
             value=f"{position[0]:.6g} to {position[-1]:.6g}",
             file=run.file,
         )
-    why = "; ".join(map(tell, (*blank, *selection.reasons))) or "the file has no more"
+    why = "; ".join(map(describe, (*blank, *selection.reasons))) or "the file has no more"
     raise InputError(
         f"must be at least {_MIN_OBS} of the {run.n_row} in the file ({why})",
         field="rows to fit",

@@ -50,7 +50,7 @@ from estim.checks.run_information import (
 from estim.common import Amount, Finding, InputError, Kind, Label, NumericalError
 from estim.fitting import ALONE, Fit, chi2_p
 from estim.problem import Problem
-from estim.words import tell
+from estim.words import describe
 
 P_INCONSISTENT = 0.01  # after Holm's correction
 
@@ -152,7 +152,7 @@ class Consistency:
     @property
     def verdict(self) -> str:
         """The same in one sentence."""
-        return tell(self.finding)
+        return describe(self.finding)
 
 
 def comparable(fit: Fit) -> bool:

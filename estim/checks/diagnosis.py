@@ -26,7 +26,7 @@ from estim.common import Amount, Finding, Kind, Status, decide, wrong
 from estim.fitting import Fit, chi2_p, jeffreys_prior, limit_found, open_sides, pressed_edges
 from estim.problem import Observations, same_curves
 from estim.sampling import Agreement, Chain, mcse_mean, mixing_of
-from estim.words import tell
+from estim.words import describe
 
 # curvature of the log prior along a direction, 1 for a normal prior, below which it does not hold
 # it
@@ -77,11 +77,11 @@ class Diagnosis:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        return tuple(map(tell, self.findings))
+        return tuple(map(describe, self.findings))
 
     @property
     def notes(self) -> tuple[str, ...]:
-        return tuple(map(tell, self.remarks))
+        return tuple(map(describe, self.remarks))
 
 
 def diagnose(

@@ -26,7 +26,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import Amount, Finding, Kind, phrase
 from estim.fitting import Fit, known_from_data, prior_sds
-from estim.words import tell
+from estim.words import describe
 
 PRIOR_DOMINATED = 0.8  # posterior sd / prior sd above which the prior is most of what is known
 # information of the data, in units of the prior's, below which a direction is the prior's
@@ -59,7 +59,7 @@ class Direction:
     @property
     def words(self) -> str:
         kind = Kind.DIRECTION_LEARNT if self.held_by == "data" else Kind.DIRECTION_SILENT
-        return tell(Finding(kind, size=self.information, parameters=self.moves))
+        return describe(Finding(kind, size=self.information, parameters=self.moves))
 
 
 @dataclass(frozen=True, eq=False)

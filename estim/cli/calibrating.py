@@ -71,7 +71,7 @@ def calibrate(
     from estim.campaign import as_complete, load_campaign
     from estim.fitting import fit_problem
     from estim.reports.calibration import calibration_report, unlike_fit
-    from estim.words import tell
+    from estim.words import describe
 
     loaded = load_campaign(campaign, asked=runs)
     folder = out or out_folder(campaign, "calibration")
@@ -122,7 +122,7 @@ def calibrate(
                 conclude(
                     f"{', '.join(group)}, {calibration.what}",
                     decide(verdicts),
-                    [*map(tell, verdicts), *sentences],
+                    [*map(describe, verdicts), *sentences],
                     [unlike] if unlike else [],
                 )
             report_at(place, loaded.source.files_outside())

@@ -58,7 +58,7 @@ def map_motions(
     from estim.line import read_theta_min
     from estim.reports.regimes import map_report, place_words
     from estim.studies.regimes import map_bodies
-    from estim.words import tell
+    from estim.words import describe
 
     loaded = load_campaign(campaign)
     loaded.require_body()
@@ -69,7 +69,7 @@ def map_motions(
     maps = map_bodies(loaded, bodies, ramp_length=ramp_length, fitted=values, seed=seed)
     write_report(folder, map_report(loaded, maps, line, seed=seed, figures=figures))
     for body_map in maps:
-        conclude(body_map.body, decide(body_map.findings), map(tell, body_map.findings))
+        conclude(body_map.body, decide(body_map.findings), map(describe, body_map.findings))
         for place in body_map.runs:
             say(f"  {place_words(body_map, place)}")
     ok = decide(finding for body_map in maps for finding in body_map.findings).ok

@@ -3,7 +3,7 @@
 A sentence is written where it is used, in English, as `phrase("{n} of {total} starts ended
 elsewhere", n=3, total=8)`; what it is in another language stands in `catalogue/LANGUAGE/*.toml`,
 under the English sentence.  `later` marks a sentence that is stored, and translated where it is
-used; those of a `PhraseTable`, and of the tables and of `said` in `estim.words`, need no mark.  A
+used; those of a `PhraseTable`, and of the tables and of `worded` in `estim.words`, need no mark.  A
 sentence that a catalogue lacks stays in English.  Not translated: errors, names of parameters, keys
 and statuses.
 """

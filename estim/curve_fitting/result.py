@@ -49,7 +49,7 @@ from estim.fitting import (
 )
 from estim.given_numbers import check_probability, real_numbers
 from estim.problem import Observations, Problem
-from estim.words import advice, advice_for, tell
+from estim.words import advice, advice_for, describe
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -136,7 +136,8 @@ class CurveFit:
     def reasons(self) -> tuple[str, ...]:
         """Everything wrong, a sentence each, gravest first; empty where the status is ok."""
         return tuple(
-            f"{tell(f)}; {advice(f)}" if f.kind in _ADVISED else tell(f) for f in self.findings
+            f"{describe(f)}; {advice(f)}" if f.kind in _ADVISED else describe(f)
+            for f in self.findings
         )
 
     @property
@@ -159,7 +160,7 @@ class CurveFit:
     @property
     def notes(self) -> tuple[str, ...]:
         """What to know before using it, a sentence each."""
-        return tuple(map(tell, self.remarks))
+        return tuple(map(describe, self.remarks))
 
     @property
     def problem(self) -> Problem:

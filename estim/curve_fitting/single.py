@@ -91,7 +91,7 @@ from estim.fitting import (
 )
 from estim.given_numbers import are_complex, check_whole, random_generator
 from estim.problem import Problem
-from estim.words import tell
+from estim.words import describe
 
 _ROUNDS = 60  # of the size of the errors, where priors make it matter
 _FELT = 0.3  # standard deviations by which effects must move a spread to be told
@@ -589,7 +589,7 @@ def _concluded(
         findings=findings,
         seen=unnamed([*uncertainty.notes, *remarks], fit),
         complete=not (findings or perfect or modelled or problem.own_density),
-        message=_message(best, sigma, perfect, [*map(tell, same_curve(fit)), *_notes(problem)]),
+        message=_message(best, sigma, perfect, [*map(describe, same_curve(fit)), *_notes(problem)]),
         goodness=goodness,
         fit=fit,
         held=held,

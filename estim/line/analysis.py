@@ -38,7 +38,7 @@ from estim.sampling import (
     sample_posterior,
     summarise,
 )
-from estim.words import advice_for, tell
+from estim.words import advice_for, describe
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class LineAnalysis(Judged):
             "stated": stated.value,
             "u_stated": stated.u,
         }
-        return tell(Finding(Kind.GAMMA_DISAGREES, size=reading.e_n, numbers=numbers))
+        return describe(Finding(Kind.GAMMA_DISAGREES, size=reading.e_n, numbers=numbers))
 
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values, or why there are none."""

@@ -14,7 +14,7 @@ from estim.line.angle_profile import scaled_points
 from estim.line.regression import LineFit
 from estim.line.slope_interval import SlopeInterval
 from estim.sampling import Chain
-from estim.words import tell
+from estim.words import describe
 
 
 class Judged:
@@ -28,7 +28,7 @@ class Judged:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        return tuple(map(tell, self.findings))
+        return tuple(map(describe, self.findings))
 
 
 def line_findings(fit: LineFit, interval: SlopeInterval, chain: Chain) -> tuple[Finding, ...]:

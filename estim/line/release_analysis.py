@@ -56,7 +56,7 @@ from estim.sampling import (
     parameter_cells,
     summarise,
 )
-from estim.words import advice_for, tell
+from estim.words import advice_for, describe
 
 WAYS: Mapping[str, str] = PhraseTable(
     {
@@ -148,7 +148,7 @@ class TrialsAnalysis(Judged):
         if difference is not None and abs(sds := difference.value / difference.u) > 2.0:
             numbers = _numbers((("apart", difference),)) | {"sds": sds}
             findings.append(Finding(Kind.ENDS_DISAGREE, size=0.5 * sds, numbers=numbers))
-        return tuple(map(tell, findings))
+        return tuple(map(describe, findings))
 
     def summary(self, name: str) -> Summary:
         unit, meaning, _ = UNKNOWNS[name]

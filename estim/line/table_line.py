@@ -55,7 +55,7 @@ from estim.reading import (
     uncertainty_of,
     value_columns,
 )
-from estim.words import first_step, tell
+from estim.words import describe, first_step
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +154,9 @@ class StraightLine:
         """What a reader must know before using the numbers; "" if nothing."""
         # which the fit states itself
         sentences = (
-            tell(finding) for finding in self.findings if finding.kind is not Kind.POINTS_SCATTER
+            describe(finding)
+            for finding in self.findings
+            if finding.kind is not Kind.POINTS_SCATTER
         )
         determined = self.fit.message or self.slope.message
         return " ".join(

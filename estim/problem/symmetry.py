@@ -24,7 +24,7 @@ import numpy as np
 from estim.arrays import BoolArray, FloatArray, IntArray
 from estim.common import Amount, Finding, Kind
 from estim.problem.posterior import Posterior, Problem
-from estim.words import tell
+from estim.words import describe
 
 TURNS = (0.5, 1.0, math.pi, 2.0 * math.pi, 180.0, 360.0)  # after which a phase may be the same
 _PART = 1.0 / 16.0  # of a turn, within a standard deviation of the others
@@ -362,5 +362,6 @@ def _taking(names: Sequence[str], matrix: FloatArray, i: int) -> str:
 def _simplest(changes: Iterable[tuple[Amount, ...]]) -> list[tuple[Amount, ...]]:
     """That of the fewest parameters, and of the shortest words."""
     return sorted(
-        changes, key=lambda change: (len(change), len(tell(Finding(Kind.IMAGE, parameters=change))))
+        changes,
+        key=lambda change: (len(change), len(describe(Finding(Kind.IMAGE, parameters=change)))),
     )[:1]

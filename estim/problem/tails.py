@@ -5,9 +5,9 @@ Which to choose:
 - `Gaussian`: every frame is as good as its sigma says.
 - `StudentT`: heavy tails, 4 degrees of freedom, sigma is the scale of the core.  Bad frames lose
   their weight smoothly; no further unknowns.  For a few mild outliers.
-- `OutlierMixture`: a frame is good, or (with probability `fraction`) an outlier whose sigma is `width`
-  times larger; both are inferred (Hogg, Bovy & Lang 2010, arXiv 1008.4686, eq. 17, with the
-  outliers centred on the curve).  For gross outliers, dropouts, a tail of the run that is another
+- `OutlierMixture`: a frame is good, or (with probability `fraction`) an outlier whose sigma is
+  `width` times larger; both are inferred (Hogg, Bovy & Lang 2010, arXiv 1008.4686, eq. 17, with
+  the outliers centred on the curve).  For gross outliers, dropouts, a tail of the run that is another
   motion; it names the bad frames.
 - `TwoPiece`: another stated error above than below, as in 1.0 (+0.3, -0.2).
 

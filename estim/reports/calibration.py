@@ -34,7 +34,7 @@ from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, fill, grid, name_tick
 from estim.problem import Problem
 from estim.reports.pages import Drawers, page
 from estim.reports.result import provenance
-from estim.words import direction_words, tell
+from estim.words import describe, direction_words
 
 SCHEMA = "estim-calibration/1"
 _AT = {"sbc": "priors", "coverage": "fit"}
@@ -108,7 +108,7 @@ def calibration_record(campaign: Campaign, c: Calibration) -> Json:
         "schema": SCHEMA,
         "what": c.what,
         "status": decide(calibration_findings),
-        "findings": [tell(f) for f in calibration_findings],
+        "findings": [describe(f) for f in calibration_findings],
         "runs": c.runs,
         "n_trial": c.n_trial,
         "n_rejected": c.n_rejected,

@@ -35,7 +35,7 @@ from estim.explanation import (
 )
 from estim.reports.records import Record
 from estim.reports.rendering import render
-from estim.words import tell
+from estim.words import describe
 
 _MOST_SHOWN = 6
 
@@ -82,7 +82,7 @@ def explanation_summary(explanation: Explanation | None) -> ExplanationSummary |
         return None
     baseline = explanation.plain
     return ExplanationSummary(
-        tell(verdict(explanation)),
+        describe(verdict(explanation)),
         number(baseline.p_order),
         number(baseline.p_size),
         msgspec.convert(explanation.candidates, list[CandidateSummary], from_attributes=True),
@@ -94,7 +94,7 @@ def explanation_text(explanation: Explanation) -> Markdown:
     candidates = explanation.found[:_MOST_SHOWN]
     return render(
         "explanation.md.j2",
-        verdict=tell(verdict(explanation)),
+        verdict=describe(verdict(explanation)),
         rows=candidates,
         value=_values,
         remains=_residual_words,
@@ -125,7 +125,7 @@ def slip_words(explanation: Explanation | None) -> str:
 
 def explanation_lines(explanation: Explanation) -> list[str]:
     """The same for a terminal, line by line."""
-    lines = [tell(verdict(explanation))]
+    lines = [describe(verdict(explanation))]
     for candidate in explanation.found[:_MOST_SHOWN]:
         line = phrase(
             "{gain:>7}  {words}: {value}; the residuals are then {left}",

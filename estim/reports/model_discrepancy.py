@@ -16,7 +16,7 @@ from estim.drawing import GREY, INK, ORANGE, RUN_COLOURS, Figure, draw_bands, gr
 from estim.pipeline import Analysis
 from estim.problem import Observations
 from estim.reports.records import Record
-from estim.words import tell
+from estim.words import describe
 
 _AVERAGE = "rolling_resistance"  # what a constant force is part of
 
@@ -86,9 +86,9 @@ def force_summary(analysis: Analysis, found_force: FoundForce) -> ForceSummary:
         own={entry.run: root_mean_square(entry.mean) for entry in found_force.own},
         growth=dict(found_force.growth) if ok else {},
         average=_average(analysis, found_force, sds) if ok else None,
-        words=tell(force_finding(found_force)),
+        words=describe(force_finding(found_force)),
         drawn=found_force.completed is not None,
-        noise_words=None if noise is None else tell(noise),
+        noise_words=None if noise is None else describe(noise),
         **_band(force.x, force.quantiles),
     )
 
@@ -231,7 +231,7 @@ def deviation_summary(analysis: Analysis, deviation: FoundDeviation) -> Deviatio
         stated=deviation.lacks.stated,
         conservative=deviation.conservative,
         growth=dict(deviation.growth) if analysis.diagnosis.ok else {},
-        words=tell(deviation_finding(deviation, x_unit=run.x_unit, y_unit=run.y_unit)),
+        words=describe(deviation_finding(deviation, x_unit=run.x_unit, y_unit=run.y_unit)),
         **_band(visible.x, visible.quantiles),
     )
 

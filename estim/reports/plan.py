@@ -33,7 +33,7 @@ from estim.planning import FAR, MORE, Halving, Option, Plan
 from estim.problem import Parameter
 from estim.reports.pages import Drawers, page
 from estim.reports.result import provenance
-from estim.words import tell
+from estim.words import describe
 
 SCHEMA = "estim-plan/2"
 _WIDE = 68  # characters of a row's name
@@ -45,7 +45,7 @@ def plan_status(plan: Plan) -> tuple[Status, list[str]]:
     from.
     """
     if plan.findings:
-        return decide(plan.findings), [tell(f) for f in plan.findings]
+        return decide(plan.findings), [describe(f) for f in plan.findings]
     if plan.shortfall:
         return Status.NOT_CONVERGED, [plan.shortfall]
     reasons = [

@@ -19,7 +19,7 @@ from estim.discrepancy import FoundForce
 from estim.pipeline import Analysis
 from estim.problem import Observations, Parameter, Problem
 from estim.sampling import Summary
-from estim.words import tell
+from estim.words import describe
 
 DRAWS = 20_000  # of which quantiles and standard deviations are shown
 LEAST_SHIFT = 0.05  # posterior standard deviations: a smaller shift is hidden by rounding
@@ -237,7 +237,7 @@ def bad_frames(forces: Sequence[FoundForce], run: str) -> list[BadFrame]:
             jump.sd,
             "s" if jump.kind == "clock" else force.reading_unit,
             jump.probability,
-            tell(words),
+            describe(words),
         )
         for force in forces
         if force.run == run

@@ -42,7 +42,7 @@ from estim.reports.result import SCHEMA, Result, provenance
 from estim.studies.known_values import FittedValues
 from estim.studies.regimes import BodyMap
 from estim.studies.run_places import RunPlace
-from estim.words import advice_for, sure, tell
+from estim.words import advice_for, describe, sure
 
 _DEGREES = float(np.degrees(1.0))
 _TILT_STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
@@ -88,7 +88,7 @@ def map_result(campaign: Campaign, maps: Sequence[BodyMap], *, seed: int) -> Jso
         "title": campaign.title,
         "kind": campaign.kind,
         "status": decide(findings),
-        "reasons": list(map(tell, findings)),
+        "reasons": list(map(describe, findings)),
         "advice": advice_for(findings),
         # the fit that the values come from; null where they are as stated
         "fitted": None if fitted is None else one_line(fitted.place),

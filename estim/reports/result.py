@@ -102,7 +102,7 @@ from estim.sampling import summarise, trusted
 from estim.studies.determination import Determination
 from estim.studies.fit_uncertainty_budget import PRIOR, READINGS, STATED, FitBudget
 from estim.versions import engine_versions, version
-from estim.words import Choice, advice_for, choices_for, common_error, tell
+from estim.words import Choice, advice_for, choices_for, common_error, describe
 
 SCHEMA = "estim-result/1"
 _WHERE = {
@@ -296,7 +296,7 @@ def result_of(
             conflict.dof,
             conflict.p_value,
             dict(conflict.pulls),
-            tell(stated_values(fit, conflict)),
+            describe(stated_values(fit, conflict)),
         ),
         what_if=[
             WhatIf(
@@ -433,11 +433,11 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
         y=run.y_label,
         n_obs=run.n_obs,
         noise=run.noise.describe(x_unit=run.x_unit, y_unit=run.y_unit, words=run.words),
-        complete=next(map(tell, [run.complete] if run.complete else unasked), None),
-        excluded=[tell(why) for why in run.excluded],
+        complete=next(map(describe, [run.complete] if run.complete else unasked), None),
+        excluded=[describe(why) for why in run.excluded],
         checks={**goodness.checks, **({"speed": goodness.speed} if goodness.speed else {})},
         scatter_ratio=number(goodness.scatter_ratio),
-        covered=next(map(tell, tolerated_pattern(goodness)), None),
+        covered=next(map(describe, tolerated_pattern(goodness)), None),
         facts=[
             *origin_facts(table, run, analysis.problem),
             *speed_facts(run),

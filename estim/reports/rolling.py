@@ -15,7 +15,7 @@ from estim.drawing import GREY, ORANGE, Axes, Figure, draw_bands, grid, legend_b
 from estim.pipeline import Analysis
 from estim.problem import Motion, Problem
 from estim.reports.records import Record
-from estim.words import tell
+from estim.words import describe
 
 
 class RollingSummary(Record):
@@ -47,7 +47,7 @@ def rolling_summaries(analysis: Analysis) -> dict[str, RollingSummary] | None:
             number(float(np.median(check.least_normal))),
             check.hops,
             number(check.holds),
-            tell(check.finding),
+            describe(check.finding),
         )
         for check in analysis.rolling
     }

@@ -35,7 +35,7 @@ from estim.sampling.importance import (
 )
 from estim.sampling.log_density import Density, log_density_in_batches
 from estim.sampling.proposal import Proposal
-from estim.words import tell
+from estim.words import describe
 
 # of runs that share a force: a chain is all that they have beside importance sampling, no marginal
 # over runs
@@ -109,7 +109,7 @@ class Agreement:
     @property
     def reason(self) -> str:
         """Why the verdict is what it is, in words."""
-        return "; ".join(map(tell, self.findings))
+        return "; ".join(map(describe, self.findings))
 
     @property
     def largest_difference(self) -> float:

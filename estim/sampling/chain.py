@@ -26,7 +26,7 @@ from estim.sampling.importance import K_HAT_LIMIT, kish_ess, pareto_smoothed
 from estim.sampling.independence_moves import STEPS_AHEAD, IndependenceMoves
 from estim.sampling.log_density import Density, log_density_in_batches
 from estim.sampling.proposal import Proposal
-from estim.words import tell
+from estim.words import describe
 
 _FIRST_CHECK = 60  # steps
 # autocorrelation times: walkers that start from draws of the posterior have little to forget
@@ -86,7 +86,7 @@ class Convergence:
     @property
     def message(self) -> str:
         """The criteria that are not met, in words."""
-        return "; ".join(map(tell, self.findings or (Finding(Kind.CRITERIA_MET),)))
+        return "; ".join(map(describe, self.findings or (Finding(Kind.CRITERIA_MET),)))
 
 
 @dataclass(frozen=True, eq=False)

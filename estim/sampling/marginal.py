@@ -43,7 +43,7 @@ from estim.sampling.importance import (
 )
 from estim.sampling.marginal_density import Marginal
 from estim.sampling.proposal import adapt_proposal
-from estim.words import tell
+from estim.words import describe
 
 _LEAST_ESS = 400.0
 _MOST_SAMPLED = 12
@@ -88,7 +88,7 @@ class MarginalPosterior:
     @property
     def reasons(self) -> tuple[str, ...]:
         """Why the draws may be used or not, in words."""
-        return tuple(map(tell, self.findings))
+        return tuple(map(describe, self.findings))
 
     @property
     def mean(self) -> FloatArray:

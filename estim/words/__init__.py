@@ -11,5 +11,5 @@ from estim.words.regimes import sure
 from estim.words.releases import told_apart
 from estim.words.residuals import TESTS, name_of_test
 from estim.words.statuses import status_words
-from estim.words.sentences import Choice, advice, advice_for, choices_for, tell
+from estim.words.sentences import Choice, advice, advice_for, choices_for, describe
 from estim.words.trials import direction_words

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from estim.common import Finding, Kind, later, phrase, split_level
-from estim.words.table import Table, said, symbol
+from estim.words.table import Table, symbol, worded
 
 _KEY_UNITS = {
     "°": "_deg",
@@ -28,11 +28,11 @@ def _stated(verdict: str, f: Finding) -> str:
         if len(parts) > 1
         else ""
     )
-    return f"{said(f, verdict)}{': ' if parts else ''}{'; '.join(parts)}{one_of}"
+    return f"{worded(f, verdict)}{': ' if parts else ''}{'; '.join(parts)}{one_of}"
 
 
 def _pull(f: Finding) -> str:
-    return said(
+    return worded(
         f,
         "{symbol} was stated as {shown}, {size:.1f} standard deviations below what the rest implies"
         if f.size > 0.0
@@ -44,7 +44,7 @@ def _pull(f: Finding) -> str:
 
 def _tied(f: Finding) -> str:
     named = phrase("{names} and {last}", names=", ".join(f.names[:-1]), last=f.names[-1])
-    return said(
+    return worded(
         f,
         "the runs disagree about the quantities they share ({p}), and these data cannot show which "
         "of these is wrong: {named}",
@@ -113,7 +113,7 @@ WORDS: Table = {
         + phrase("; but other values do not make the curve fit the data either")
     ),
     Kind.PULL: _pull,
-    Kind.COMMON_ERROR: lambda f: said(
+    Kind.COMMON_ERROR: lambda f: worded(
         f,
         "{error}: {symbol} shifts by {value:.1f}"
         if f.parameters
@@ -133,7 +133,7 @@ WORDS: Table = {
         "quantities they share ({p})"
     ),
     Kind.RUN_DISAGREES: lambda f: (
-        said(
+        worded(
             f,
             "run {run} disagrees with the others about the quantities they "
             "share; without it the others agree ({p} with it)",
@@ -142,7 +142,7 @@ WORDS: Table = {
     ),
     Kind.RUNS_TIED: _tied,
     Kind.RUNS_DISAGREE: lambda f: (
-        said(
+        worded(
             f,
             "the runs disagree about the quantities they share ({p}), and "
             "leaving out any single run does not resolve this",

@@ -7,12 +7,12 @@ from __future__ import annotations
 import math
 
 from estim.common import Finding, Kind, phrase
-from estim.words.table import Table, filled, said, symbol
+from estim.words.table import Table, filled, symbol, worded
 
 
 def _differs(f: Finding) -> str:
     what = phrase(" and ").join(filled(WORDS, part) for part in f.parts)
-    return said(
+    return worded(
         f,
         "chain and {test} differ (as they did before, with other random numbers) in {what}"
         if "before" in f.numbers
@@ -23,7 +23,7 @@ def _differs(f: Finding) -> str:
 
 def _unreliable(f: Finding) -> str:
     k_hat = f"{f.size:.2f}" if math.isfinite(f.size) else phrase("infinite")
-    return said(
+    return worded(
         f,
         "the importance weights are unreliable: k-hat is {shown}, above {limit}, after "
         "{draws:.0f} draws",
@@ -32,14 +32,14 @@ def _unreliable(f: Finding) -> str:
 
 
 def _agrees(f: Finding) -> str:
-    words = said(
+    words = worded(
         f,
         "means, standard deviations and ends of the 95 % intervals agree within "
         "Monte-Carlo errors; largest difference {size:.3f} posterior standard deviations",
     )
     if "before" not in f.numbers:
         return words
-    return words + said(
+    return words + worded(
         f,
         "; both were computed twice, because the first pair differed by {before:.1f} "
         "Monte-Carlo errors, by chance",
@@ -48,7 +48,7 @@ def _agrees(f: Finding) -> str:
 
 WORDS: Table = {
     Kind.CHAIN_SHORT: "sampling stopped after {n:.0f} steps although {parts}",
-    Kind.WALKERS_STUCK: lambda f: said(
+    Kind.WALKERS_STUCK: lambda f: worded(
         f, "{n:.0f} walkers never moved" if f.size > 1 else "{n:.0f} walker never moved"
     ),
     Kind.RHAT_HIGH: "R-hat {size:.3f} is not below {limit}",
@@ -94,7 +94,7 @@ WORDS: Table = {
         "the values of {names}, which are stated as 0 within an uncertainty, are fitted here; "
         "integrated out, as in draws of the posterior, they leave another value of {name}"
     ),
-    Kind.UNIFORM_PRIOR_MOVES: lambda f: said(
+    Kind.UNIFORM_PRIOR_MOVES: lambda f: worded(
         f,
         "limits on both sides state a uniform prior ({limited}); Jeffreys' prior within them would "
         "move {moved} by {size:+.1f} standard deviations: leave out a limit that nothing but "
@@ -116,7 +116,7 @@ WORDS: Table = {
         "the exact weights in all dimensions are too uneven to validate the "
         "result (k-hat {size:.2f}, effective sample size {ess:.0f})"
     ),
-    Kind.WEIGHTS_MOVE: lambda f: said(
+    Kind.WEIGHTS_MOVE: lambda f: worded(
         f,
         "the exact weights shift a shared parameter by {size:.2f} standard deviations "
         "(Monte-Carlo error {u:.2f}): {cure}",

@@ -5,23 +5,23 @@ from __future__ import annotations
 import math
 
 from estim.common import Finding, Kind, format_quantity, phrase
-from estim.words.table import Table, said
+from estim.words.table import Table, worded
 
 
 def _where(f: Finding) -> str:
     n = f.numbers
     place = f"x = {n['x']:.4g}" if math.isnan(n["t"]) else f"t = {n['t']:.6g} s"
-    return place + (said(f, " (line {line:.0f} of its file)") if n["line"] else "")
+    return place + (worded(f, " (line {line:.0f} of its file)") if n["line"] else "")
 
 
 def _shift(f: Finding) -> str:
-    counts = said(f, ", {counts:+.1f} counts of the encoder") if f.numbers["counts"] else ""
+    counts = worded(f, ", {counts:+.1f} counts of the encoder") if f.numbers["counts"] else ""
     sign = "+" if f.size > 0.0 else ""
     return f"{sign}{format_quantity(f.size, f.numbers['sd'])} {f.names[0]}{counts} (P = {f.p:.3f})"
 
 
 def _frame(f: Finding) -> str:
-    sentence = said(
+    sentence = worded(
         f,
         "run {run}: the frame at {where} is displaced by {shift}; the data are not altered: "
         "the frame stays in the fit, and its displacement is an additional unknown",
@@ -30,13 +30,13 @@ def _frame(f: Finding) -> str:
     )
     if math.isnan(f.numbers["t"]):
         return sentence
-    return sentence + said(
+    return sentence + worded(
         f, "; to leave it out, put leave_out_s = [{t:.6g}] in the table of the run"
     )
 
 
 def _windows(f: Finding) -> str:
-    return said(
+    return worded(
         f,
         "with t_max_s = {before:.6g} in its window a fit has only what comes before, with "
         "t_min_s = {after:.6g} only what comes after",
@@ -45,7 +45,7 @@ def _windows(f: Finding) -> str:
 
 def _lost(f: Finding) -> str:
     frames = f.numbers["frames"]
-    return said(
+    return worded(
         f,
         "run {run}: before the frame at {where} {what}, but the time stamps do not show it (P "
         "= {prob:.3f}); the data are not altered: the time offset is an additional unknown; "
@@ -61,7 +61,7 @@ def _lost(f: Finding) -> str:
 
 WORDS: Table = {
     Kind.FRAME_OFF: _frame,
-    Kind.STEP_STAYS: lambda f: said(
+    Kind.STEP_STAYS: lambda f: worded(
         f,
         "run {run}: from the frame at {where} onwards all readings are displaced by {shift}; "
         "the data are not altered: the displacement is an additional unknown; {windows} "

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from estim.common import Finding, Kind, PhraseTable, behind, later, phrase
-from estim.words.table import Table, said
+from estim.words.table import Table, worded
 
 _READ_AS = PhraseTable(
     {
@@ -58,7 +58,7 @@ def _how(f: Finding) -> str:
 
 
 WORDS: Table = {
-    Kind.DEVIATION_FOUND: lambda f: said(
+    Kind.DEVIATION_FOUND: lambda f: worded(
         f,
         "{of_run}the residuals about the curve are not white noise; they are interpreted as "
         "{how}; the part that no parameter values can reproduce is {typical:.2g}{unit} (root "
@@ -84,7 +84,7 @@ WORDS: Table = {
         "its stated size (a half-normal prior of this scale exceeds 2.5 once in "
         "80 cases): either the curve or the stated size of the deviation is wrong"
     ),
-    Kind.DEVIATION_TOO_SLOW: lambda f: said(
+    Kind.DEVIATION_TOO_SLOW: lambda f: worded(
         f, _SLOW["correlated" if "correlated" in f.names else "smooth"]
     ),
 }

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 
 from estim.common import Amount, Finding, Kind, behind, format_rounded, later, percentage, phrase
-from estim.words.table import Table, said, symbol, value_words
+from estim.words.table import Table, symbol, value_words, worded
 
 _MOST_NAMED = 5
 _STILL_SHIFTED = later(
@@ -29,7 +29,7 @@ def _equal(f: Finding) -> str:
 
 
 def _solution(f: Finding) -> str:
-    return said(
+    return worded(
         f, "{values} ({share} of the posterior)", values=_equal(f), share=percentage(f.size)
     )
 
@@ -58,7 +58,7 @@ def _moves(f: Finding) -> str:
 
 def _silent(f: Finding) -> str:
     together, still = len(f.parameters) > 1, f.size < 1e-6
-    return said(
+    return worded(
         f,
         (
             "{moves} together do not change the predicted data at all"
@@ -122,14 +122,14 @@ def _limit(f: Finding) -> str:
     cell = one_sided(
         f.test, f.size, edge.value, factor=edge.label.factor, unit=behind(edge.label.unit)
     )
-    return said(
+    return worded(
         f, "{symbol} {limit}: its most probable value is the edge of its range, {shown}", limit=cell
     )
 
 
 def _held(f: Finding) -> str:
     named, n = ", ".join(f.names[:_MOST_NAMED]), len(f.names) - _MOST_NAMED
-    return said(
+    return worded(
         f,
         "the covariance of {which} was kept constant, because it oscillates with the curve: "
         "its own values may be wrong by {size:.2g} of their standard deviations, all others by "
@@ -141,7 +141,7 @@ def _held(f: Finding) -> str:
 def _not_settled(f: Finding) -> str:
     if f.names:
         return phrase("the least-squares fit did not converge: {held}", held=_held(f))
-    return said(
+    return worded(
         f,
         _STILL_SHIFTED
         if f.parameters
@@ -189,7 +189,7 @@ WORDS: Table = {
         "one of them is intended, select it by bounds"
     ),
     Kind.VALUES: _equal,
-    Kind.SEVERAL_SOLUTIONS: lambda f: said(
+    Kind.SEVERAL_SOLUTIONS: lambda f: worded(
         f,
         "the data allow {n:.0f} separate solutions: {solutions}{more}",
         solutions=phrase("; or ").join(map(_solution, f.parts)),
@@ -207,7 +207,7 @@ WORDS: Table = {
     Kind.SINGULAR: (
         "a combination of the parameters is determined neither by the data nor by the priors"
     ),
-    Kind.UNDETERMINED: lambda f: said(
+    Kind.UNDETERMINED: lambda f: worded(
         f,
         "{name} has no standard deviation at its best value, {value:.6g}: the curve is the same on "
         "both sides of it, so that it does not change there to first order; give it the limit "
@@ -226,7 +226,7 @@ WORDS: Table = {
         "the curve is the same after each step of {size:.4g} in {name}, and so far from the data "
         "several of these steps are within its uncertainty"
     ),
-    Kind.OPEN_SIDE: lambda f: said(f, _OPEN.get(f.test, _OPEN_BOTH)),
+    Kind.OPEN_SIDE: lambda f: worded(f, _OPEN.get(f.test, _OPEN_BOTH)),
     Kind.PRESSED_EDGE: (
         "{symbol} lies at the edge of its prior, {shown}, and the data favour "
         "values beyond it ({p})"

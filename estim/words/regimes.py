@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 
 from estim.common import Finding, Kind
-from estim.words.table import Table, said
+from estim.words.table import Table, worded
 
 
 def sure(p: float) -> str:
@@ -25,7 +25,7 @@ def sure(p: float) -> str:
 
 def _off(f: Finding) -> str:
     n = f.numbers
-    return said(
+    return worded(
         f,
         "run {run}: with these values it should not start in this direction, but its "
         "recording extends to {farthest:.3g} m ({sure})"

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 
 from estim.common import Finding, Kind, later, phrase, signed
-from estim.words.table import Table, said
+from estim.words.table import Table, worded
 
 _LEARNT, _SILENT = 0.5, 0.9  # posterior sd / prior sd
 
 
 def _silent(f: Finding) -> str:
     n = f.numbers["n_trial"]
-    outcome = said(
+    outcome = worded(
         f,
         "none of {n_trial:.0f}"
         if f.size == 0
@@ -20,7 +20,7 @@ def _silent(f: Finding) -> str:
         if f.size == n
         else "{size:.0f} of {n_trial:.0f}",
     )
-    return said(
+    return worded(
         f,
         "the trials do not determine gamma: {outcome} climbed, and the standard deviation of "
         "gamma is still {share:.0f} % of its prior value",

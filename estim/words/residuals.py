@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 
 from estim.common import Finding, Kind, PhraseTable, at_commands, percentage, phrase
-from estim.words.table import Table, facts, said
+from estim.words.table import Table, facts, worded
 
 TESTS = PhraseTable(
     {
@@ -52,7 +52,7 @@ def name_of_test(test: str) -> str:
 
 
 def _failed(f: Finding) -> str:
-    return said(
+    return worded(
         f,
         "{of_run}{what} (test '{test}', {p})",
         what=_times_too_far(f.numbers["times"]) if "times" in f.numbers else TESTS[f.test],
@@ -63,7 +63,7 @@ def _failed(f: Finding) -> str:
 def _larger(f: Finding) -> str:
     if "dof" not in f.numbers:
         return _failed(f)
-    return said(
+    return worded(
         f,
         "{what}: chi2 = {size:.4g} for {dof:.0f} degrees of freedom, {p}",
         what=_times_too_far(math.sqrt(f.size / f.numbers["dof"])),
@@ -79,13 +79,13 @@ def _times_too_far(times: float) -> str:
 
 def _small(f: Finding) -> str:
     if not f.size > 0.0:
-        return said(
+        return worded(
             f,
             "the residuals are smaller than u_y implies (chi2 = {size:.4g} for {dof:.0f} "
             "degrees of freedom): is u_y too large, and so every interval too? Or do the "
             "points share their errors, or were they smoothed?",
         )
-    return said(
+    return worded(
         f,
         "the residuals are smaller than u_y implies (chi2 = {size:.4g} for {dof:.0f} degrees "
         "of freedom): is u_y too large, by a factor of about {times:.2g}, and so every "
@@ -95,7 +95,7 @@ def _small(f: Finding) -> str:
 
 
 def _deviance(f: Finding) -> str:
-    return said(f, "deviance = {size:.4g} for {dof:.0f} degrees of freedom")
+    return worded(f, "deviance = {size:.4g} for {dof:.0f} degrees of freedom")
 
 
 def _counts_as_readings(f: Finding) -> str:
@@ -134,7 +134,7 @@ WORDS: Table = {
         "{of_run}the residuals are smaller than the stated noise ({p}): is the "
         "stated sigma too large?"
     ),
-    Kind.NOISE_WITH_SPEED: lambda f: said(
+    Kind.NOISE_WITH_SPEED: lambda f: worded(
         f,
         "{of_run}the readings scatter more where the body is fast ({p}): were the images "
         "blurred? State the exposure time of each frame, exposure_s in the noise table"
@@ -142,7 +142,7 @@ WORDS: Table = {
         else "{of_run}the readings scatter more where the body is fast ({p}): timing errors, or "
         "counts missed by an encoder there, would explain it",
     ),
-    Kind.PATTERN_COVERED: lambda f: said(
+    Kind.PATTERN_COVERED: lambda f: worded(
         f,
         "{of_run}the stated error is conservative: the residuals are {size:.2g} times the "
         "stated error and show a pattern ({failed}), but taken together they are smaller than "
@@ -155,7 +155,7 @@ WORDS: Table = {
         "{failed} is disregarded",
         failed=_tests(f),
     ),
-    Kind.NEIGHBOURS_ALIKE: lambda f: said(
+    Kind.NEIGHBOURS_ALIKE: lambda f: worded(
         f,
         "{of_run}neighbouring residuals are correlated ({tests}, {p}), although they are no "
         "larger than stated: the errors of successive readings are correlated. The unmodelled "
@@ -165,14 +165,14 @@ WORDS: Table = {
     ),
     Kind.CHI2_TOO_LARGE: _larger,
     Kind.CHI2_SMALL: _small,
-    Kind.COUNTS_SCATTER: lambda f: said(
+    Kind.COUNTS_SCATTER: lambda f: worded(
         f,
         "{of_run}the counts scatter more about the curve than independent events can ({found})",
         found=f"{_deviance(f)}, {facts(f)['p']}"
         if "dof" in f.numbers
-        else said(f, "test '{test}', {p}", test=name_of_test(f.test)),
+        else worded(f, "test '{test}', {p}", test=name_of_test(f.test)),
     ),
-    Kind.COUNTS_EVEN: lambda f: said(
+    Kind.COUNTS_EVEN: lambda f: worded(
         f,
         "{of_run}the counts scatter less than independent events can ({found}): are they "
         "averages, scaled, smoothed or made by hand?",
@@ -185,7 +185,7 @@ WORDS: Table = {
     Kind.SCATTER_LARGE: (
         "{of_run}the inferred scatter is {n:.1f} times that expected from the instrument"
     ),
-    Kind.OUTLIERS_CROWD: lambda f: said(
+    Kind.OUTLIERS_CROWD: lambda f: worded(
         f,
         "{of_run}{share} of the readings would be outliers: perhaps it is the others that do "
         "not belong to the curve",
@@ -199,7 +199,7 @@ WORDS: Table = {
         "correct digits in the values: write the "
         "formula in x - x0, with x0 in the middle of the data"
     ),
-    Kind.FEW_DEGREES: lambda f: said(
+    Kind.FEW_DEGREES: lambda f: worded(
         f,
         "there are only {n:.0f} degrees of freedom: value ± standard error contains the true "
         "value in {share:.0f} % of such experiments, not in 68 %; the intervals (Student's t) "

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 from estim.common import Finding, Kind, later, phrase
-from estim.words.table import Table, said
+from estim.words.table import Table, worded
 
 
 def _needs(f: Finding) -> str:
     n = f.numbers
-    return said(
+    return worded(
         f,
         "near {where:.2g} {names} no friction is sufficient: the ramp would have to pull on "
         "the body"
@@ -24,7 +24,7 @@ def _needs(f: Finding) -> str:
 
 
 def _with_friction(f: Finding, words: str) -> str:
-    return said(
+    return worded(
         f,
         words,
         p=phrase("above 0.995")

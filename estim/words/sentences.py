@@ -270,7 +270,7 @@ ADVICE: Mapping[Kind, str] = {
 }
 
 
-def tell(finding: Finding) -> str:
+def describe(finding: Finding) -> str:
     """The finding as a sentence without a full stop."""
     return filled(WORDS, finding)
 

@@ -17,10 +17,10 @@ def filled(table: Table, finding: Finding) -> str:
     if not isinstance(words, str):
         return words(finding)
     parts = [filled(table, part) for part in finding.parts]
-    return said(finding, words, parts="; ".join(parts), either=phrase("; or ").join(parts))
+    return worded(finding, words, parts="; ".join(parts), either=phrase("; or ").join(parts))
 
 
-def said(finding: Finding, words: str, /, **further: object) -> str:
+def worded(finding: Finding, words: str, /, **further: object) -> str:
     """A sentence of a finding, in which `further` words stand too."""
     return phrase(words, **{**facts(finding), **further})
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from estim.common import Kind, percentage
-from estim.words.table import Table, said
+from estim.words.table import Table, worded
 
 WORDS: Table = {
-    Kind.LINE_NOT_RISING: lambda f: said(
+    Kind.LINE_NOT_RISING: lambda f: worded(
         f,
         "the points do not determine a rising line: the exact {probability} interval of its "
         "slope is [{low:.3g}, {high:.3g}]",

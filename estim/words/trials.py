@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from estim.common import Finding, Kind, PhraseTable, phrase
-from estim.words.table import Table, said
+from estim.words.table import Table, worded
 
 _DIRECTIONS = PhraseTable(
     {
@@ -23,7 +23,7 @@ def direction_words(direction: str) -> str:
 
 def _coverage(f: Finding) -> str:
     p, covered = f.numbers["probability"], f.size
-    return said(
+    return worded(
         f,
         "{name}: {how} (the {p:.0f} % interval covered {held:.1f} %, {errors:.1f} Monte-Carlo "
         "standard deviations too few)"
@@ -37,7 +37,7 @@ def _coverage(f: Finding) -> str:
 
 
 WORDS: Table = {
-    Kind.RANKS_UNEVEN: lambda f: said(
+    Kind.RANKS_UNEVEN: lambda f: worded(
         f, "{name}: {how} (ranks not uniform, {p})", how=direction_words(f.test) or phrase("uneven")
     ),
     Kind.COVERAGE_OFF: _coverage,

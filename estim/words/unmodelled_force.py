@@ -5,10 +5,10 @@ changes.
 from __future__ import annotations
 
 from estim.common import Kind, phrase
-from estim.words.table import Table, said
+from estim.words.table import Table, worded
 
 WORDS: Table = {
-    Kind.FORCE_FOUND: lambda f: said(
+    Kind.FORCE_FOUND: lambda f: worded(
         f,
         "{who}: the residuals about the curve are not white noise; interpreted as {what}, "
         "they amount to {share:.2g} % of the weight (root mean square along the track; at most "
