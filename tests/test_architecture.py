@@ -195,7 +195,7 @@ def test_nobody_asks_which_kind_of_noise_it_is():
         "Counts",
         "Events",
         "StudentT",
-        "Mixture",
+        "OutlierMixture",
     }
     for module in FILES:
         for node in nodes()[module]:

@@ -14,8 +14,8 @@ import pytest
 
 from estim.model import (
     Body,
+    End,
     Forces,
-    RollingEnd,
     angular_rate,
     contact_forces,
     end_of_rolling,
@@ -226,7 +226,7 @@ def test_littlewoods_hoop_hops_at_ninety_degrees():
     )
     hop, why = end_of_rolling(LITTLEWOOD, mu=np.inf, phi=0.0, theta0=theta0, ramp_end=2.0)
     assert math.degrees(hop[0, 0] + theta0) == pytest.approx(90.0, abs=1e-5)
-    assert why[0, 0] == RollingEnd.HOPS
+    assert why[0, 0] == End.HOPS
 
 
 @pytest.mark.parametrize("mu", [0.2, 0.5, 0.99])
@@ -234,12 +234,10 @@ def test_littlewoods_hoop_slips_before_it_hops(mu):
     """|F|/N = tan(theta/2), 1 at 90 degrees."""
     angle, why = end_of_rolling(LITTLEWOOD, mu=mu, phi=0.0, theta0=1e-4, ramp_end=2.0)
     assert angle[0, 0] + 1e-4 == pytest.approx(2 * math.atan(mu), abs=1e-6)
-    assert why[0, 0] == RollingEnd.SLIPS
+    assert why[0, 0] == End.SLIPS
 
 
-@pytest.mark.parametrize(
-    ("excess", "expected"), [(-1e-3, RollingEnd.RAMP), (1e-3, RollingEnd.HOPS)]
-)
+@pytest.mark.parametrize(("excess", "expected"), [(-1e-3, End.RAMP), (1e-3, End.HOPS)])
 def test_a_hoop_and_particle_of_equal_mass_bounce_from_the_speed_of_irodov_on(excess, expected):
     """An exercise of I. E. Irodov, Problems in General Physics, section 1.5: no bouncing while v0
     <= sqrt(8 g R) with the particle at the bottom.
@@ -263,7 +261,7 @@ def test_a_hoop_and_particle_of_equal_mass_bounce_from_the_speed_of_irodov_on(ex
     assert why[0, 0] == expected
     assert (
         angle[0, 0] == pytest.approx(2 * math.pi)
-        if expected is RollingEnd.RAMP
+        if expected is End.RAMP
         else 2.0 < angle[0, 0] < math.pi
     )
 
@@ -280,7 +278,7 @@ def test_rolling_ends_where_the_body_turns_or_the_ramp_does():
         **place,
         ramp_end=np.array([[0.877], [0.3], [0.877]]),
     )
-    assert why[:, 0].tolist() == [RollingEnd.TURNS, RollingEnd.RAMP, RollingEnd.SLIPS]
+    assert why[:, 0].tolist() == [End.TURNS, End.RAMP, End.SLIPS]
     assert angle[:2, 0] == pytest.approx([turn, 0.3 / 0.15], rel=1e-12)
     at_slip = needed_friction(contact_forces(angle[2], body, **place))
     assert at_slip == pytest.approx(0.02, rel=1e-9) or angle[2, 0] == 0.0

@@ -35,12 +35,7 @@ from estim.common import format_rounded
 from estim.common.errors import InputError
 from estim.measurement_model.coverage_regions import ellipse
 from estim.measurement_model.input_tables import InputTable
-from estim.measurement_model.model_file import (
-    _ModelTable,
-    _OutputTable,
-    model_of_formula,
-    read_model,
-)
+from estim.measurement_model.model_file import _OutputTable, _TopTable, model_of_formula, read_model
 from estim.measurement_model.propagating import propagate
 from estim.propagation import propagate_linear, propagate_monte_carlo
 from estim.propagation.scores import Distribution
@@ -457,7 +452,7 @@ def test_the_example_of_the_docs_says_what_they_say(tmp_path, project):
 
 def test_every_key_stands_in_the_docs(project):
     page = (project / "docs" / "propagation.md").read_text()
-    tables = (_ModelTable, _OutputTable, InputTable)
+    tables = (_TopTable, _OutputTable, InputTable)
     keys = {key for table in tables for key in table.__struct_fields__}
     assert {key for key in keys if not re.search(rf"[`\[ ]{key}\b", page)} == set()
     assert {kind for kind in get_args(Distribution) if f"`{kind}`" not in page} == set()

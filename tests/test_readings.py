@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estim.model import InstrumentErrors, blurred_sigma
+from estim.model import Readings, blurred_sigma
 
-ODD = InstrumentErrors(scale_x=0.01, scale_t=-0.02, bow=0.005, length=0.6, start=0.1)
+ODD = Readings(scale_x=0.01, scale_t=-0.02, bow=0.005, length=0.6, start=0.1)
 
 
 def test_perfect_instruments_read_what_is_true():
-    x, perfect = np.linspace(-0.1, 0.5, 7), InstrumentErrors()
+    x, perfect = np.linspace(-0.1, 0.5, 7), Readings()
     assert np.array_equal(perfect.position(x), x)
     assert perfect.true_position(x) == pytest.approx(x, abs=1e-15)
     assert np.array_equal(perfect.speed(x, x), x)
@@ -22,12 +22,12 @@ def test_true_positions_and_times_come_back():
     x = np.linspace(-0.1, 0.5, 13)
     assert ODD.true_position(ODD.position(x)) == pytest.approx(x, abs=1e-14)
     assert ODD.true_time(ODD.time(x)) == pytest.approx(x)
-    draws = InstrumentErrors(bow=np.array([[0.0], [-0.004], [0.004]]), length=0.6)
+    draws = Readings(bow=np.array([[0.0], [-0.004], [0.004]]), length=0.6)
     assert draws.true_position(draws.position(x)) == pytest.approx(np.tile(x, (3, 1)), abs=1e-14)
 
 
 def test_the_bow_leaves_the_ends_of_the_picture_and_the_release_alone():
-    bent = InstrumentErrors(bow=0.005, length=0.6, start=0.1)
+    bent = Readings(bow=0.005, length=0.6, start=0.1)
     place = np.array([-0.1, 0.0, 0.2, 0.5])  # an end, the release, the middle, the other end
     moved = bent.position(place) - place
     at_release = 4 * 0.005 * 0.1 * 0.5 / 0.36
@@ -44,7 +44,7 @@ def test_speeds_are_the_change_of_what_is_read():
 
 
 def test_a_reading_beyond_the_farthest_is_no_position():
-    assert np.isnan(InstrumentErrors(bow=0.3, length=0.6).true_position([0.2, 5.0])).tolist() == [
+    assert np.isnan(Readings(bow=0.3, length=0.6).true_position([0.2, 5.0])).tolist() == [
         False,
         True,
     ]

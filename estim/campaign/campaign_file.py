@@ -153,7 +153,7 @@ class DerivedTable(KeyTable, frozen=True):
     meaning: str | None = None
 
 
-class _CampaignTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+class _TopTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     title: str
     kind: Kind
     published: str | None = None
@@ -301,7 +301,7 @@ def _checked_file(
     for key in _OF_BODIES if tree.get("curve") else ():
         if tree.get(key):
             raise places.error("cannot be combined with a [curve] table", (key,))
-    top = checked(tree, _CampaignTable, places, ())
+    top = checked(tree, _TopTable, places, ())
     runs, curve_runs = list[RunTable](), list[CurveRunTable]()
     if top.curve is None:
         runs = checked(top.runs, list[RunTable], places, ("runs",))

@@ -22,7 +22,7 @@ from estim.model import (
     Body,
     ContactForces,
     Forces,
-    InstrumentErrors,
+    Readings,
     back_and_forth,
     blurred_sigma,
     contact_forces,
@@ -166,7 +166,7 @@ class _Known:
     energy: ArrayLike | None
     speed: ArrayLike | None
     forces: Forces | None
-    readings: InstrumentErrors
+    readings: Readings
 
     @property
     def acting(self) -> dict[str, Any]:
@@ -197,7 +197,7 @@ def _known(arguments: Named, setting: Setting) -> _Known:
         energy_at_release,
         speed,
         Forces(**acting) if acting else None,
-        InstrumentErrors(**read, length=setting.picture.length, start=setting.picture.start),
+        Readings(**read, length=setting.picture.length, start=setting.picture.start),
     )
 
 
@@ -273,11 +273,7 @@ class PhaseCurve:
 
 
 def _as_read(
-    derivative: FloatArray,
-    squares: list[FloatArray],
-    order: int,
-    readings: InstrumentErrors,
-    x: FloatArray,
+    derivative: FloatArray, squares: list[FloatArray], order: int, readings: Readings, x: FloatArray
 ) -> FloatArray:
     """Time derivative of order 2 or 4 of the speed that is read, from that of the true speed
     (`derivative`), by Leibniz of x_read = a x - k x^2.

@@ -42,7 +42,7 @@ class _CorrelationTable(KeyTable, frozen=True, kw_only=True):
     r: Annotated[float, Meta(ge=-1.0, le=1.0)]
 
 
-class _ModelTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+class _TopTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     title: str = ""
     source: str = ""
     measurand: dict[str, Any]
@@ -159,7 +159,7 @@ def _model_of(
         if not isinstance(raw, dict):
             rule = "must be a table, like {value = 1.0, u = 0.1}"
             raise places.error(rule, ("inputs", name), value=raw)
-    top = checked(tree, _ModelTable, places, ())
+    top = checked(tree, _TopTable, places, ())
     quantities = tuple(_quantity(name, table, places) for name, table in top.inputs.items())
     if not 1 <= sum(len(quantity.parts) for quantity in quantities) <= _MOST_INPUTS:
         raise places.error(
@@ -197,7 +197,7 @@ def _quantity(name: str, table: InputTable, places: Places) -> InputQuantity:
     return InputQuantity(name, table.unit, parts, (table.meaning, *meanings))
 
 
-def _outputs(top: _ModelTable, places: Places) -> tuple[Output, ...]:
+def _outputs(top: _TopTable, places: Places) -> tuple[Output, ...]:
     """One table `[measurand]`, or several `[measurand.NAME]`."""
     alone = isinstance(top.measurand.get("formula"), str)
     tables = {str(top.measurand.get("name", "y")): top.measurand} if alone else top.measurand
@@ -314,7 +314,7 @@ def _place_of_formula(output: Output, places: Places) -> tuple[str, ...]:
 
 
 def _correlations(
-    top: _ModelTable, quantities: Sequence[InputQuantity], places: Places
+    top: _TopTable, quantities: Sequence[InputQuantity], places: Places
 ) -> dict[tuple[str, str], float] | None:
     """Stated correlations, and those of readings that were taken together (GUM 5.2.3, eq. 17)."""
     parts = {part.name: part for quantity in quantities for part in quantity.parts}
@@ -348,7 +348,7 @@ def _correlations(
     return pairs or None
 
 
-def _check_sets(top: _ModelTable, places: Places) -> None:
+def _check_sets(top: _TopTable, places: Places) -> None:
     """n - N degrees of freedom must be left (JCGM 102, 5.3.2)."""
     if top.simultaneous_dof == "n - 1":
         return
@@ -365,7 +365,7 @@ def _check_sets(top: _ModelTable, places: Places) -> None:
             )
 
 
-def _together(quantity: InputQuantity, top: _ModelTable) -> InputQuantity:
+def _together(quantity: InputQuantity, top: _TopTable) -> InputQuantity:
     """The quantity, its readings marked as taken together with those of its group."""
     at = next((i for i, group in enumerate(top.simultaneous) if quantity.name in group), None)
     if at is None:
@@ -380,7 +380,7 @@ def _together(quantity: InputQuantity, top: _ModelTable) -> InputQuantity:
 
 
 def _of_readings(
-    top: _ModelTable, group: Sequence[str], places: Places, path: KeyPath
+    top: _TopTable, group: Sequence[str], places: Places, path: KeyPath
 ) -> dict[tuple[str, str], float]:
     lists = []
     for name in group:

@@ -3,13 +3,7 @@
 """
 
 from estim.model.body import Body
-from estim.model.contact import (
-    ContactForces,
-    RollingEnd,
-    contact_forces,
-    end_of_rolling,
-    needed_friction,
-)
+from estim.model.contact import ContactForces, End, contact_forces, end_of_rolling, needed_friction
 from estim.model.forces import (
     Forces,
     moment_ratio,
@@ -31,7 +25,7 @@ from estim.model.phase_curve import (
     turning_angle,
     turning_point,
 )
-from estim.model.readings import InstrumentErrors, blurred_sigma
+from estim.model.readings import Readings, blurred_sigma
 from estim.model.regimes import range_of_release, release_for_turn, release_that_rolls_on
 
 __all__ = [

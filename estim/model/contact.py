@@ -58,7 +58,7 @@ class ContactForces:
     friction: FloatArray
 
 
-class RollingEnd(IntEnum):
+class End(IntEnum):
     """Why rolling without slipping ends.
 
     >>> from estim.model import End
@@ -178,7 +178,7 @@ def end_of_rolling(
     release_energy: ArrayLike | None = None,
     forces: Forces | None = None,
 ) -> tuple[FloatArray, IntArray]:
-    """(angle turned (rad) when rolling without slipping ends, why: `RollingEnd`), (n_draw, 1) each.
+    """(angle turned (rad) when rolling without slipping ends, why: `End`), (n_draw, 1) each.
 
     The first of: a turning point, the end of the ramp, |F| > mu N, N < 0.  Found at 400 angles and
     then by halving, so an excess over less than 1/400 of the way may be missed.
@@ -224,8 +224,6 @@ def end_of_rolling(
         low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
     hops = contact_forces(high, body, **place).normal < 0.0
     why = np.where(
-        ends,
-        np.where(hops, RollingEnd.HOPS, RollingEnd.SLIPS),
-        np.where(turn <= ramp, RollingEnd.TURNS, RollingEnd.RAMP),
+        ends, np.where(hops, End.HOPS, End.SLIPS), np.where(turn <= ramp, End.TURNS, End.RAMP)
     )
     return np.where(ends, high, last), why

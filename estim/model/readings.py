@@ -21,7 +21,7 @@ from estim.model.body import Quantity
 
 
 @dataclass(frozen=True, eq=False)
-class InstrumentErrors:
+class Readings:
     """Errors common to all readings of a run; zero does nothing.  Scalars or (n_draw, 1).
 
     scale_x, scale_t : relative, 0.01 is 1 % too much.

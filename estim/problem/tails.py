@@ -7,8 +7,8 @@ Which to choose:
   their weight smoothly; no further unknowns.  For a few mild outliers.
 - `OutlierMixture`: a frame is good, or (with probability `fraction`) an outlier whose sigma is
   `width` times larger; both are inferred (Hogg, Bovy & Lang 2010, arXiv 1008.4686, eq. 17, with
-  the outliers centred on the curve).  For gross outliers, dropouts, a tail of the run that is another
-  motion; it names the bad frames.
+  the outliers centred on the curve).  For gross outliers, dropouts, a tail of the run that is
+  another motion; it names the bad frames.
 - `TwoPiece`: another stated error above than below, as in 1.0 (+0.3, -0.2).
 
 Each works on standardised residuals z = (y - f)/sd, point by point.
