@@ -389,14 +389,11 @@ def test_what_is_no_track_is_refused_in_one_line(write, case: str) -> None:
 
 
 def bomb() -> bytes:
-    return stored("<object>" + " " * 70_000_000 + "</object>")
+    return stored("<object>" + " " * 50_000_000 + "</object>")
 
 
 ARCHIVES = {
-    "not an archive": (
-        lambda: b"no",
-        "a.trz: cannot be read as an archive (File is not a zip file)",
-    ),
+    "not an archive": (lambda: b"no", "a.trz: cannot be read as an archive (it has no end)"),
     "no trk": (
         lambda: stored(GOOD, name="notes.txt"),
         "a.trz: 'archive' must hold a .trk (it holds none)",

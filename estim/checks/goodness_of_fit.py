@@ -275,7 +275,7 @@ def _recording(
     runs: Sequence[tuple[FloatArray, FloatArray, FloatArray, FloatArray]],
 ) -> Callable[[FloatArray], FloatArray] | None:
     """What turns errors (n_obs, n) of n data sets, in units of sd, into those that are recorded,
-    where the y of a run are multiples of its step; None where there are none.
+    where the y of a run are steps apart; None where no run has a step.
 
     Residuals of few digits are often as far from each other as they can be (three readings on a
     line and one beside it), or on one side of the curve, which continuous errors never are.
@@ -292,8 +292,8 @@ def _recording(
     coarse = step > 0.0
     if not coarse.any():
         return None
-    curve = np.divide(y - raw, step, out=np.zeros_like(y), where=coarse)
-    curve = (curve - np.rint(curve))[:, None]  # in steps, from the next multiple
+    curve = np.divide(-raw, step, out=np.zeros_like(y), where=coarse)
+    curve = (curve - np.rint(curve))[:, None]  # in steps, from the next place of a reading
     sd = np.divide(sd, step, out=np.full_like(y, _FINE), where=coarse)[:, None]
 
     def record(errors: FloatArray) -> FloatArray:
@@ -308,19 +308,16 @@ def _recording(
 
 
 def _step(y: FloatArray) -> float:
-    """The largest number of which all y (n_obs,) are multiples; 0 where there is none within six
-    digits of their range.
-
-    A digit that they all have is none of them: 10000000.3 and 10000000.7 are no multiples of 1e7.
+    """The largest number of which all differences of y (n_obs,) are multiples; 0 where there is
+    none within six digits of their range.
     """
     size, width = max_abs(y), float(np.ptp(y))
-    if not 1e-290 < size < np.inf:
+    if not 1e-290 < width <= 2.0 * size < np.inf:
         return 0.0
-    common = np.clip(np.floor(np.log10(size / width)), 0.0, 7.0) if width > 0.0 else 0.0
-    units = 10.0 ** (np.floor(np.log10(size)) - np.arange(7.0 + common))
-    steps = y / units[:, None]
+    units = 10.0 ** (np.floor(np.log10(width)) - np.arange(7.0))
+    steps = (y - np.min(y)) / units[:, None]
     multiples = np.rint(steps)
-    rounding = 4.0 * np.finfo(float).eps * size + 1e-6 * np.minimum(units, width)
+    rounding = 4.0 * np.finfo(float).eps * size + 1e-6 * units
     written = np.max(np.abs(steps - multiples), axis=1) <= rounding / units
     first = int(np.argmax(written))
     return (

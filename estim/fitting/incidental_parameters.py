@@ -98,12 +98,12 @@ def measure_of(
 def moved_by_integration(
     posterior: Posterior, values: FloatArray, cov: FloatArray
 ) -> dict[str, float]:
-    """Spread -> by how many standard deviations it moves, to first order, where effects are
-    integrated out instead of being fitted too.
+    """Spread -> by how many standard deviations it moves, to first order, where all other
+    parameters are integrated out (Laplace's approximation) instead of being fitted too.
 
     A spread s is what only effects show: in c + s z_r nothing depends on it where all z_r are 0.
     The density of s and of all z_r is highest where s is far too large, whatever the number of
-    runs: the larger s, the less the z_r cost.
+    runs: the larger s, the less the z_r cost.  A coefficient that was measured is none.
     """
     problem, sds = posterior.problem, sds_of(cov)
     effect = np.array([name in problem.effects for name in problem.names])
@@ -113,14 +113,15 @@ def moved_by_integration(
     low, high = problem.support()
     moves: dict[str, float] = {}
     for i in problem.of_curve:
-        if effect[i] or shown[i] != 0.0:
+        if effect[i] or shown[i] != 0.0 or problem.parameters[i].prior.measured:
             continue
+        others = np.delete(np.arange(values.size), i)
         step = sds[i] * (np.arange(values.size) == i)
         ends = np.clip([values - step, values + step], low, high)
         below, above = (
             np.linalg.slogdet(
                 (sum(posterior.informations(end)) + problem.prior_information(end))[
-                    np.ix_(effect, effect)
+                    np.ix_(others, others)
                 ]
             )[1]
             for end in ends

@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import csv
 import io
+import zipfile
 from collections.abc import Sequence
 from datetime import date, datetime, time, timedelta
+from itertools import product
 from pathlib import PurePosixPath
 
 from estim.common import Files, InputError, listed
@@ -38,7 +40,7 @@ def sheet_text(data: bytes, dialect: Dialect) -> tuple[str, str, tuple[str, ...]
     parts = _parts(data)
     uncomputed = _uncomputed_of_ods(parts["content.xml"]) if "content.xml" in parts else None
     try:
-        with CalamineWorkbook.from_filelike(io.BytesIO(data)) as book:
+        with CalamineWorkbook.from_filelike(io.BytesIO(_stored(parts))) as book:
             names = list(book.sheet_names)
             if dialect.sheet is not None and dialect.sheet not in names:
                 rule = "names no sheet of the workbook"
@@ -79,6 +81,15 @@ def _parts(data: bytes) -> Files:
     return parts
 
 
+def _stored(parts: Files) -> bytes:
+    """An archive of these parts, as they were unpacked here."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for name, content in parts.items():
+            archive.writestr(name, content)
+    return stream.getvalue()
+
+
 class _Sheet:
     """What is met in the XML of one sheet: the place of the cell, from 0, and cells without a value
     that have a formula or an error.
@@ -90,13 +101,14 @@ class _Sheet:
         self.uncomputed: Cells = {}
 
     def cell(self, rows: int, columns: int, text: str | None) -> None:
-        """A cell, as many times as it is repeated from here; one without a value never is."""
+        """The cell that stands here, as many times as it is repeated from here."""
         ends = (self.row + rows, self.column + columns)
         self.most = [max(pair) for pair in zip(self.most, ends, strict=True)]
         if self.most[0] * self.most[1] > _MAX_CELLS:
             raise InputError(f"must have at most {_MAX_CELLS} cells", field="sheet")
         if text is not None:
-            self.uncomputed[self.row, self.column] = text
+            places = product(range(self.row, ends[0]), range(self.column, ends[1]))
+            self.uncomputed |= dict.fromkeys(places, text)
 
 
 def _uncomputed_of_xlsx(parts: Files, index: int) -> Cells:

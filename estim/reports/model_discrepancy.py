@@ -31,7 +31,7 @@ class AverageResistance(Record):
     sd_material: float  # as a constant that holds on another track too
 
 
-class BandRecord(Record, kw_only=True):
+class Band(Record, kw_only=True):
     """An estimate along x, with the ends of its 68 and 95 % intervals."""
 
     x: list[float]
@@ -42,7 +42,7 @@ class BandRecord(Record, kw_only=True):
     high_95: list[float]
 
 
-class ForceSummary(BandRecord):
+class ForceSummary(Band):
     """An unmodelled force along the track of a run, in units of the weight; positions in `unit`."""
 
     prior_scale: float  # of the half-normal prior of its amplitude
@@ -94,7 +94,7 @@ def force_summary(analysis: Analysis, found_force: FoundForce) -> ForceSummary:
 
 
 def _band(x: FloatArray, quantiles: FloatArray) -> dict[str, list[float]]:
-    """The fields of a `BandRecord`.  x : (n_x,).  quantiles : (5, n_x) at `QUANTILES`."""
+    """The fields of a `Band`.  x : (n_x,).  quantiles : (5, n_x) at `QUANTILES`."""
     names = ("x", "low_95", "low_68", "median", "high_68", "high_95")
     return dict(zip(names, np.vstack([x, quantiles]).tolist(), strict=True))
 
@@ -194,7 +194,7 @@ class SizeSummary(Record):
     length_unit: str
 
 
-class DeviationSummary(BandRecord):
+class DeviationSummary(Band):
     """What the curve of a run lacks, and what of it the curve cannot make up for, at the points;
     unit of y.
     """

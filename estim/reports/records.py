@@ -53,7 +53,7 @@ class CertificateSummary(Record):
     largest_difference: float | None  # of medians and interval ends, in posterior sds
 
 
-class ProfileRecord(Record):
+class Profile(Record):
     """Profile-posterior interval: how far a parameter can move with all others re-optimised; an
     open side has no limit.
     """

@@ -82,7 +82,7 @@ from estim.reports.records import (
     FitSummary,
     Labels,
     ParameterSummary,
-    ProfileRecord,
+    Profile,
     Provenance,
     Report,
     RunSummary,
@@ -165,7 +165,7 @@ class Result(Report, dict=True):
     budget: dict[str, UncertaintyBudget] | None
     sampling: Sampling
     certificate: CertificateSummary
-    profile: dict[str, ProfileRecord] | None
+    profile: dict[str, Profile] | None
     # of each run of a user's own curve, where it was asked for
     curve_deviation: dict[str, DeviationSummary] | None
     # of each run, or body of runs that share one, where there is an unmodelled force
@@ -318,7 +318,7 @@ def result_of(
         profile=None
         if determination is None
         else {
-            i.name: ProfileRecord(
+            i.name: Profile(
                 i.low[0.68],
                 i.high[0.68],
                 i.low[0.95],
