@@ -235,7 +235,7 @@ def test_an_own_amplitude_of_counts_leaves_the_shared_lifetime_where_it_is(
     step = 1e-4
     low, high = (np.log(np.sum(np.exp(-x / t))) for t in (tau - step, tau + step))
     assert measure.slope == pytest.approx([n_run * (high - low) / (2.0 * step)], rel=0.03)
-    assert measure.felt > 0.5
+    assert measure.influence > 0.5
     # of readings with errors Jeffreys' prior says that, and of one run the usual limits hold
     assert (
         fit_curves("N*exp(-x/tau)", dict([*runs.items()][:1]), shared=["tau"]).fit.measure is None

@@ -29,7 +29,7 @@ from estim.line.analysis import analyse_line
 from estim.line.theta_min_series import read_theta_min
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal
-from estim.reports.reanalysis import _lefts, reanalysis_report
+from estim.reports.reanalysis import _unmeasured, reanalysis_report
 from estim.reports.result import Screen
 from estim.reports.theta_min_line import line_result
 from estim.sampling import Progress
@@ -598,11 +598,11 @@ def test_what_no_body_measures_is_said_once_and_the_rest_after_the_names_of_its_
         name: Screen(name, "", estimates=(one, radius))
         for name, one in zip(("heavy", "light"), resistance, strict=True)
     }
-    common, *own = _lefts(screens).split("; ")
+    common, *own = _unmeasured(screens).split("; ")
     assert common.startswith("R = (0.15")
     assert own == ["heavy: c_rr < 0.0100 (95 %)", "light: c_rr < 0.0200 (95 %)"]
     other = replace(radius, summary=summarise(draws + 0.01, unit="m", meaning=""))
     screens["light"] = replace(screens["light"], estimates=(resistance[1], other))
-    heavy, light = _lefts(screens).split("; ")
+    heavy, light = _unmeasured(screens).split("; ")
     assert heavy.startswith("heavy: c_rr < 0.0100 (95 %), R = (0.15")
     assert light.startswith("light: c_rr < 0.0200 (95 %), R = (0.16")

@@ -1,5 +1,5 @@
-"""Evidence for or against an intercept of a line: the evidence of the line with
-one over that of the line through the origin.
+"""Evidence for or against an intercept of a line: that of the line with one over that of the line
+through the origin.
 """
 
 from __future__ import annotations
