@@ -34,7 +34,7 @@ from estim.arrays import (
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING, _FACTOR = 1e-3, 1e-9, 1e5, 10.0
 # looks for parameters beyond their bounds; times the part of a step to the nearest bound
 _PASSES, _FARTHEST = 4, 10.0
-_BATCH = 30_000  # residuals in one call: larger arrays leave the cache, and their pages the process
+_BATCH = 60_000  # residuals in one call: larger arrays leave the cache, and their pages the process
 _PATIENCE = 4  # steps, after which descents are compared
 
 T = TypeVar("T")

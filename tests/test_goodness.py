@@ -500,6 +500,18 @@ def test_a_parameter_that_the_data_do_not_see_lies_on_no_limit() -> None:
     assert fit.status == "not-identified"
 
 
+@pytest.mark.parametrize("offset", [0.0, 5.0, 1e7, 1e9])
+def test_readings_in_steps_of_an_encoder_from_any_zero_are_no_poor_fit(offset: float) -> None:
+    """Readings 12 apart, to which the zero adds what is no multiple of 12."""
+    x = np.linspace(0.0, 10.0, 40)
+    for seed in range(4):
+        errors = 2.0 * np.random.default_rng(seed).standard_normal(x.size)
+        y = offset + 12.0 * np.round((3.0 * x + errors) / 12.0)
+        assert fit_curve("line", x, y).status == "ok"
+    bent = offset + 12.0 * np.round((3.0 * x + 3.0 * (x - 5.0) ** 2) / 12.0)
+    assert fit_curve("line", x, bent).status == "poor-fit"
+
+
 @pytest.mark.parametrize("common", [0.0, 1e7, 1e10])
 def test_what_all_readings_have_in_common_hides_no_wrong_curve(common: float) -> None:
     """A frequency near 10 MHz is read to a tenth of a hertz: its digits are no step of 10 MHz."""

@@ -311,3 +311,15 @@ def test_two_sets_of_weights_that_differ_in_a_width_alone_differ() -> None:
     size, u = difference(z, even, narrow - np.log(np.sum(np.exp(narrow))))
     assert size == pytest.approx(0.5 * (1.0 - 0.8**2), abs=0.02)
     assert u < 0.02
+
+
+def test_a_coefficient_of_a_correction_is_no_spread(rng: np.random.Generator) -> None:
+    """One that was measured times a correction of 0: the marginal of the coefficient is its
+    prior.
+    """
+    x = np.linspace(0.0, 10.0, 20)
+    y = 1.0 + 2.0 * x + 0.1 * rng.standard_normal(x.size)
+    priors = {"k": "0.010(5)", "dT": "0(1)"}
+    fit = fit_curve("a + b*x + k*dT*x", x, y, u_y=0.1, priors=priors, rng=1)
+    assert fit.status == "ok"
+    assert fit.sds["k"] == pytest.approx(0.005, rel=0.01)

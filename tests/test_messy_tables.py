@@ -16,6 +16,7 @@ from workbooks import xlsx
 from estim import InputError, fit_curve
 from estim.cli.commands import cli
 from estim.curve_fitting.tables import read_table
+from estim.reading.workbook import _uncomputed_of_ods
 
 
 def _needs_package(file: str) -> None:
@@ -194,3 +195,14 @@ def test_an_archive_that_is_no_table_is_refused_in_one_line(
 def test_what_is_neither_a_file_nor_a_frame_is_refused() -> None:
     with pytest.raises(InputError, match="must be a file or a data frame"):
         read_table(3)
+
+
+def test_cells_of_an_ods_without_a_value_stand_wherever_they_are_repeated() -> None:
+    content = (
+        b'<d xmlns:table="t"><table:table table:name="A"><table:table-row/>'
+        b'<table:table-row table:number-rows-repeated="2"><table:table-cell/>'
+        b'<table:table-cell table:formula="of:=NA()" table:number-columns-repeated="2"/>'
+        b"</table:table-row></table:table></d>"
+    )
+    places = {(row, column): "=NA()" for row in (1, 2) for column in (1, 2)}
+    assert _uncomputed_of_ods(content) == {"A": places}

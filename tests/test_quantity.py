@@ -224,6 +224,7 @@ def test_no_number_is_not_available():
         (0.5, 0.0, "0.5"),
         (1.23456789012e11, 2e6, "1.234568×10¹¹"),
         (1.2341e-6, 1e-8, "1.234×10⁻⁶"),
+        (2.00231930436, 1e-11, "2.002319304360"),
     ],
 )
 def test_a_value_alone_keeps_one_digit_beyond_its_uncertainty(value, u, text):

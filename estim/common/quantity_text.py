@@ -228,7 +228,7 @@ def format_rounded(value: float, u: float, digits: int = 2, *, beside: float = 0
         place += 1
     beside = abs(beside) if math.isfinite(beside) else 0.0
     exponent = math.floor(math.log10(max(abs(value), u, beside)))
-    if -4 <= exponent < 9 and place > -9:
+    if exponent == 0 or (-4 <= exponent < 9 and place > -9):
         return signed(f"{value:.{max(0, -place)}f}")
     mantissa = signed(f"{value / 10.0**exponent:.{max(0, exponent - place)}f}")
     return f"{mantissa}×10{raised(exponent)}"

@@ -107,7 +107,7 @@ def _far_from_zero(run: Observations) -> str:
         return ""
     return (
         f"; all x lie far from 0, at {low:.10g} to {high:.10g}: count them from one of them, as "
-        f"x - {low:.10g} in the formula"
+        f"x {'-' if low > 0.0 else '+'} {abs(low):.10g} in the formula"
     )
 
 

@@ -96,8 +96,8 @@ def parse_toml(text: str, file: str) -> tuple[dict[str, Any], Places]:
                 "is a table, not a TOML file (estim new NAME --from FILE writes a campaign for it)"
             )
             raise InputError(rule, file=file, field="file", line=at) from None
-        twice = "overwrite" in message or "twice" in message
-        cure = "" if twice else ", in which text and values with an uncertainty stand in quotes"
+        bare = message.startswith(("Invalid value", "Expected newline"))
+        cure = ", in which text and values with an uncertainty stand in quotes" if bare else ""
         raise InputError(
             f"is not valid TOML{cure}",
             quoted=message,
