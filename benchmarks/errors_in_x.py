@@ -136,7 +136,7 @@ def marginal(case: Case, data: Data) -> tuple[float, float, float]:
     posterior = problem.linearised(values)
     height = float(np.sum(posterior.residuals(values) ** 2))
     for _ in range(40):
-        ((jacobian, residual),) = posterior.scoring(values)
+        jacobian, residual = posterior.scoring(values)
         step = np.linalg.lstsq(jacobian, -residual, rcond=None)[0]
         size = float(np.linalg.norm(jacobian @ step))
         while size > 1e-3:

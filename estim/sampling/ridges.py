@@ -155,7 +155,9 @@ class Ridges:
             for i, (down, up) in enumerate(zip(ends[::2], ends[1::2], strict=True))
         ]
         weights, means, covariances = map(np.concatenate, zip(*parts, strict=True))
-        return Proposal(weights, means, lower_factor(covariances))
+        # a width that underflows leaves no place beside a bound
+        placed = np.all(np.isfinite(means), axis=1)
+        return Proposal(weights[placed], means[placed], lower_factor(covariances[placed]))
 
     def components(
         self, path: Sequence[End], fixed: int, at_mode: int
