@@ -309,20 +309,24 @@ def _recording(
 
 def _step(y: FloatArray) -> float:
     """The largest number of which all differences of y (n_obs,) are multiples; 0 where there is
-    none within six digits of their range.
+    none within six digits of their range.  Two values have one difference, which is hardly one
+    step: they themselves are multiples then.
     """
     size, width = max_abs(y), float(np.ptp(y))
     if not 1e-290 < width <= 2.0 * size < np.inf:
         return 0.0
     units = 10.0 ** (np.floor(np.log10(width)) - np.arange(7.0))
-    steps = (y - np.min(y)) / units[:, None]
-    multiples = np.rint(steps)
+    differences = (y - np.min(y)) / units[:, None]
+    multiples = np.rint(differences)
     rounding = 4.0 * np.finfo(float).eps * size + 1e-6 * units
-    written = np.max(np.abs(steps - multiples), axis=1) <= rounding / units
-    first = int(np.argmax(written))
-    return (
-        float(units[first] * np.gcd.reduce(multiples[first].astype(int))) if written[first] else 0.0
-    )
+    written = np.max(np.abs(differences - multiples), axis=1) <= rounding / units
+    if not written.any():
+        return 0.0
+    unit, whole = units[np.argmax(written)], multiples[np.argmax(written)]
+    largest = int(np.gcd.reduce(whole.astype(int)))
+    if np.unique(whole).size == 2:
+        largest = math.gcd(largest, round(np.min(y) / unit))
+    return float(unit * largest)
 
 
 def _simulated(
