@@ -28,7 +28,12 @@ from estim.discrepancy.inferred_force import OwnForce, find_force, find_own_forc
 from estim.discrepancy.likelihood import MixtureErrors
 from estim.discrepancy.linearised import Linearised, linearise_with_effects
 from estim.discrepancy.mixture_likelihood import Mixture, keep_probable
-from estim.discrepancy.noise_with_discrepancy import NormalErrors, Stated, WithMixture, formed_about
+from estim.discrepancy.noise_with_discrepancy import (
+    ShiftedErrors,
+    Stated,
+    WithMixture,
+    formed_about,
+)
 from estim.discrepancy.noise_with_force import (
     FoundForce,
     TrialInformation,
@@ -409,7 +414,7 @@ class Tracked:
     """
 
     formed: tuple[Residuals, ...]
-    stated: tuple[NormalErrors, ...]
+    stated: tuple[ShiftedErrors, ...]
     alongs: tuple[TrackResponse, ...]
     track: ForceTrack
     responses: tuple[Response, ...]

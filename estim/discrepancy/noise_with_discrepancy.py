@@ -126,7 +126,7 @@ class WithMixture(Stated):
 
 
 @dataclass(frozen=True, eq=False)
-class NormalErrors:
+class ShiftedErrors:
     """root : of the covariance of normal errors.  shift : (n_obs,) their mean."""
 
     root: Root
@@ -141,7 +141,7 @@ def formed_about(
     *,
     scale: float | None,
     speed: FloatArray | None = None,
-) -> tuple[Residuals, NormalErrors]:
+) -> tuple[Residuals, ShiftedErrors]:
     """How residuals are formed for a fit with the values `named`, and the stated errors of such
     residuals.
 
@@ -173,8 +173,8 @@ def _inertias(
     return (Inertia.of(trajectory.motion, places, points.bind(named)),), scale
 
 
-def normal_covariance(base: Noise, points: Points, named: Named) -> NormalErrors:
+def normal_covariance(base: Noise, points: Points, named: Named) -> ShiftedErrors:
     """The stated errors at the values `named`; they must be normal."""
     likelihood: Likelihood = base.likelihood(points, named)
     assert likelihood.normal is not None, "tested where a campaign is read"
-    return NormalErrors(likelihood.normal.root(named), points.y - likelihood.y)
+    return ShiftedErrors(likelihood.normal.root(named), points.y - likelihood.y)
