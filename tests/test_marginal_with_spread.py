@@ -323,3 +323,27 @@ def test_a_coefficient_of_a_correction_is_no_spread(rng: np.random.Generator) ->
     fit = fit_curve("a + b*x + k*dT*x", x, y, u_y=0.1, priors=priors, rng=1)
     assert fit.status == "ok"
     assert fit.sds["k"] == pytest.approx(0.005, rel=0.01)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("width", ["sqrt(s)", "log(s)"])
+def test_a_spread_beside_the_end_of_its_range_is_named_without_a_warning(width: str) -> None:
+    """One standard deviation away the curve may have no value."""
+    rng = np.random.default_rng(0)
+    x = np.linspace(0.1, 3.0, 8)
+    slopes = 2.0 + 0.2 * rng.standard_normal(4)
+    sets = {
+        f"s{i}": DataSet(x, slope * x + 0.1 * rng.standard_normal(8), 0.1)
+        for i, slope in enumerate(slopes)
+    }
+    fit = fit_curves(
+        f"m*x + {width}*z*x",
+        sets,
+        shared=["m", "s"],
+        priors={"z": "0(1)"},
+        start={"m": 2.0, "s": 0.3},
+        bounds={"s": (0.0, 5.0)},
+        rng=1,
+    )
+    assert fit.status == Status.METHODS_DISAGREE
+    assert np.isnan(fit.sds["s"])

@@ -94,7 +94,7 @@ from estim.problem import Problem
 from estim.words import describe
 
 _ROUNDS = 60  # of the size of the errors, where priors make it matter
-_FELT = 0.3  # standard deviations by which effects must move a spread to be told
+_INFLUENTIAL = 0.3  # standard deviations by which effects must move a spread to be reported
 _SETTLED = 1e-7  # standard deviations, between two rounds with the slopes of the curve
 _PERFECT = 3e-14  # residuals below this share of y are rounding errors
 # the same where terms of the curve cancel, which leaves it fewer digits; beyond, the curve has too
@@ -253,32 +253,36 @@ def fit_curve(
     return _fit_discrepancy(posed, complete, rng)
 
 
-def without_fitted_effects(found: CurveFit) -> CurveFit:
+def without_fitted_effects(result: CurveFit) -> CurveFit:
     """The fit without the uncertainties of parameters for which it makes a difference whether
     effects that are stated as 0 within an uncertainty are integrated out.
     """
-    fit = found.fit
-    effects = sorted({split_level(name)[0] for name in found.problem.effects})
-    moves = (
+    fit = result.fit
+    shifts = (
         {}
         if fit.singular or not fit.success
         else moved_by_integration(fit.posterior, fit.values, fit.cov)
     )
-    apart = {name: move for name, move in moves.items() if abs(move) > _FELT}
-    if not apart:
-        return found
-    findings = [
-        Finding(Kind.EFFECTS_FITTED, size=move, parameters=(Amount(name),), names=tuple(effects))
-        for name, move in apart.items()
-    ]
+    influenced = {name: shift for name, shift in shifts.items() if abs(shift) > _INFLUENTIAL}
+    if not influenced:
+        return result
+    effects = tuple(sorted({split_level(name)[0] for name in result.problem.effects}))
+    findings = wrong(
+        [
+            *result.findings,
+            *(
+                Finding(Kind.EFFECTS_FITTED, size=shift, parameters=(Amount(name),), names=effects)
+                for name, shift in influenced.items()
+            ),
+        ]
+    )
     unknown = dict.fromkeys(PROBABILITIES, (math.nan, math.nan))
-    told = wrong([*found.findings, *findings])
     return replace(
-        found,
-        sds={**found.sds, **dict.fromkeys(apart, math.nan)},
-        intervals={**found.intervals, **dict.fromkeys(apart, unknown)},
-        status=decide(told),
-        findings=told,
+        result,
+        sds={**result.sds, **dict.fromkeys(influenced, math.nan)},
+        intervals={**result.intervals, **dict.fromkeys(influenced, unknown)},
+        status=decide(findings),
+        findings=findings,
         complete=False,
     )
 
