@@ -263,7 +263,8 @@ def without_fitted_effects(result: CurveFit) -> CurveFit:
         if fit.singular or not fit.success
         else moved_by_integration(fit.posterior, fit.values, fit.cov)
     )
-    influenced = {name: shift for name, shift in shifts.items() if abs(shift) > _INFLUENTIAL}
+    # nan of a spread at its limit, where nothing shows that it does not matter
+    influenced = {name: shift for name, shift in shifts.items() if not abs(shift) <= _INFLUENTIAL}
     if not influenced:
         return result
     effects = tuple(sorted({split_level(name)[0] for name in result.problem.effects}))
