@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -41,6 +42,17 @@ def finite_or(values: ArrayLike, otherwise: ArrayLike) -> FloatArray:
     """`values`, with `otherwise` in place of those that are not finite; no copy where all are."""
     finite = np.isfinite(values)
     return np.asarray(values) if finite.all() else np.where(finite, values, otherwise)
+
+
+def in_blocks(
+    compute: Callable[[NDArray[Any]], FloatArray], rows: NDArray[Any], size: int
+) -> FloatArray:
+    """What `compute` makes of rows (n, ...), (n, ...), `size` of them at a time: what it needs
+    stays small.
+    """
+    return np.concatenate(
+        [compute(rows[k : k + size]) for k in range(0, max(len(rows), 1), max(size, 1))]
+    )
 
 
 def log_sum_exp(terms: FloatArray, axis: int | None = None) -> FloatArray:

@@ -50,7 +50,7 @@ from estim.problem import Prior, Problem
 
 P_CONFLICT = 0.01
 P_FLAGRANT = 1e-6  # then there is nothing to sample
-_LOOSER, _MOST_LOG_SD, _N_START = 100.0, 10.0, 6
+_LOOSER, _N_START = 100.0, 6
 _HOPELESS = 100.0  # mean square of whitened residuals: no iteration of weights makes 1 of it
 NOTE_BELOW = 0.05
 # information of the data, in units of the prior's, below which there is nothing to compare

@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from estim.arrays import FloatArray, IntArray
+from estim.arrays import FloatArray, IntArray, in_blocks
 from estim.checks.unmodelled_force import LIKELY
 from estim.common import Finding, Kind
 from estim.discrepancy import FoundForce, Jump
@@ -20,7 +20,7 @@ _KINDS = MappingProxyType(
 )
 
 
-_BLOCK = 4_000_000  # values at once, of many points
+_BLOCK = 4_000_000  # values at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,13 +53,12 @@ def find_outliers(posterior: Posterior, draws: FloatArray) -> tuple[Outliers, ..
 
 
 def _average(likelihood: Likelihood, problem: Problem, draws: FloatArray) -> FloatArray:
-    """(n_obs,) mean over draws; of many points a few draws at a time."""
-    size = max(1, _BLOCK // problem.n_obs) if problem.many else draws.shape[0]
-    parts = [
-        likelihood.outlier_probability(problem.named(draws[i : i + size])).sum(axis=0)
-        for i in range(0, draws.shape[0], size)
-    ]
-    return np.sum(parts, axis=0) / draws.shape[0]
+    """(n_obs,) mean over draws."""
+
+    def total(some: FloatArray) -> FloatArray:
+        return likelihood.outlier_probability(problem.named(some)).sum(axis=0)[None]
+
+    return in_blocks(total, draws, _BLOCK // problem.n_obs).sum(axis=0) / len(draws)
 
 
 def bad_frame(run: str, unit: str, step: float, jump: Jump) -> Finding:

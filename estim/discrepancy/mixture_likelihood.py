@@ -12,12 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from estim.arrays import FloatArray, IntArray, log_sum_exp
+from estim.arrays import FloatArray, IntArray, in_blocks, log_sum_exp
 from estim.discrepancy.linearised import Linearised
 from estim.discrepancy.precomputed_terms import Terms, Weight, terms_of
 from estim.discrepancy.scale_mixture import Deviation, Family
@@ -159,14 +159,8 @@ class Mixture:
         log sum_k w_k N_k(r) - log sum_k w_k N_k(r)/N_k(r_i | others), each N_k(r_i | others) normal
         with precision Q_ii and mean r_i - (Q r)_i/Q_ii
         """
-        residuals = np.atleast_2d(residuals)
-        conditionals = tuple(self._conditionals())
-        return np.vstack(
-            [
-                self._pointwise(residuals[start : start + _AT_ONCE], conditionals)
-                for start in range(0, len(residuals), _AT_ONCE)
-            ]
-        )
+        compute = partial(self._pointwise, tuple(self._conditionals()))
+        return in_blocks(compute, np.atleast_2d(residuals), _AT_ONCE)
 
     def _conditionals(self) -> Iterator[_Given]:
         """For each family, what `_pointwise` needs whatever the residuals."""
@@ -184,7 +178,7 @@ class Mixture:
             log = -np.log(2.0 * np.sqrt(np.pi) * half)
             yield _Given(white * half, coefficients * half[:, None], log)
 
-    def _pointwise(self, residuals: FloatArray, conditionals: tuple[_Given, ...]) -> FloatArray:
+    def _pointwise(self, conditionals: tuple[_Given, ...], residuals: FloatArray) -> FloatArray:
         logs = self.log_components(residuals)
         z = self.deviation.whiten(residuals)
         along, back = z @ self.columns, self.deviation.turned_back(z)

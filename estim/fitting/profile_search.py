@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray, all_finite, sds_of
+from estim.arrays import BoolArray, FloatArray, IntArray, all_finite, in_blocks, sds_of
 from estim.fitting.fisher_information import information, known_from_data, prior_sds
 from estim.levenberg_marquardt import Start, minima
 from estim.problem import Coordinates, Likelihood, Posterior, compensated
@@ -53,11 +53,7 @@ class ProfileSearch:
         """(n_point,) -2 log density, inf where there is none."""
         draws = self.coordinates.values(points)
         with np.errstate(all="ignore"):
-            parts = [
-                self.posterior.log_density(draws[k : k + _AT_ONCE])
-                for k in range(0, len(draws), _AT_ONCE)
-            ]
-        return _minus_twice(np.concatenate([np.zeros(0), *parts]))
+            return _minus_twice(in_blocks(self.posterior.log_density, draws, _AT_ONCE))
 
     def objective(self, point: FloatArray) -> float:
         return float(self.objectives(point[None, :])[0])
@@ -135,13 +131,13 @@ class ProfileSearch:
         n_row, n_par).
         """
         flat = self.coordinates.values(rows.reshape(-1, rows.shape[-1]))
-        minus = np.empty(len(flat))
+
+        def minus_twice(some: FloatArray) -> FloatArray:
+            named = {self.posterior.names[i]: some[:, i : i + 1] for i in own}
+            return np.broadcast_to(_minus_twice(likelihood.log_likelihood(named)), len(some))
+
         with np.errstate(all="ignore"):
-            for start in range(0, len(flat), _AT_ONCE):
-                batch = flat[start : start + _AT_ONCE]
-                named = {self.posterior.names[i]: batch[:, i : i + 1] for i in own}
-                minus[start : start + _AT_ONCE] = _minus_twice(likelihood.log_likelihood(named))
-        return minus.reshape(rows.shape[:-1])
+            return in_blocks(minus_twice, flat, _AT_ONCE).reshape(rows.shape[:-1])
 
 
 def _minus_twice(log_density: FloatArray) -> FloatArray:

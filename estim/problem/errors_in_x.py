@@ -33,6 +33,7 @@ from estim.arrays import (
     all_finite,
     diagonal_scale,
     finite_or,
+    in_blocks,
     log_sum_exp,
 )
 from estim.distributions import normal_log_density
@@ -359,12 +360,10 @@ class LatentErrors(Likelihood):
         return scores
 
     def _by_blocks(self, named: Named, compute: Callable[[Named], FloatArray]) -> FloatArray:
-        step = max(1, int(_BLOCK / ((LOG_WEIGHTS.size + 2) * self.x.size)))
-        return np.concatenate(
-            [
-                compute(some_draws(named, slice(first, first + step)))
-                for first in range(0, n_draws(named), step)
-            ]
+        return in_blocks(
+            lambda rows: compute(some_draws(named, rows)),
+            np.arange(n_draws(named)),
+            _BLOCK // ((LOG_WEIGHTS.size + 2) * self.x.size),
         )
 
 

@@ -17,7 +17,7 @@ from itertools import product
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray, finite_or
+from estim.arrays import BoolArray, FloatArray, IntArray, finite_or, in_blocks
 from estim.common import InputError
 from estim.problem.coordinates import Coordinates
 from estim.problem.correlated_runs import Group as Group
@@ -27,7 +27,7 @@ from estim.problem.observations import Observations, Parameter, parameters_of, u
 from estim.problem.prior_measures import JeffreysPrior, Measure
 from estim.problem.priors import Flat, JointNormal, Prior
 
-_BLOCK = 4_000_000  # values of the curve computed at once where there are more points than that
+_BLOCK = 4_000_000  # values of the curve computed at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,11 +62,6 @@ class Problem:
     def own_density(self) -> bool:
         """Whether some run has a log density of the user's own."""
         return any(run.noise.own_density for run in self.runs)
-
-    @property
-    def many(self) -> bool:
-        """Whether a run has so many points that only a few draws are computed at once."""
-        return any(run.n_obs > 3000 for run in self.runs)
 
     @property
     def n_obs(self) -> int:
@@ -371,13 +366,10 @@ class Posterior:
         """(n_draw,) log likelihood, normalised, of draws (n_draw, n_par) inside the priors'
         support.
         """
-        size = max(1, _BLOCK // self.problem.n_obs) if self.problem.many else draws.shape[0]
-        if draws.shape[0] > size:
-            return np.concatenate(
-                [self.log_likelihood(draws[i : i + size]) for i in range(0, draws.shape[0], size)]
-            )
-        named = self.problem.named(draws)
-        total = np.zeros(draws.shape[0])
+        return in_blocks(self._log_likelihood, draws, _BLOCK // self.problem.n_obs)
+
+    def _log_likelihood(self, draws: FloatArray) -> FloatArray:
+        named, total = self.problem.named(draws), np.zeros(len(draws))
         # far from the mode a curve may overflow: no density there
         with np.errstate(over="ignore", invalid="ignore"):
             for likelihood in self.likelihoods:

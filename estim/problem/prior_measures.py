@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray, Named
+from estim.arrays import BoolArray, FloatArray, IntArray, Named, in_blocks
 from estim.problem.coordinates import Coordinates
 from estim.problem.likelihood import Points, StackedPoints, n_draws, some_draws
 from estim.problem.roots import Root
@@ -157,10 +157,12 @@ class JeffreysPrior:
         """
         n_draw = n_draws(named)
         size = max(run.points.y.size * (run.own.size + run.shared.size + 1) for run in self.runs)
-        size = max(1, _BLOCK // size)
-        if n_draw > size:
-            blocks = (slice(i, i + size) for i in range(0, n_draw, size))
-            return np.concatenate([self.exact(some_draws(named, block)) for block in blocks])
+        return in_blocks(
+            lambda rows: self._exact(some_draws(named, rows)), np.arange(n_draw), _BLOCK // size
+        )
+
+    def _exact(self, named: Named) -> FloatArray:
+        n_draw = n_draws(named)
         # of the own parameters of each run, then of what is left of the others
         others = np.unique(np.concatenate([run.shared for run in self.runs]))
         schur = np.zeros((n_draw, others.size, others.size))

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, in_blocks
 from estim.common import NumericalError
 from estim.problem import Coordinates
 
@@ -55,9 +55,7 @@ def log_density_in_batches(density: Density, draws: FloatArray) -> FloatArray:
 
     Raises NumericalError where it is not a number or +inf.
     """
-    values = np.concatenate(
-        [density.log_density(draws[i : i + _BATCH]) for i in range(0, draws.shape[0], _BATCH)]
-    )
+    values = in_blocks(density.log_density, draws, _BATCH)
     if not np.all(values < np.inf):
         where = draws[np.flatnonzero(~(values < np.inf))[0]]
         point = ", ".join(

@@ -20,7 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
-from estim.arrays import FloatArray, log_sum_exp
+from estim.arrays import FloatArray, in_blocks, log_sum_exp
 from estim.common import NumericalError
 from estim.sampling.cholesky import lower_factor
 from estim.sampling.importance import kish_ess, pareto_smoothed, tempered
@@ -136,9 +136,11 @@ class Proposal:
 
     def log_density(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) normalised log density at draws (n_draw, n_par)."""
-        blocks = (draws[k : k + _BLOCK] for k in range(0, len(draws), _BLOCK))
-        parts = (self.component_log_densities(self.distances(block)) for block in blocks)
-        return np.concatenate([np.zeros(0), *(log_sum_exp(part, axis=0) for part in parts)])
+
+        def log_densities(some: FloatArray) -> FloatArray:
+            return log_sum_exp(self.component_log_densities(self.distances(some)), axis=0)
+
+        return in_blocks(log_densities, draws, _BLOCK)
 
 
 def adapt_proposal(
