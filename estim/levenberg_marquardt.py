@@ -151,6 +151,29 @@ def minima(function: ObjectiveFunction, starts: Sequence[Start]) -> list[End]:
     return run_descents(function, [one(start) for start in starts])
 
 
+@np.errstate(all="ignore")
+def minima_from(
+    function: ObjectiveFunction,
+    points: FloatArray,
+    *,
+    instead: FloatArray,
+    tolerance: float,
+    max_steps: int,
+) -> tuple[FloatArray, FloatArray]:
+    """The lowest points near each of `points` (n, n_par), and the Hessians (n, n_par, n_par) there,
+    not numbers where there is no objective.
+
+    instead, tolerance : of `Start`, for all of them.
+    """
+    descents = _Descents(function, len(points), max_steps=max_steps)
+    descents.points[:], descents.instead[:], descents.least[:] = points, instead, tolerance
+    descents.damping[:], descents.going[:] = _LEAST_DAMPING, True
+    while np.any(descents.going):
+        descents.advance()
+    descents.hessians[~np.isfinite(descents.objectives)] = np.nan
+    return descents.points, descents.hessians
+
+
 @dataclass(frozen=True, eq=False)
 class LeastSquares:
     """The `ObjectiveFunction` of least squares: half the sum of the squares of residuals.

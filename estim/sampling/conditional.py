@@ -6,7 +6,7 @@ likelihood with its own parameters l (angle of release, tilt, its own noise) int
     m(s) = log integral of p(y | s, l) p(l) dl
 
 The integrand is close to a normal density in l around its mode l*(s).  Mode and covariance are
-found by Gauss-Newton steps at each s (`RunTerm.around`), from the regression of l on s at the fit.
+found by a descent at each s (`RunTerm.around`), from the regression of l on s at the fit.
 They only place the nodes: `RunTerm.log_marginal` evaluates the posterior itself there, at one
 node (Laplace) or at n x n Gauss-Hermite nodes, and `RunTerm.log_joint` serves exact importance
 weights, which hold however good they are.
@@ -22,22 +22,33 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
+from typing import ClassVar
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray, finite_or, log_sum_exp
+from estim.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    finite_or,
+    in_blocks,
+    log_sum_exp,
+    positive_or,
+    squared_rows,
+)
 from estim.common import InputError
 from estim.distributions import normal_log_density
 from estim.fitting import Fit
+from estim.levenberg_marquardt import minima_from
 from estim.problem import LogNormal, NormalErrors, Observations, Posterior, Prior
 
 _ROWS = 512  # rows of a block: its arrays stay in the cache
 _N_REFINE, _WIDER = 10, 1.5
-_MOST_STEP = 10  # to a mode, where they are sought at each draw
-# conditional standard deviations: the longest step, steps that are watched, and that end a search
-_LONGEST_STEP, _WATCHED, _SETTLED = 100.0, 1.0, 0.1
-_DIFFERENCE = 1e-3  # conditional standard deviations at the fit
-_MOST_HALVING, _LEAST_EIGENVALUE = 8, 1e-12
+# steps to a mode, where they are sought at each draw, and the rise of a log density that ends them
+_MOST_STEP, _SETTLED = 20, 1e-4
+# conditional standard deviations at the fit: the longest step, and that of differences
+_LONGEST_STEP, _DIFFERENCE = 100.0, 1e-3
+_LEAST_EIGENVALUE = 1e-12
 _NOT_NORMAL = "must have plain normal noise for a marginal over runs: use the sampler"
 
 
@@ -102,12 +113,17 @@ class RunTerm:
         steps[self.logs] /= self.centre[self.own][self.logs]
         return steps
 
-    def inside(self, own: FloatArray) -> FloatArray:
-        """Own parameters (n, n_own) moved just inside the support of their priors."""
+    @cached_property
+    def limits(self) -> tuple[FloatArray, FloatArray]:
+        """(n_own,) just inside the support of the priors, of variables of integration."""
         low = np.array([_just_above(p.low, p.sd) for p in self.own_priors])
         high = -np.array([_just_above(-p.high, p.sd) for p in self.own_priors])
         low[self.logs], high[self.logs] = -np.inf, np.inf
-        return np.clip(own, low, high)
+        return low, high
+
+    def inside(self, own: FloatArray) -> FloatArray:
+        """Own parameters (n, n_own) moved just inside the support of their priors."""
+        return np.clip(own, *self.limits)
 
     def rows(self, shared: FloatArray, own: FloatArray) -> FloatArray:
         """(n_draw, n_used) values of the parameters of the run from shared (n_draw, n_shared) and
@@ -124,61 +140,29 @@ class RunTerm:
         log_p, rows = np.sum(own[:, self.logs], axis=1), self.rows(shared, own)
         for i, prior in zip(self.own, self.own_priors, strict=True):
             log_p += prior.log_density(rows[:, i])
-        for block in _blocks(rows.shape[0]):
-            inside = np.flatnonzero(np.isfinite(log_p[block])) + block.start
-            if inside.size:
-                with np.errstate(all="ignore"):
-                    log_p[inside] += self.posterior.log_likelihood(rows[inside])
+        inside = np.flatnonzero(np.isfinite(log_p))
+        if inside.size:
+            with np.errstate(all="ignore"):
+                log_p[inside] += in_blocks(self.posterior.log_likelihood, rows[inside], _ROWS)
         return np.where(np.isnan(log_p), -np.inf, log_p)
 
     def around(self, shared: FloatArray) -> Around:
         """Mode and covariance of its own parameters at shared (n_draw, n_shared)."""
-        values = self.centre[self.own] + (shared - self.centre[self.shared]) @ self.regression.T
-        mode = self._allowed(shared, self.inside(self.linearised(values)))
-        informations = np.empty((*mode.shape, self.own.size))
-        moving = np.arange(len(mode))
-        for _ in range(_MOST_STEP):
-            step, information = _gauss_newton(self, shared[moving], mode[moving])
-            length = np.sqrt(np.einsum("nk,nkl,nl->n", step, information, step))
-            informations[moving] = information
-            mode[moving] = self._uphill(shared[moving], mode[moving], step, length)
-            moving = moving[length > _SETTLED]
-            if not moving.size:
-                break
+        fit = self.centre[self.own]
+        values = fit + (shared - self.centre[self.shared]) @ self.regression.T
+        # where the density is zero: the centres of stated priors, and the fit where none is stated
+        safe = [
+            p.centre if math.isfinite(p.sd) else at
+            for p, at in zip(self.own_priors, fit, strict=True)
+        ]
+        mode, informations = minima_from(
+            _GivenShared(self, shared),
+            self.inside(self.linearised(values)),
+            instead=self.inside(self.linearised(np.array([safe])))[0],
+            tolerance=_SETTLED,
+            max_steps=_MOST_STEP,
+        )
         return Around(mode, covariance_roots(informations))
-
-    def _allowed(self, shared: FloatArray, own: FloatArray) -> FloatArray:
-        """Own parameters (n_draw, n_own); where their density is zero, replaced by the centres of
-        their stated priors, and by the fit where no prior is stated.
-        """
-        outside = np.flatnonzero(np.isneginf(self.log_joint(shared, own)))
-        if outside.size:
-            fit = self.centre[self.own]
-            safe = [
-                p.centre if math.isfinite(p.sd) else at
-                for p, at in zip(self.own_priors, fit, strict=True)
-            ]
-            own = own.copy()
-            own[outside] = self.inside(self.linearised(np.array([safe])))
-        return own
-
-    def _uphill(
-        self, shared: FloatArray, own: FloatArray, step: FloatArray, length: FloatArray
-    ) -> FloatArray:
-        """Own parameters (n_draw, n_own) after a step, halved as long as a long one leads down."""
-        moved = self.inside(np.where(np.isfinite(step), own + step, own))
-        watched = np.flatnonzero(length > _WATCHED)
-        if not watched.size:
-            return moved
-        least = self.log_joint(shared[watched], own[watched])
-        for _ in range(_MOST_HALVING):
-            down = ~(self.log_joint(shared[watched], moved[watched]) >= least)
-            watched, least = watched[down], least[down]
-            if not watched.size:
-                return moved
-            moved[watched] = 0.5 * (own[watched] + moved[watched])
-        moved[watched] = own[watched]
-        return moved
 
     def log_marginal(self, shared: FloatArray, around: Around, *, n_node: int) -> FloatArray:
         """(n_draw,) m(s) at shared (n_draw, n_shared), with `n_node` Gauss-Hermite nodes along each
@@ -276,36 +260,50 @@ def run_terms(fit: Fit, sampled: IntArray) -> tuple[RunTerm, ...]:
     return tuple(terms)
 
 
-def _gauss_newton(
-    term: RunTerm, shared: FloatArray, own: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """The step (n_point, n_own) towards the mode of the own parameters, and their information
-    (n_point, n_own, n_own); not numbers where the curve is none or leaves one undetermined.
+@dataclass(frozen=True, eq=False)
+class _GivenShared:
+    """Minus `RunTerm.log_joint` at shared (n_draw, n_shared) as an `ObjectiveFunction` of the own
+    parameters.
     """
-    k = term.own.size
-    steps, informations = np.empty_like(own), np.empty((own.shape[0], k, k))
-    for block in _blocks(own.shape[0]):
-        with np.errstate(all="ignore"):  # far away a curve may overflow
-            residuals, jacobian, spread = _slopes(term, shared[block], own[block])
-            gradient = np.einsum("nok,no->nk", jacobian, residuals) + 0.5 * np.einsum(
-                "nok,no->nk", spread, residuals**2 - 1.0
-            )
-            # far from its mode the size of errors is curved by what the residuals are, not by
-            # what they are expected to be
-            observed = np.einsum("nok,no->nk", spread**2, residuals**2)
-            ratio = _ratio(observed, np.sum(spread**2, axis=1))
-            spread *= np.sqrt(np.maximum(ratio, 1.0))[:, None, :]
-            information = np.einsum("nok,nol->nkl", jacobian, jacobian) + 0.5 * np.einsum(
-                "nok,nol->nkl", spread, spread
-            )
-        gradient[:, term.logs] += 1.0  # of the density of a logarithm
-        unusable = ~(np.all(np.isfinite(gradient), axis=1) & _definite(information))
-        gradient[unusable], information[unusable] = np.nan, np.nan
-        step = np.linalg.solve(information, gradient[..., None])[..., 0]
-        length = np.sqrt(np.maximum(np.einsum("nk,nk->n", gradient, step), 0.0))
-        steps[block] = step * np.minimum(1.0, _LONGEST_STEP / np.maximum(length, 1e-300))[:, None]
-        informations[block] = information
-    return steps, informations
+
+    term: RunTerm
+    shared: FloatArray
+
+    quasi_newton: ClassVar[bool] = False
+    fraction_to_bound: ClassVar[float] = 1.0
+
+    @property
+    def low(self) -> FloatArray:
+        return self.term.limits[0]
+
+    @property
+    def high(self) -> FloatArray:
+        return self.term.limits[1]
+
+    def reach(self, points: FloatArray) -> FloatArray:
+        return np.broadcast_to(_LONGEST_STEP / _DIFFERENCE * self.term.steps, points.shape)
+
+    def evaluate(self, points: FloatArray, which: IntArray) -> tuple[FloatArray, FloatArray]:
+        return points, -self.term.log_joint(self.shared[which], points)
+
+    def derivatives(
+        self, points: FloatArray, which: IntArray, curved: BoolArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Not numbers where the curve is none."""
+        residuals, jacobian, spread = _slopes(self.term, self.shared[which], points)
+        gradient = np.einsum("nok,no->nk", jacobian, residuals) + 0.5 * np.einsum(
+            "nok,no->nk", spread, residuals**2 - 1.0
+        )
+        # far from its mode the size of errors is curved by what the residuals are, not by what
+        # they are expected to be
+        observed = np.einsum("nok,no->nk", spread**2, residuals**2)
+        ratio = observed / positive_or(np.sum(spread**2, axis=1), np.inf)
+        spread *= np.sqrt(np.maximum(ratio, 1.0))[:, None, :]
+        information = np.einsum("nok,nol->nkl", jacobian, jacobian) + 0.5 * np.einsum(
+            "nok,nol->nkl", spread, spread
+        )
+        gradient[:, self.term.logs] += 1.0  # of the density of a logarithm
+        return -gradient, information
 
 
 def _slopes(
@@ -345,27 +343,16 @@ def _residuals(term: RunTerm, shared: FloatArray, own: FloatArray) -> tuple[Floa
     )
 
 
-def _ratio(a: FloatArray, b: FloatArray) -> FloatArray:
-    return np.divide(a, b, out=np.ones_like(a), where=b > 0.0)
-
-
-def _definite(information: FloatArray) -> BoolArray:
-    """(n,) whether information matrices (n, n_own, n_own) can be inverted."""
-    sound = np.all(np.isfinite(information), axis=(1, 2))
-    size = np.sqrt(np.diagonal(information, axis1=1, axis2=2))
-    sound &= np.all((size > 1e-150) & (size < 1e150), axis=1)
-    unit = information[sound] / (size[sound][:, :, None] * size[sound][:, None, :])
-    if unit.shape[1] > 1:
-        sound[sound] = np.linalg.eigvalsh(unit)[:, 0] > _LEAST_EIGENVALUE
-    return sound
-
-
 def covariance_roots(information: FloatArray) -> FloatArray:
     """Lower triangular roots (n, n_own, n_own) of the inverses of information matrices; not a
     number where there is none.
     """
     roots = np.full_like(information, np.nan)
     sound = np.all(np.isfinite(information), axis=(1, 2))
+    size = np.sqrt(np.diagonal(information, axis1=1, axis2=2))
+    sound &= np.all((size > 1e-150) & (size < 1e150), axis=1)
+    unit = information[sound] / squared_rows(size[sound])
+    sound[sound] = np.min(np.linalg.eigvalsh(unit), axis=1, initial=1.0) > _LEAST_EIGENVALUE
     roots[sound] = np.linalg.cholesky(np.linalg.inv(information[sound]))
     return roots
 
@@ -388,7 +375,3 @@ def hermite_nodes(n_node: int, n_dim: int) -> tuple[FloatArray, FloatArray]:
 def log_volume(root: FloatArray) -> FloatArray:
     """(n_draw,) log determinant of lower triangular roots (n_draw, n_own, n_own)."""
     return np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
-
-
-def _blocks(n: int) -> list[slice]:
-    return [slice(i, min(i + _ROWS, n)) for i in range(0, n, _ROWS)]
