@@ -20,6 +20,19 @@ def all_finite(*arrays: ArrayLike) -> bool:
     return all(bool(np.isfinite(array).all()) for array in arrays)
 
 
+def bisected(
+    beyond: Callable[[FloatArray], BoolArray], low: FloatArray, high: FloatArray, n: int
+) -> FloatArray:
+    """The places between low and high from which on values are `beyond` something, after `n`
+    halvings; where none is, high.
+    """
+    for _ in range(n):
+        middle = 0.5 * (low + high)
+        over = beyond(middle)
+        low, high = np.where(over, low, middle), np.where(over, middle, high)
+    return high
+
+
 def diagonal_scale(matrix: FloatArray) -> FloatArray:
     """(n,) units in which the diagonal of a matrix (n, n) is 1, of covariances or of information; 1
     where it is next to nothing.

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 from scipy.special import ndtr
 
-from estim.arrays import FloatArray, IntArray, squared_rows
+from estim.arrays import BoolArray, FloatArray, IntArray, bisected, squared_rows
 from estim.discrepancy.scale_mixture import Deviation, Family
 from estim.problem import Root, beside
 
@@ -320,14 +320,10 @@ def mixture_quantiles(
     low = np.broadcast_to(np.min(means, axis=0) - spread, (p.shape[0], *means.shape[1:]))
     high = np.broadcast_to(np.max(means, axis=0) + spread, low.shape)
     width = np.where(sds > 0.0, sds, np.finfo(float).tiny)
-    for _ in range(36):
-        middle = 0.5 * (low + high)
-        with np.errstate(over="ignore"):  # beside a component without any width
-            below = (
-                np.tensordot(
-                    weights, ndtr((middle[None] - means[:, None]) / width[:, None]), axes=1
-                )
-                < p
-            )
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
-    return 0.5 * (low + high)
+
+    def reached(values: FloatArray) -> BoolArray:
+        shares = ndtr((values[None] - means[:, None]) / width[:, None])
+        return np.tensordot(weights, shares, axes=1) >= p
+
+    with np.errstate(over="ignore"):  # beside a component without any width
+        return bisected(reached, low, high, 36)

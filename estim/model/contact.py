@@ -33,13 +33,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray, IntArray
+from estim.arrays import FloatArray, IntArray, bisected
 from estim.model.body import Body
 from estim.model.forces import Forces, energy_series, inertia
 from estim.model.phase_curve import STANDARD_GRAVITY, energy_ratio_derivatives, turning_angle
 
 _N_SCAN = 400  # angles at which the end of rolling is looked for
-_N_HALVING = 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,12 +217,9 @@ def end_of_rolling(
     first = np.argmax(lost, axis=1)[:, None]
     high = last * share[first]
     low = last * share[np.maximum(first - 1, 0)]
-    for _ in range(_N_HALVING):
-        middle = 0.5 * (low + high)
-        beyond = spare(middle) < 0.0
-        low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
-    hops = contact_forces(high, body, **place).normal < 0.0
+    lost_at = bisected(lambda angle: spare(angle) < 0.0, low, high, 50)
+    hops = contact_forces(lost_at, body, **place).normal < 0.0
     why = np.where(
         ends, np.where(hops, End.HOPS, End.SLIPS), np.where(turn <= ramp, End.TURNS, End.RAMP)
     )
-    return np.where(ends, high, last), why
+    return np.where(ends, lost_at, last), why

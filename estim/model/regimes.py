@@ -26,10 +26,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, bisected
 from estim.model.phase_curve import effective_slope
-
-_N_HALVING = 60
 
 
 def range_of_release(
@@ -99,9 +97,7 @@ def release_that_rolls_on(
     slope, gamma = np.broadcast_arrays(effective_slope(phi, rolling_resistance), gamma)
     lowest, highest = range_of_release(gamma, phi, rolling_resistance=rolling_resistance)
     top = gamma * np.cos(lowest) + (2.0 * np.pi + lowest) * slope
-    low, high = lowest, highest
-    for _ in range(_N_HALVING if np.any(slope < 0.0) else 0):
-        middle = 0.5 * (low + high)
-        over = gamma * np.cos(middle) + middle * slope > top
-        low, high = np.where(over, middle, low), np.where(over, high, middle)
-    return np.where(slope >= 0.0, lowest, np.where(slope <= -gamma, highest, high))
+    turns = bisected(
+        lambda angle: gamma * np.cos(angle) + angle * slope <= top, lowest, highest, 60
+    )
+    return np.where(slope >= 0.0, lowest, np.where(slope <= -gamma, highest, turns))

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray, positive_or
+from estim.arrays import FloatArray
 from estim.common import later
 
 
@@ -36,10 +36,6 @@ class PoissonLaw:
         from scipy.special import gammaln
 
         return _y_log(y, mean) - mean - gammaln(y + 1.0)
-
-    def deviance(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
-        """2 log p(y | y) - 2 log p(y | m)."""
-        return 2.0 * (_y_log(y, positive_or(y, 1.0)) - _y_log(y, mean) - (y - mean))
 
     def variance(self, mean: FloatArray, size: FloatArray) -> FloatArray:
         """V of y."""
@@ -77,11 +73,6 @@ class BinomialLaw:
         hits, misses = np.rint(size * y), np.rint(size * (1.0 - y))
         log_combinations = gammaln(size + 1.0) - gammaln(hits + 1.0) - gammaln(misses + 1.0)
         return log_combinations + _y_log(hits, mean) + _y_log(misses, 1.0 - mean)
-
-    def deviance(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
-        rest, of_rest = 1.0 - y, 1.0 - mean
-        hits = _y_log(y, positive_or(y, 1.0)) - _y_log(y, mean)
-        return 2.0 * size * (hits + _y_log(rest, positive_or(rest, 1.0)) - _y_log(rest, of_rest))
 
     def variance(self, mean: FloatArray, size: FloatArray) -> FloatArray:
         return mean * (1.0 - mean) / size
@@ -137,9 +128,9 @@ def deviance_residual(law: Law, y: FloatArray, mean: FloatArray, size: FloatArra
         close = (y - mean) ** 2 / variance
         # there the difference of two logarithms is rounding
         small = np.abs(y - mean) < 1e-5 * variance * size
-        return np.sign(y - mean) * np.sqrt(
-            np.where(small, close, np.maximum(law.deviance(y, mean, size), 0.0))
-        )
+        best = np.clip(y, 0.0, law.ceiling)  # y may be beyond it by rounding
+        deviance = 2.0 * (law.log_density(y, best, size) - law.log_density(y, mean, size))
+        return np.sign(y - mean) * np.sqrt(np.where(small, close, np.maximum(deviance, 0.0)))
 
 
 def _y_log(y: FloatArray, mean: FloatArray) -> FloatArray:

@@ -31,6 +31,7 @@ from estim.arrays import (
     FloatArray,
     Named,
     all_finite,
+    bisected,
     diagonal_scale,
     finite_or,
     in_blocks,
@@ -294,16 +295,10 @@ class LatentErrors(Likelihood):
         )[0]
         curvature = information * np.einsum("dij,dik->djk", moved, moved) + np.eye(2)
         with np.errstate(all="ignore"):
-            determinant = curvature[:, 0, 0] * curvature[:, 1, 1] - curvature[:, 0, 1] ** 2
-            square = (
-                curvature[:, 1, 1] * gradient[:, 0] ** 2 + curvature[:, 0, 0] * gradient[:, 1] ** 2
-            )
-            square -= 2.0 * curvature[:, 0, 1] * gradient[:, 0] * gradient[:, 1]
+            step = np.linalg.solve(curvature, gradient[..., None])[..., 0]
             log_density = density.log_density(self.y, tails, named)
-            return (
-                np.sum(log_density, axis=-1)
-                + 0.5 * square / determinant
-                - 0.5 * np.log(determinant)
+            return np.sum(log_density, axis=-1) + 0.5 * (
+                np.sum(gradient * step, axis=-1) - np.linalg.slogdet(curvature)[1]
             )
 
     def _slopes(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
@@ -436,8 +431,5 @@ def _quantiles(density: Predictive, tails: Tails, named: Named, e: FloatArray) -
     high = np.max(np.where(possible, density.mean[0] + reach * sd, -np.inf), axis=-1)[
         :, None
     ] * np.ones(e.size)
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        above = density.of().normal_score(middle, tails, named) > e
-        low, high = np.where(above, low, middle), np.where(above, middle, high)
-    return 0.5 * (low + high)
+    points = density.of()
+    return bisected(lambda y: points.normal_score(y, tails, named) > e, low, high, 50)

@@ -91,26 +91,20 @@ def differentiate(
     Raises InputError where the steps of time are no multiples of one interval.
     """
     interval, frame = _frames(t, file=file, lines=lines)
-    row_of = {int(f): row for row, f in enumerate(frame)}
-    rows, entries = [], []
-    for row, f in enumerate(frame):
-        neighbours = [row_of.get(int(f) + offset) for offset in stencil.offsets]
-        if None not in neighbours:
-            rows.append(row)
-            entries.append(neighbours)
-    if not rows:
+    neighbours = frame[:, None] + np.array(stencil.offsets)
+    rows = np.flatnonzero(np.all(np.isin(neighbours, frame), axis=1))
+    if not rows.size:
         raise InputError(
             f"leaves no frame with the neighbours that the {stencil.name} derivative needs",
             field="t_s",
             file=file,
         )
-    weights = np.tile(np.array(stencil.weights) / interval, (len(rows), 1))
-    matrix = in_rows(np.array(entries), weights, t.size)
-    chosen = np.array(rows)
+    weights = np.tile(np.array(stencil.weights) / interval, (rows.size, 1))
+    matrix = in_rows(np.searchsorted(frame, neighbours[rows]), weights, t.size)
     value = matrix @ position
-    for array in (chosen, value, matrix.indices, matrix.data):
+    for array in (rows, value, matrix.indices, matrix.data):
         array.setflags(write=False)
-    return Derivative(stencil, chosen, value, matrix, interval)
+    return Derivative(stencil, rows, value, matrix, interval)
 
 
 def _frames(t: FloatArray, *, file: str, lines: IntArray | None) -> tuple[float, IntArray]:
