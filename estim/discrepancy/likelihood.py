@@ -51,21 +51,15 @@ class MixtureErrors(Likelihood):
         return self.likely.whiten(self.raw(named))
 
     def residuals(self, named: Named) -> FloatArray:
-        """z times what makes their squares sum to the loss of log likelihood."""
+        """z times what makes their squares sum to the loss of log likelihood; 1 where nothing is
+        lost but rounding.
+        """
         raw = self.raw(named)
         z = self.likely.whiten(raw)
-        return z * self._stretch(raw, z)[0][:, None]
-
-    def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
-        """By the product rule; the stretch g changes by g (Q r/loss - W^T z/|z|^2)."""
-        raw, gradient = self.raw(named), self.gradient(named, names)
-        z = self.likely.whiten(raw)
-        (stretch,), (loss,) = self._stretch(raw, z)
-        slopes = -stretch * self.likely.whiten(gradient.T).T
-        if not loss > 0.0:
-            return slopes
-        turning = self.mixture.pull(raw[0]) / loss - self.likely.turned_back(z[0]) / (z[0] @ z[0])
-        return slopes - stretch * np.outer(z[0], turning @ gradient)
+        loss = 2.0 * (self.mixture.highest - self.mixture.log_likelihood(raw))
+        square = np.sum(z**2, axis=1)
+        lost = (loss > 1e-9) & (square > 0.0)
+        return z * np.sqrt(np.divide(loss, square, out=np.ones_like(loss), where=lost))[:, None]
 
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
         """With the precision Q that the components have together at the point (`Mixture.pulls`)."""
@@ -98,14 +92,3 @@ class MixtureErrors(Likelihood):
     def raw(self, named: Named) -> FloatArray:
         """(n_draw, n_obs) the residuals."""
         return self.formed.at(self.points, named)
-
-    def _stretch(self, raw: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(n_draw,) what makes |stretch z|^2 twice the loss of log likelihood, and that; 1 and 0
-        where nothing is lost but rounding.
-        """
-        loss = 2.0 * (self.mixture.highest - self.mixture.log_likelihood(raw))
-        square = np.sum(z**2, axis=1)
-        positive = (loss > 1e-9) & (square > 0.0)
-        stretch = np.ones(loss.size)
-        stretch[positive] = np.sqrt(loss[positive] / square[positive])
-        return stretch, np.where(positive, loss, 0.0)

@@ -4,7 +4,8 @@ own.
 No run is widened to the parameters of all others: its information is added where it belongs, to the
 information of all, or goes as a triangle (QR) of its own into a root of it.
 
-Use it for more than `MANY_RUNS` independent groups of runs; fewer are fit by lmfit.
+Use it for more than `MANY_RUNS` independent groups of runs, and for steps by the Fisher
+information; what else there is, lmfit fits.
 """
 
 from __future__ import annotations

@@ -31,20 +31,17 @@ from estim.discrepancy import FoundDeviation, FoundForce, NormalParts
 from estim.distributions import chi2_tail
 from estim.fitting.arrowhead import descend_by_runs, many
 from estim.fitting.fisher_information import information, known_from_data
-from estim.fitting.gauss_newton import stepped
 from estim.fitting.incidental_parameters import measure_of
 from estim.fitting.jeffreys import jeffreys_prior
 from estim.fitting.noise_fit import fit_noise
 from estim.fitting.profile_search import search_of
 from estim.fitting.relaxation import LEAST_SHARE, MAX_ROUNDS, SETTLED, Held, settle_by_runs
-from estim.fitting.separable import SeparableSearch
 from estim.problem import Coordinates, JeffreysPrior, Measure, Posterior, Problem, Symmetry
 
 _FEW_ROUNDS = 6
 # relative steps at which a search of the curve ends: at the mode, and to see where a start leads
 _EXACT, _ROUGH = 1e-12, 1e-6
 WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
-_FINE = 1e-2
 # of -2 log density: chains of some seeds go beyond a rise of 27.5, none beyond 30.3; where that
 # without a parameter is higher, its sign is known and it is sampled by size
 NEVER_MET = 30.0
@@ -411,9 +408,9 @@ def _fit_curve(
     free = problem.of_curve
     if not free:
         return values
-    if many(problem):
-        # the next round takes them on, with a better covariance
-        return descend_by_runs(posterior, values, free, most=5 if hasty else 200)
+    if many(problem) or any(likelihood.creeps for likelihood in posterior.likelihoods):
+        # of many runs, the next round takes them on, with a better covariance
+        return descend_by_runs(posterior, values, free, most=5 if hasty and many(problem) else 200)
     from lmfit.minimizer import minimize
     from lmfit.parameter import Parameters
 
@@ -440,8 +437,6 @@ def _fit_curve(
         # a point beside the edge of where the curve is defined does not count in the step
         return finite_or(columns, 0.0)
 
-    creeps = any(run.creeps for run in posterior.likelihoods)
-    tolerance = 1e-5 if creeps else tolerance  # steps by the information finish
     # lmfit inverts the Hessian too, singular where the data are silent; not used
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         result = minimize(
@@ -459,15 +454,7 @@ def _fit_curve(
             max_nfev=400,
             nan_policy="propagate",
         )
-    reached = filled(result.params)
-    if not creeps:
-        return reached
-    low, high = problem.support()
-    nothing = np.zeros(0, dtype=np.int64)
-    search = SeparableSearch(
-        posterior, reached, low, high, linear=nothing, nonlinear=np.array(free)
-    )
-    return stepped(search, reached, most=20, tolerance=_FINE * SETTLED)[0]
+    return filled(result.params)
 
 
 def _inside(value: float, low: float, high: float) -> float:

@@ -158,8 +158,10 @@ def _linear(
     """Parameters without limits that the residuals are jointly linear in: their columns do not move
     when they do.
     """
-    reference, before = posterior.jacobian(start), posterior.residuals(start)
     linear: list[int] = []
+    if any(likelihood.creeps for likelihood in posterior.likelihoods):
+        return linear
+    reference, before = posterior.jacobian(start), posterior.residuals(start)
     for i in free:
         trial = [*linear, i]
         if math.isfinite(low[i]) or math.isfinite(high[i]) or not all_finite(reference[:, i]):

@@ -209,11 +209,11 @@ class GaussianErrors(Likelihood):
     def residuals(self, named: Named) -> FloatArray:
         return self._turned(named) / self._sd(named)
 
-    def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
+    def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
         return -(self.form.turned(self.points.gradient(named, names).T) / self._sd(named)).T
 
     def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
-        root = self.jacobian(named, names)
+        root = self.information_root(named, names)
         return root.T @ root + self.size.information(self.form.spectrum, named, names)
 
     def whitened(self, named: Named, names: Sequence[str]) -> Linear:

@@ -69,22 +69,18 @@ class CountErrors(Likelihood):
         )
         return np.where(np.isfinite(none), np.where(self.y > 0.0, unseen, -unseen), root)
 
-    def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
-        r = CountErrors.residuals(self, named)[0]
-        near = np.abs(r) < 1e-6
-        with np.errstate(all="ignore"):
-            slope = np.where(
-                near, -1.0 / self.sd(named), self._score(named) / np.where(near, 1.0, r)
-            )
-        return slope[:, None] * self.points.gradient(named, names)
-
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-        return self._slopes(named, names), self._score(named) * self.sd(named)
+        return self.information_root(named, names), self._score(named) * self.sd(named)
 
     def whitened(self, named: Named, names: Sequence[str]) -> CountedResiduals:
         mean = self._expected(named)[0][0]
         return CountedResiduals(
-            self.law, self.y, mean, self.trials, self._slopes(named, names), self.sd(named)
+            self.law,
+            self.y,
+            mean,
+            self.trials,
+            CountErrors.information_root(self, named, names),
+            self.sd(named),
         )
 
     def sd(self, named: Named) -> FloatArray:
@@ -110,8 +106,8 @@ class CountErrors(Likelihood):
         edge = np.where(self.y > 0.0, -edge, edge)
         return np.where(none > 0.0, score, edge)[0]
 
-    def _slopes(self, named: Named, names: Sequence[str]) -> FloatArray:
-        """(n_obs, n_par) derivatives of the expectations over the standard deviations."""
+    def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
+        """Derivatives of the expectations over the standard deviations."""
         return self.points.gradient(named, names) / self.sd(named)[:, None]
 
 

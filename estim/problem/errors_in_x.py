@@ -137,12 +137,8 @@ class LatentErrors(Likelihood):
 
         return self._by_blocks(named, residual)
 
-    def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
-        return np.where(
-            self._of_curve(names),
-            -self.scores(named, names, {}) / self.residuals(named)[0][:, None],
-            0.0,
-        )
+    def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
+        return self.scoring(named, names)[0]
 
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
         mask = self._of_curve(names)
@@ -387,7 +383,8 @@ def rooted(information: FloatArray, score: FloatArray, n: int) -> tuple[FloatArr
         )
     scale = diagonal_scale(information)
     stiffness, axes = np.linalg.eigh(information / np.outer(scale, scale))
-    size = np.sqrt(np.maximum(stiffness, 0.0))
+    rounding = EXACT * score.size * np.max(stiffness, initial=0.0)
+    size = np.sqrt(np.where(stiffness > rounding, stiffness, 0.0))
     height = np.divide(
         -(axes.T @ (score / scale)),
         size,

@@ -88,10 +88,6 @@ class EventErrors(CountErrors):
                 2.0 * np.maximum(highest - self._by_cell(np.log(rate)) + expected, 0.0)
             )
 
-    def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
-        with np.errstate(all="ignore"):
-            return -self._scores(named, names) / self.residuals(named)[0][:, None]
-
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
         return rooted(
             self.information(named, names, {}),

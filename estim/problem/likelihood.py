@@ -228,9 +228,9 @@ class Likelihood(ABC):
         """
 
     @abstractmethod
-    def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
-        """(n_obs, n_par) derivatives of `residuals` in the parameters of the curve, 0 in all
-        others.
+    def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
+        """J (n, n_par) with J^T J the Fisher information about the curve, the noise held; of normal
+        errors the derivatives of `residuals`.
         """
 
     @abstractmethod
@@ -286,11 +286,7 @@ class Likelihood(ABC):
         curve: J^T r is minus the gradient of the log likelihood, J^T J the information that the
         step takes.
         """
-        return self.jacobian(named, names), self.residuals(named)[0]
-
-    def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
-        """J (n, n_par) with J^T J the Fisher information about the curve, the noise held."""
-        return self.scoring(named, names)[0]
+        return self.information_root(named, names), self.residuals(named)[0]
 
     def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
         """(n_par, n_par) Fisher information about all parameters; of the noise those in `ends`,
@@ -301,7 +297,7 @@ class Likelihood(ABC):
 
     def whitened(self, named: Named, names: Sequence[str]) -> Whitened:
         """The residuals for tests."""
-        return Linear(self.standardised(named)[0], -self.jacobian(named, names))
+        return Linear(self.standardised(named)[0], -self.information_root(named, names))
 
     def squared_size(self, vector: FloatArray, named: Named) -> float:
         """v^T C^-1 v of a vector (n_obs,) in the unit of y."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray, Named, all_finite, diagonal_scale, positive_or
+from estim.arrays import FloatArray, Named, all_finite, diagonal_scale
 from estim.common import phrase
 from estim.problem.curve import Wording
 from estim.problem.errors_in_x import ROOTED, rooted
@@ -41,9 +41,8 @@ class DensityErrors(Likelihood):
     def residuals(self, named: Named) -> FloatArray:
         return np.sqrt(2.0 * np.maximum(self.highest - self.pointwise(named), 0.0))
 
-    def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
-        root = self.residuals(named)[0][:, None]
-        return -self.points.gradient(named, names) / positive_or(root, np.inf)
+    def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
+        return self.scoring(named, names)[0]
 
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
         scores = self.points.gradient(named, names)
@@ -66,7 +65,7 @@ class DensityErrors(Likelihood):
             )
             rows.append((below - above) / (2.0 * step))
         bent = 0.5 * (np.array(rows) + np.transpose(rows))
-        if not all_finite(bent):
+        if not (names and all_finite(bent)):
             return outer
         curvatures = np.linalg.eigvalsh(bent / np.outer(size, size))
         return bent if curvatures[0] > -_BENT * curvatures[-1] else outer

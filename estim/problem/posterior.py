@@ -439,13 +439,8 @@ class Posterior:
         return self.problem.prior_residuals(values)
 
     def jacobian(self, values: FloatArray) -> FloatArray:
-        """(n_obs + n_par, n_par) derivatives of `residuals` at fixed noise parameters."""
-        named = self.problem.named(values)
-        parts = self.by_run(
-            self._widened(likelihood.jacobian(named, names), columns)
-            for likelihood, names, columns in self._parts
-        )
-        return np.vstack([*parts, self.problem.prior_jacobian(values)])
+        """(n, n_par) J of `scoring`."""
+        return self.scoring(values)[0]
 
     @cached_property
     def _parts(self) -> tuple[tuple[Likelihood, tuple[str, ...], IntArray], ...]:
@@ -483,8 +478,8 @@ class Posterior:
         r (n,), n >= n_obs.
 
         J^T r is minus the gradient of the log likelihood; J^T J is the Fisher information where
-        residuals of least squares (`residuals`) are far from normal (`Likelihood.creeps`), and that
-        of `jacobian` elsewhere.
+        residuals of least squares (`residuals`) are far from normal (`Likelihood.creeps`);
+        elsewhere r are those, and J their derivatives at fixed noise parameters.
         """
         named = self.problem.named(values)
         return tuple(likelihood.scoring(named, names) for likelihood, names, _ in self._parts)

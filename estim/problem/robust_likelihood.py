@@ -41,9 +41,9 @@ class RobustErrors(Likelihood):
     def outlier_probability(self, named: Named) -> FloatArray:
         return self.tails.outlier_probability(self.standardised(named), named)
 
-    def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
-        z = self.standardised(named)[0]
-        return self.tails.deviance_residual(z, named)[1][:, None] * self._slopes(named, names)
+    def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+        residuals, slopes = self.tails.deviance_residual(self.standardised(named)[0], named)
+        return slopes[:, None] * self._slopes(named, names), residuals
 
     def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
         return np.sqrt(self.tails.information(named)[0]) * self._slopes(named, names)
