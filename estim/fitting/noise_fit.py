@@ -4,8 +4,6 @@ round of `estim.fitting.least_squares`.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from estim.arrays import FloatArray
@@ -20,11 +18,6 @@ def fit_noise(posterior: Posterior, values: FloatArray) -> FloatArray:
     if not problem.noise_names:
         return values
     search = search_of(posterior, values, np.eye(values.size), squared=True)
-    least = np.full(values.size, -np.inf)
-    for i, parameter in enumerate(problem.parameters):
-        if i not in problem.of_curve:
-            least[i] = 1e-6 * parameter.prior.sd  # the smallest size
-    search = replace(search, low=np.maximum(search.low, search.coordinates.of(least)))
     start = Start(search.coordinates.of(values), tuple(problem.of_curve), tolerance=1e-12)
     (end,) = minima(search, [start])
     return search.coordinates.values(end.values)
