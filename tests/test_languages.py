@@ -357,6 +357,7 @@ NAMES = frozenset(  # shown as they are in every language
         "python",
         "numpy",
         "scipy",
+        "lmfit",
         "emcee",
         "arviz",
         "stats",
