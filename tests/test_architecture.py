@@ -26,6 +26,7 @@ FILES = {
 }
 MODEL = [m for m in FILES if m.startswith("estim.model.")]
 HEAVY = {
+    "lmfit",
     "emcee",
     "matplotlib",
     "arviz_stats",
@@ -103,8 +104,12 @@ def test_inference_meets_physics_in_seven_files():
     assert {m for m in FILES if "estim.model" in map(room, imports()[m])} - set(MODEL) == found
 
 
-def test_one_file_knows_the_sampler():
-    assert importers("emcee") == {"estim.sampling.ensembles"}
+@pytest.mark.parametrize(
+    ("package", "module"),
+    [("lmfit", "estim.fitting.least_squares"), ("emcee", "estim.sampling.ensembles")],
+)
+def test_one_file_knows_each_engine(package, module):
+    assert importers(package) == {module}
 
 
 ARCHITECTURE = (PROJECT / "docs" / "architecture.md").read_text()
@@ -458,6 +463,7 @@ SLOW = {
     "scipy.stats",
     "scipy.optimize",
     "matplotlib",
+    "lmfit",
     "emcee",
     "arviz_stats",
     "pandas",
