@@ -267,7 +267,7 @@ def test_a_search_that_ends_without_derivatives_says_so() -> None:
     x = np.arange(11.0)
     with pytest.raises(InputError, match="no finite derivatives"):
         fit_curve(
-            "sqrt(abs(x - a))", x, np.sqrt(np.abs(x - 5.0)), start={"a": 5.0}, u_y=0.1, n_start=1
+            "sqrt(abs(x - a))", x, np.sqrt(np.abs(x - 5.0)), start={"a": 5.0}, u_y=0.1, scan=False
         )
 
 
@@ -574,9 +574,9 @@ def test_intervals_with_covariances_of_x_and_y_cover_what_they_say() -> None:
         true = rng.normal(0.0, 1.0, n)
         x = true + 0.3 * rng.standard_normal(n) + 0.2 * rng.standard_normal()
         y = 1.0 + 2.0 * true + root @ rng.standard_normal(n)
-        right = fit_curve("a + b*x", x, y, start=start, cov_x=cov_x, cov_y=cov_y, n_start=1)
+        right = fit_curve("a + b*x", x, y, start=start, cov_x=cov_x, cov_y=cov_y, scan=False)
         # errors of x as errors of y by the slope, at the x that were read
-        wrong = fit_curve("a + b*x", x, y, start=start, cov_y=cov_y + 4.0 * cov_x, n_start=1)
+        wrong = fit_curve("a + b*x", x, y, start=start, cov_y=cov_y + 4.0 * cov_x, scan=False)
         for fit, count in ((right, inside), (wrong, flat)):
             ends = (fit.intervals[name][0.68] for name in truth)
             count += [

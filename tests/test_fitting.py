@@ -345,5 +345,5 @@ def test_the_steps_that_finish_a_fit_end_where_they_are_rounding(
     for seed in (2, 12, 15):
         y = 2.0 * x**1.5 + 0.1 * np.random.default_rng(seed).standard_normal(x.size)
         taken[0] = 0
-        fit_curve("a*x**n", x, y, u_y=0.1, start={"a": 1.8, "n": 1.4}, n_start=1)
+        fit_curve("a*x**n", x, y, u_y=0.1, start={"a": 1.8, "n": 1.4}, scan=False)
         assert taken[0] < 10

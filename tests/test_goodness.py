@@ -330,7 +330,7 @@ def test_few_readings_of_few_digits_are_no_poor_fit(
     u_y = np.hypot(1.0, step / np.sqrt(12.0)) if stated else None
     fits = [
         fit_curve(
-            "a + b*x", x, 0.001 * y, u_y=u_y and 0.001 * u_y, n_start=1, start={"a": 1.0, "b": 2.0}
+            "a + b*x", x, 0.001 * y, u_y=u_y and 0.001 * u_y, scan=False, start={"a": 1.0, "b": 2.0}
         )
         for y in readings
         if np.ptp(np.diff(y, n=2)) + abs(y[2] - 2.0 * y[1] + y[0]) > 0.0  # not all on one line
@@ -373,7 +373,7 @@ def test_a_blunder_among_few_readings_of_few_digits_is_found(
         y = np.round(1.0 + 2.03 * x + rng.normal(0.0, 0.1, n), 1)
         y[n // 2] += 15.0
         assert (
-            fit_curve("a + b*x", x, y, start={"a": 1.0, "b": 2.0}, n_start=1).status == "poor-fit"
+            fit_curve("a + b*x", x, y, start={"a": 1.0, "b": 2.0}, scan=False).status == "poor-fit"
         )
 
 
@@ -404,7 +404,7 @@ def test_a_right_curve_whose_constant_lies_on_its_limit_is_no_poor_fit() -> None
             u_y=0.12,
             bounds={"c": (0.0, None)},
             start=start,
-            n_start=1,
+            scan=False,
         )
         for seed in range(40)
     ]

@@ -421,7 +421,7 @@ def test_runs_of_few_points_need_nodes_and_get_them() -> None:
     }
     priors = {"a": LogNormal(2.0, 0.5), "tau": LogNormal(1.0, 0.8)}
     data = {name: DataSet(x, y, u_y=sd) for name, y in tables.items()}
-    found = fit_curves("a*exp(-x/tau)", data, shared=["a"], priors=priors, n_start=1).fit
+    found = fit_curves("a*exp(-x/tau)", data, shared=["a"], priors=priors, scan=False).fit
     few = {"n_draw": 2000, "n_check": 2000}
     laplace = sample_marginal(found, rng=np.random.default_rng(5), **few)
     assert not laplace.trusted

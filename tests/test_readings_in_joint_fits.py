@@ -274,7 +274,7 @@ def test_own_parameters_on_limits_stay_there_while_what_is_shared_moves() -> Non
         shared=("p", "tau"),
         bounds={"b": (0.0, None), "N": (0.0, None), "tau": (0.0, None)},
         start={"N": 60.0, "p": 0.7, "tau": 1.5, "b": 0.5},
-        n_start=1,
+        scan=False,
     ).fit
     assert sum(name.startswith("b") for name in fit.at_bound) == 3
     measure = measure_of(fit.posterior, fit.values, fit.cov)

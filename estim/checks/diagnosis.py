@@ -422,7 +422,7 @@ def _remarks(fit: Fit, goodness: Sequence[Goodness], conflict: Conflict) -> list
         remarks += deviation_remarks(
             lack, x_unit=runs[lack.run].x_unit, y_unit=runs[lack.run].y_unit
         )
-    if fit.n_same < fit.n_start:
+    if fit.n_start > max(fit.n_same, 1):
         remarks.append(
             Finding(
                 Kind.STARTS_ELSEWHERE,

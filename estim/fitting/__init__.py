@@ -36,7 +36,6 @@ from estim.fitting.least_squares import (
     refit,
     converged_message,
 )
-from estim.fitting.multistart import N_START
 from estim.fitting.unbounded_sides import open_sides
 from estim.fitting.optimum import (
     MAX_PARAMETERS,

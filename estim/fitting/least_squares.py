@@ -482,11 +482,7 @@ def starts_message(n_same: int, n_start: int) -> str:
         return phrase("the starting values led to this optimum")
     if n_same:
         return phrase("{n} of {of} starting points led to this optimum", n=n_same, of=n_start)
-    return phrase(
-        "none of the {of} starting points led to this optimum; it was found by a scan of "
-        "the parameters",
-        of=n_start,
-    )
+    return phrase("no starting point led to this optimum; a scan of the parameters found it")
 
 
 def converged_message(origin: str) -> str:
