@@ -374,7 +374,7 @@ def test_the_p_value_of_few_counts_is_that_of_refits(rng: np.random.Generator) -
         return 2.0 * np.sum(special.xlogy(counts, counts / mean) - counts + mean, axis=-1)
 
     counts = np.repeat([0, 1, 2, 3], [13, 7, 4, 1])
-    fit = fit_least_squares(flat_problem(counts), rng=rng, n_start=1)
+    fit = fit_least_squares(flat_problem(counts))
     (good,) = check_goodness(fit, rng=rng)
     drawn = rng.poisson(counts.mean(), (20_000, counts.size))
     least = deviance(counts, counts.mean()) - 1e-9
@@ -393,7 +393,7 @@ def test_the_deviance_of_few_counts_has_the_p_value_that_it_says(rng: np.random.
 
     simulated, by_chi2 = [], []
     for seed in range(150):
-        fit = fit_least_squares(flat_problem(rng.poisson(0.7, 25)), rng=rng, n_start=1)
+        fit = fit_least_squares(flat_problem(rng.poisson(0.7, 25)))
         by_chi2.append(stats.chi2.sf(fit.chi2, 24))
         if seed < 40:
             (good,) = check_goodness(fit, rng=np.random.default_rng(seed))
@@ -707,9 +707,7 @@ def test_intervals_of_counted_decays_hold_what_they_say_and_those_of_square_root
             ),
         }
         for name, problem in posed.items():
-            held[name] += holds(
-                fit_least_squares(problem.with_sigma(1.0), rng=rng, n_start=1), 0.68
-            )
+            held[name] += holds(fit_least_squares(problem.with_sigma(1.0)), 0.68)
     error = math.sqrt(0.68 * 0.32 / n_trial)
     assert held["single"] / n_trial == pytest.approx(0.68, abs=3.0 * error)
     assert held["bins"] / n_trial == pytest.approx(0.68, abs=3.0 * error)

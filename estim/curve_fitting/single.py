@@ -77,15 +77,15 @@ from estim.fitting import (
     error_sizes,
     find_optimum,
     fit_discrepancy,
+    fit_least_squares,
     fit_optimum,
     moved_by_integration,
+    origin_of,
     pressed_edges,
     profiled,
-    refit,
     sds_near_limits,
     silent_parameters,
     spread,
-    starts_message,
     with_other_modes,
 )
 from estim.given_numbers import are_complex, random_generator
@@ -453,14 +453,8 @@ def _fit_discrepancy(posed: CurveProblem, complete: CurveFit, rng: np.random.Gen
     problem = posed.with_sigma(complete.sigma or 1.0)
     problem = replace(problem, runs=(replace(problem.runs[0], lacks=posed.lacks),))
     start = np.array([complete.values[p.name] for p in problem.parameters])
-    fit = fit_discrepancy(refit(problem, start))
-    fit = replace(
-        fit,
-        n_start=complete.fit.n_start,
-        n_same=complete.fit.n_same,
-        symmetry=complete.held.symmetry,
-        aliases=complete.fit.aliases,
-    )
+    fit = fit_discrepancy(fit_least_squares(problem, start=start))
+    fit = replace(fit, symmetry=complete.held.symmetry, aliases=complete.fit.aliases)
     (deviation,) = fit.deviations
     goodness = check_goodness(fit, rng=rng)
     solutions = [f for f in complete.findings if f.kind is Kind.SEVERAL_SOLUTIONS]
@@ -602,13 +596,9 @@ def _concluded(
 
 def _whole_fit(problem: Problem, values: FloatArray, best: Optimum) -> Fit:
     """The optimum of a search as a fit of `problem` at the same `values` (n_par,)."""
-    origin = starts_message(int(best.from_start), 1)
-    outcome = (
-        converged_message(origin) if best.settled else phrase("did not converge; {led}", led=origin)
-    )
-    fit = replace(
-        at_mode(problem, values), n_same=int(best.from_start), success=best.settled, message=outcome
-    )
+    led = origin_of(best)
+    outcome = converged_message(led) if best.settled else phrase("did not converge; {led}", led=led)
+    fit = replace(at_mode(problem, values), success=best.settled, message=outcome)
     return with_other_modes(fit, best)
 
 
@@ -618,7 +608,7 @@ def _notes(problem: Problem) -> list[str]:
 
 
 def _message(best: Optimum, sigma: float | None, perfect: bool, further: list[str]) -> str:
-    words = [starts_message(int(best.from_start), 1), *further]
+    words = [origin_of(best), *further]
     if perfect:
         words.append(phrase("the curve passes through every point within rounding error"))
     elif sigma is not None:

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, Named, all_finite, sds_of
-from estim.common import Amount, Finding, InputError, Kind, NumericalError
+from estim.common import Amount, Finding, InputError, Kind, NumericalError, phrase
 from estim.fitting.distinct_optima import (
     MOST_OTHERS,
     PLACE,
@@ -54,8 +54,7 @@ from estim.fitting.least_squares import (
     at_mode,
     converged_message,
     distinct_from,
-    refit,
-    starts_message,
+    fit_least_squares,
     unconverged_message,
 )
 from estim.fitting.noise_fit import fit_noise
@@ -483,6 +482,15 @@ def _scanned(
     return best, ends
 
 
+def origin_of(best: Optimum) -> str:
+    """What led to an optimum, in words."""
+    return phrase("the starting values led to this optimum") if best.from_start else _by_scan()
+
+
+def _by_scan() -> str:
+    return phrase("a scan of the parameters found this optimum, not the starting values")
+
+
 def fit_optimum(
     problem: Problem,
     *,
@@ -496,22 +504,20 @@ def fit_optimum(
     begin = problem.start() if start is None else start
     best = find_optimum(problem, begin, rng=rng, scan=scan)
     noisy = bool(problem.noise_names)
-    refitted = refit(problem, best.values) if noisy else at_mode(problem, best.values)
+    refitted = (
+        fit_least_squares(problem, start=best.values) if noisy else at_mode(problem, best.values)
+    )
     if noisy and not (refitted.success or refitted.singular):
         # rounds of curve and noise in turn may creep; steps of both together do not
         search = search_of(refitted.posterior, refitted.values, refitted.cov, squared=True)
         (end,) = minima(search, [Start(search.coordinates.of(refitted.values), tolerance=_FLAT)])
-        refitted = refit(problem, search.coordinates.values(end.values))
+        refitted = fit_least_squares(problem, start=search.coordinates.values(end.values))
     fit = with_other_modes(refitted, best)
     if not noisy and not np.any(best.at_bound):
         sds = np.where(np.isfinite(fit.sds), sds_of(best.cov), np.nan)
         fit = replace(fit, cov=best.cov, sds=sds, singular=best.frail)
-    text = (
-        fit.message
-        if fit.singular or not fit.success
-        else converged_message(starts_message(int(best.from_start), 1))
-    )
-    fit = replace(fit, n_start=1, n_same=int(best.from_start), message=text)
+    text = fit.message if fit.singular or not fit.success else converged_message(origin_of(best))
+    fit = replace(fit, message=text)
     if best.settled or best.singular or fit.singular:
         return fit
     text = unconverged_message(best.step)
@@ -555,8 +561,7 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
     heights = fit.posterior.log_density(np.array(modes).reshape(-1, fit.values.size))
     best = int(np.argmax(heights[: len(known)])) if known else 0
     if known and heights[best] > fit.posterior.height(fit.values) + 0.5:
-        text = converged_message(starts_message(0, fit.n_start))
-        fit = replace(known[best], n_start=fit.n_start, n_same=0, message=text)
+        fit = replace(known[best], message=converged_message(_by_scan()))
     ranked = [
         modes[i]
         for i in np.argsort(-heights, kind="stable")
@@ -570,7 +575,7 @@ def _refitted(fit: Fit, start: FloatArray) -> Fit | None:
     does where it has become a step between two readings, or nowhere near.
     """
     try:
-        other = refit(fit.problem, start, max_rounds=_MOST_ROUNDS)
+        other = fit_least_squares(fit.problem, start=start, max_rounds=_MOST_ROUNDS)
     except NumericalError:
         return None
     return other if other.success else None
