@@ -129,7 +129,7 @@ def calibrate(
     """The trials of one case."""
     with tempfile.TemporaryDirectory() as folder:
         loaded = campaign(case, Path(folder))
-        fit = fit_least_squares(loaded.problem(["r"]), rng=np.random.default_rng(seed))
+        fit = fit_least_squares(loaded.problem(["r"]))
         design = campaign_design(loaded, ["r"], fitted=fit.values, analysed=case.analysed)
         return run_trials(design, fit, what, n_trial=n_trial, jobs=jobs, seed=seed, ess=ess)
 

@@ -42,9 +42,7 @@ def fitted(
     settings = ParameterSettings(start, {name: LIMITS[name] for name in start})
     posed = pose_points(DataSet(x, y, curve=curve, **errors), settings, ())
     problem = posed.with_sigma(1.0)
-    return fit_least_squares(
-        problem, rng=np.random.default_rng(0), n_start=1, start=problem.start()
-    )
+    return fit_least_squares(problem, start=problem.start())
 
 
 def by_profile(fit: Fit) -> Held:

@@ -232,7 +232,7 @@ def posterior_coverage(
             rng=np.random.default_rng([seed, n_obs, round(10 * ratio), k]),
         )
         fit = fit_curve(
-            case.formula, data.x, data.y, start=case.truth, u_y=data.u_y, u_x=data.u_x, n_start=1
+            case.formula, data.x, data.y, start=case.truth, u_y=data.u_y, u_x=data.u_x, scan=False
         )
         draws = sample_curve(fit, seed=k, target=Target(ess=500)).chain.flat[
             :, list(case.truth).index(case.watched)

@@ -110,7 +110,7 @@ def true_y(curve: str, x: np.ndarray) -> np.ndarray:
 def fitted(
     formula: str, x: np.ndarray, y: np.ndarray, start: Mapping[str, float], **given
 ) -> Found:
-    fit = estim.fit_curve(formula, x, y, start=start, n_start=1, **given)
+    fit = estim.fit_curve(formula, x, y, start=start, scan=False, **given)
     return str(fit.status), fit.intervals
 
 

@@ -89,7 +89,7 @@ def simulated_fit(n_run: int, rng: np.random.Generator, folder: Path) -> Fit:
         text += f'[[runs]]\nname = "r{i}"\nbody = "b"\nfile = "{i}.csv"\n{stated}\n'
     (folder / "c.toml").write_text(text)
     campaign = load_campaign(folder / "c.toml")
-    return fit_least_squares(campaign.problem(campaign.run_names), rng=rng, n_start=1)
+    return fit_least_squares(campaign.problem(campaign.run_names))
 
 
 def weighted(draws: FloatArray, log_weights: FloatArray, seconds: float) -> Moments:

@@ -104,7 +104,7 @@ def simulated(there: Outlook, change: Change, rng: np.random.Generator) -> tuple
 
 def fitted(problem: Problem, start: FloatArray, rng: np.random.Generator) -> Fit:
     """As a campaign is fit, from the truth."""
-    white = fit_least_squares(problem, rng=rng, n_start=1, start=start)
+    white = fit_least_squares(problem, start=start)
     if not any(run.force for run in problem.runs):
         return white
     return fit_with_forces(white, rng=rng)

@@ -85,9 +85,7 @@ def one_fit(rng: np.random.Generator) -> Fit:
         ]
         (Path(folder) / "one.csv").write_text("\n".join(["t_s,x_m", *rows]) + "\n")
         (Path(folder) / "campaign.toml").write_text(CAMPAIGN)
-        return fit_least_squares(
-            load_campaign(Path(folder) / "campaign.toml").problem(["one"]), rng=rng
-        )
+        return fit_least_squares(load_campaign(Path(folder) / "campaign.toml").problem(["one"]))
 
 
 def from_certificate(method: str, seconds: float, found: Certificate) -> Row:

@@ -316,7 +316,7 @@ def times() -> str:
             y = model.eval(x=x, **start) + 0.1 * np.random.default_rng(n).standard_normal(n)
             fits: tuple[Callable[[], object], ...] = (
                 lambda: fit_curve(formula, x, y, u_y=0.1),  # noqa: B023
-                lambda: fit_curve(formula, x, y, u_y=0.1, start=start, n_start=1),  # noqa: B023
+                lambda: fit_curve(formula, x, y, u_y=0.1, start=start, scan=False),  # noqa: B023
                 lambda: model.fit(y, x=x, weights=10.0, scale_covar=False, **start),  # noqa: B023
             )
             took = [[cpu(fit) for _ in range(7)] for fit in fits]
@@ -344,7 +344,7 @@ page.
 TIMES = """## Time of a fit (SYNTHETIC points, errors stated)
 
 CPU milliseconds of one fit, one after the other on one core; in brackets: times lmfit. With a start estim goes down from there alone
-(`start=..., n_start=1`); all three end at the same optimum.
+(`start=..., scan=False`); all three end at the same optimum.
 
 | points | curve | estim, no start | estim, from a start | lmfit, from that start |
 |---|---|---|---|---|

@@ -106,9 +106,7 @@ GAMMAS = (0.165, 0.2, 0.187, 0.21, 0.175)
 
 def fitted(folder: Path, shared: str, gammas: tuple[float, ...] = GAMMAS) -> Fit:
     campaign = simulated(folder, gammas, shared)
-    return fit_least_squares(
-        campaign.problem(campaign.run_names), rng=np.random.default_rng(1), n_start=1
-    )
+    return fit_least_squares(campaign.problem(campaign.run_names))
 
 
 def by_a_grid(apart: Fit) -> tuple[tuple[float, float], tuple[float, float], float]:

@@ -14,7 +14,7 @@ import pytest
 from estim import Component, curve_report, fit_curve, sample_curve
 from estim.campaign import load_campaign
 from estim.curve_fitting.result import CurveFit
-from estim.fitting import Fit, fit_problem, refit
+from estim.fitting import Fit, fit_least_squares, fit_problem
 from estim.problem import Normal, Problem
 from estim.problem.roots import covariance_of
 from estim.reports.records import labels_of
@@ -85,7 +85,7 @@ def test_a_stated_value_that_is_off_by_its_uncertainty_moves_a_refit_by_its_part
     budget, step = made(fit), 0.01
     for i, (name, u) in enumerate((("b", U_B), ("clock", U_CLOCK))):
         low, high = (
-            refit(moved(fit.problem, name, sign * step * u), fit.values).values
+            fit_least_squares(moved(fit.problem, name, sign * step * u), start=fit.values).values
             for sign in (-1.0, 1.0)
         )
         assert (high - low) / (2.0 * step) == pytest.approx(
@@ -121,7 +121,7 @@ def test_parts_of_a_simulated_experiment_are_how_it_scatters() -> None:
     true, ends = run.curve.value(run.x, run.bind(fit.problem.named(fit.values)))[0], []
     for _ in range(200):
         again = replace(fit.problem, runs=(replace(run, y=true + U * rng.standard_normal(X.size)),))
-        ends.append(refit(again, fit.values).values)
+        ends.append(fit_least_squares(again, start=fit.values).values)
     scatter = np.std(ends, axis=0, ddof=1)
     error = 1.0 / np.sqrt(2.0 * 199)
     assert np.all(np.abs(scatter[:2] / budget.contributions[2, :2] - 1.0) < 3.5 * error)

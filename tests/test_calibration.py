@@ -82,7 +82,7 @@ def load(
 def designed(
     campaign: Campaign, *, analysed: NoiseTable | None = None
 ) -> tuple[CampaignDesign, Fit]:
-    fit = fit_least_squares(campaign.problem(["r"]), rng=np.random.default_rng(0), n_start=2)
+    fit = fit_least_squares(campaign.problem(["r"]))
     return campaign_design(campaign, ["r"], fitted=fit.values, analysed=analysed), fit
 
 
@@ -420,7 +420,7 @@ def test_a_curve_of_ones_own_is_calibrated_at_its_points(rng):
     problem = Problem(
         parameters, (replace(run, curve=OwnLine(), noise=replace(run.noise, sigma_x=None)),)
     )
-    fit = fit_least_squares(problem, rng=rng, n_start=1)
+    fit = fit_least_squares(problem)
     right, wrong = (
         run_trials(design, fit, "sbc", n_trial=150, seed=2, ess=QUICK)
         for design in (PointDesign(problem), HalfSigma(problem))
@@ -628,7 +628,7 @@ def test_a_curve_campaign_is_simulated_at_its_points(tmp_path, rng, keys, sd):
 def test_a_curve_campaign_is_calibrated_and_half_its_errors_are_not(tmp_path):
     campaign = own_curve(tmp_path)
     problem = campaign.problem(["a"])
-    fit = fit_least_squares(problem, rng=np.random.default_rng(1), n_start=2)
+    fit = fit_least_squares(problem)
     design = campaign_design(campaign, ["a"], fitted=fit.values)
     right = run_trials(design, fit, "sbc", n_trial=80, seed=3, ess=QUICK)
     wrong = run_trials(HalfSigma(problem, scale=0.5), fit, "sbc", n_trial=80, seed=3, ess=QUICK)

@@ -31,7 +31,7 @@ from estim.explanation import (
 from estim.explanation.bad_frames import frame_causes
 from estim.explanation.explaining import badness
 from estim.fitting import fit_problem
-from estim.fitting.least_squares import fit_least_squares, refit
+from estim.fitting.least_squares import fit_least_squares
 from estim.pipeline import analyse, outcome_of
 from estim.problem import Problem
 from estim.reports.explanation import explanation_lines, explanation_text
@@ -193,9 +193,9 @@ def test_a_shift_that_stays_is_named_where_it_begins_and_no_single_reading_far_f
     assert shift.random
     assert verdict(found).names == (shift.words,)
     # a single reading, which was all that was asked about before, explains far less
-    base = fit_least_squares(campaign.plain, rng=np.random.default_rng(1), n_start=1)
+    base = fit_least_squares(campaign.plain)
     single = next(cause for cause in frame_causes(base) if "one bad reading" in cause.words)
-    one = refit(single.problem, single.starting(base))
+    one = fit_least_squares(single.problem, start=single.starting(base))
     assert badness(base) - badness(one) < shift.gain - 20.0
     assert any(good.failed for good in check_goodness(one, rng=np.random.default_rng(1)))
 
@@ -221,7 +221,7 @@ def test_positions_that_are_not_counted_from_the_release_are_named(
     (tmp_path / "campaign.toml").write_text(said)
     again = load_campaign(tmp_path / "campaign.toml").suspects(["r"])
     assert "offset" not in {cause.name for cause in again.causes}
-    fit = fit_least_squares(again.plain, rng=np.random.default_rng(1), n_start=1)
+    fit = fit_least_squares(again.plain)
     assert not any(good.failed for good in check_goodness(fit, rng=np.random.default_rng(1)))
 
 
@@ -434,7 +434,7 @@ def test_a_start_of_positions_is_found_from_rest(tmp_path: Path) -> None:
     """The search begins with a push: at rest positions do not depend on it to first order."""
     posed = suspects(tmp_path, CASES["push"][0], noise="positions")
     start = next(cause for cause in posed.causes if cause.name == "start")
-    base = fit_least_squares(posed.plain, rng=np.random.default_rng(1), n_start=1)
+    base = fit_least_squares(posed.plain)
     found = explain(
         replace(posed, causes=(start,)), rng=np.random.default_rng(1), values=base.values
     )

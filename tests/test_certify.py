@@ -427,7 +427,7 @@ def replica_fit(
         text = text.replace(old, new)
     path = folder / "campaign.toml"
     path.write_text(text.split("[line]")[0])
-    return fit_least_squares(load_campaign(path).problem(runs), rng=np.random.default_rng(1))
+    return fit_least_squares(load_campaign(path).problem(runs))
 
 
 def quadrature(fit: Fit, *, n: int, reach: float) -> tuple[np.ndarray, np.ndarray, float]:
@@ -531,7 +531,7 @@ def test_chain_and_certificate_agree(which: str, project: Path) -> None:
     else:
         campaign = "campaign.toml" if which.startswith("class-") else "mixed.toml"
         fit = fit_least_squares(
-            load_campaign(project / "data" / "wheel" / campaign).problem([which]), rng=rng
+            load_campaign(project / "data" / "wheel" / campaign).problem([which])
         )
         density, start, cov = fit.posterior, fit.values, fit.cov
     proposal = adapt_proposal(density, start, cov, rng=rng)

@@ -224,7 +224,7 @@ def test_exact_covariance_predicts_frames_better_than_naive_independence(tmp_pat
     )
     loo, evidence = [], []
     for candidate in pattern.noise_models("r")[-2:]:
-        fit = fit_least_squares(pattern.problem(["r"], noise=candidate.table), rng=rng, n_start=2)
+        fit = fit_least_squares(pattern.problem(["r"], noise=candidate.table))
         certificate = certify(
             fit.posterior, adapt_proposal(fit.posterior, fit.values, fit.cov, rng=rng), rng=rng
         )

@@ -174,7 +174,7 @@ def test_intervals_of_complex_fits_hold_what_they_say(u_y: float | None) -> None
     n, n_fit, hits, wrong, ok = 8, 400, np.zeros(2), 0, 0
     for seed in range(n_fit):
         y = readings(seed, n=n)
-        fit = fit_curve(resonance, np.linspace(9.0, 11.0, n), y, u_y=u_y, start=TRUE, n_start=1)
+        fit = fit_curve(resonance, np.linspace(9.0, 11.0, n), y, u_y=u_y, start=TRUE, scan=False)
         ok += fit.status == "ok"
         for name, true in TRUE.items():
             for i, p in enumerate((0.68, 0.95)):

@@ -112,7 +112,7 @@ def test_probability_is_uniform_for_disks_from_their_priors_and_not_where_stated
     project: Path,
 ) -> None:
     campaign = load_campaign(project / "data" / "replica" / "campaign.toml")
-    fit = fit_least_squares(campaign.problem(["heavy-04"]), rng=np.random.default_rng(1))
+    fit = fit_least_squares(campaign.problem(["heavy-04"]))
     plan = TrialPlan(
         campaign_design(campaign, ["heavy-04"], fitted=fit.values), "sbc", fit.values, (), ESS, 1
     )
@@ -126,11 +126,7 @@ def test_probability_is_uniform_for_disks_from_their_priors_and_not_where_stated
         for found, posed in ((right, problem), (wrong, replace(problem, parameters=tuple(narrow)))):
             if found is wrong and i >= 60:
                 continue
-            found.append(
-                check_stated_values(
-                    fit_least_squares(posed, rng=np.random.default_rng(2), n_start=1, start=values)
-                ).p_value
-            )
+            found.append(check_stated_values(fit_least_squares(posed, start=values)).p_value)
     assert stats.kstest(right, "uniform").pvalue > 0.001
     assert stats.kstest(wrong, "uniform").pvalue < 1e-6
 
@@ -147,8 +143,8 @@ def test_wrong_stated_values_are_found_and_the_right_ones_are_not(
     stated: dict[str, str], tmp_path: Path, rng: np.random.Generator
 ) -> None:
     (tmp_path / "right").mkdir()
-    right = fit_least_squares(disk(tmp_path / "right").problem(["r"]), rng=rng)
-    wrong = fit_least_squares(disk(tmp_path, **stated).problem(["r"]), rng=rng)
+    right = fit_least_squares(disk(tmp_path / "right").problem(["r"]))
+    wrong = fit_least_squares(disk(tmp_path, **stated).problem(["r"]))
     assert check_stated_values(right).p_value > 0.05
     found = check_stated_values(wrong)
     assert not found.agree
@@ -191,9 +187,7 @@ def test_what_is_hardly_in_agreement_is_said_on_the_terminal_though_it_is_ok(
         campaign = replace(Disk(), theta0=f'"{theta0:.2f}(150)"').write(tmp_path)
         if (
             0.012
-            < check_stated_values(
-                fit_least_squares(load_campaign(campaign).problem(["r"]), rng=rng, n_start=1)
-            ).p_value
+            < check_stated_values(fit_least_squares(load_campaign(campaign).problem(["r"]))).p_value
             < 0.045
         ):
             break
@@ -255,7 +249,7 @@ def by_refits(fit: Fit) -> tuple[float, dict[str, float]]:
 def test_pulls_beside_an_edge_are_what_fits_without_the_stated_value_say(
     stated: dict[str, str], tmp_path: Path, rng: np.random.Generator
 ) -> None:
-    fit = fit_least_squares(disk(tmp_path, **stated).problem(["r"]), rng=rng, n_start=2)
+    fit = fit_least_squares(disk(tmp_path, **stated).problem(["r"]))
     found, (chi2, pulls) = check_stated_values(fit), by_refits(fit)
     assert found.chi2 == pytest.approx(chi2, rel=0.02)
     assert found.pulls == pytest.approx(pulls, rel=0.02, abs=0.05)
@@ -264,7 +258,7 @@ def test_pulls_beside_an_edge_are_what_fits_without_the_stated_value_say(
 def test_away_from_edges_the_minima_are_those_of_the_closed_formula(
     tmp_path: Path, rng: np.random.Generator
 ) -> None:
-    fit = fit_least_squares(disk(tmp_path, phi='"4.3(1)"').problem(["r"]), rng=rng, n_start=2)
+    fit = fit_least_squares(disk(tmp_path, phi='"4.3(1)"').problem(["r"]))
     found, sds = (
         check_stated_values(fit),
         dict(zip(fit.names, np.sqrt(np.diag(fit.cov)), strict=True)),
@@ -302,7 +296,7 @@ def test_probability_errs_towards_agreement_where_a_free_parameter_is_often_on_i
                 u_y=U,
                 priors=priors,
             ).with_sigma(1.0)
-            fit = fit_least_squares(posed, rng=rng, n_start=1)
+            fit = fit_least_squares(posed)
             found.append(check_stated_values(fit).p_value)
             at_edge += bool(fit.at_bound) and found is right
     assert at_edge > 60

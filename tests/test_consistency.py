@@ -38,7 +38,7 @@ def fitted(ys: list[np.ndarray], shared: dict[str, Prior] | None = None) -> Fit:
     problem = problem_of(
         LINE, STATED if shared is None else shared, {"offset": Normal(0.0, 0.5)}, X, ys, SIGMA
     )
-    return fit_least_squares(problem, rng=np.random.default_rng(0), n_start=1)
+    return fit_least_squares(problem)
 
 
 def textbook(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -211,7 +211,7 @@ def test_runs_that_share_nothing_are_refused(rng: np.random.Generator) -> None:
     own = {"offset": Normal(0.0, 0.5), "slope": Normal(1.0, 1.0), "bend": Normal(0.0, 1.0)}
     problem = problem_of(LINE, {}, own, X, lines(rng, [1.0, 1.0]), SIGMA)
     with pytest.raises(InputError, match="in common to be compared: r0, r1"):
-        check_consistency(fit_least_squares(problem, rng=rng, n_start=1))
+        check_consistency(fit_least_squares(problem))
 
 
 # --- rolling disks
@@ -219,9 +219,7 @@ def test_runs_that_share_nothing_are_refused(rng: np.random.Generator) -> None:
 
 def check_disks(folder: Path, rng: np.random.Generator, gammas: list[float]) -> Consistency:
     campaign = simulated_campaign(folder, rng, gammas=gammas, u_phi_deg=0.1)
-    return check_consistency(
-        fit_least_squares(campaign.problem(campaign.run_names), rng=rng, n_start=1)
-    )
+    return check_consistency(fit_least_squares(campaign.problem(campaign.run_names)))
 
 
 def test_disk_with_another_gamma_is_named(tmp_path: Path, rng: np.random.Generator) -> None:

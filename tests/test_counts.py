@@ -211,7 +211,7 @@ def test_a_narrow_feature_in_a_wide_window_against_scipy(
         start={"p": 0.3, "m": place, "s": sd},
         bounds={"p": (0.0, 1.0), "m": (0.0, 100.0), "s": (0.01, 50.0)},
         noise=EventTimes(0.0, 100.0),
-        n_start=1,
+        scan=False,
     )
     # the peak lies within the window as a whole: its density is normalised
     best = optimize.minimize(
@@ -285,7 +285,7 @@ def test_counts_in_bins_against_scipy_and_narrow_bins_against_single_times(
         0.5 * (narrow[1:] + narrow[:-1]),
         np.histogram(times, narrow)[0],
         noise=Poisson(0.04),
-        n_start=1,
+        scan=False,
         **DECAY,
     )
     single = fit_curve("exp(-x/tau)", times, None, noise=EventTimes(0.0, 10.0), **ALONE)
@@ -297,11 +297,11 @@ def test_counts_in_bins_against_scipy_and_narrow_bins_against_single_times(
         [1.25, 3.75, 6.25, 8.75],
         wide[0],
         noise=Poisson(2.5),
-        n_start=1,
+        scan=False,
         **DECAY,
     )
     at_middles = fit_curve(
-        height, [1.25, 3.75, 6.25, 8.75], wide[0], noise="poisson", n_start=1, **DECAY
+        height, [1.25, 3.75, 6.25, 8.75], wide[0], noise="poisson", scan=False, **DECAY
     )
     assert (
         abs(integrated.values["N"] / 60.0 - 1.0) < 0.05 < abs(at_middles.values["N"] / 60.0 - 1.0)
@@ -317,10 +317,10 @@ def test_bins_may_be_pairs_of_any_width_in_any_order(rng: np.random.Generator) -
         MIDDLES[order],
         counts[order],
         noise=Poisson(pairs[order]),
-        n_start=1,
+        scan=False,
         **DECAY,
     )
-    plain = fit_curve("N/tau*exp(-x/tau)", MIDDLES, counts, noise=Poisson(0.5), n_start=1, **DECAY)
+    plain = fit_curve("N/tau*exp(-x/tau)", MIDDLES, counts, noise=Poisson(0.5), scan=False, **DECAY)
     assert mixed.values == pytest.approx(plain.values, rel=1e-9)
     joined = pairs.copy()[::2]
     joined[:, 1] += 0.5
@@ -329,7 +329,7 @@ def test_bins_may_be_pairs_of_any_width_in_any_order(rng: np.random.Generator) -
         joined.mean(axis=1),
         counts[::2] + counts[1::2],
         noise=Poisson(joined),
-        n_start=1,
+        scan=False,
         **DECAY,
     )
     assert wide.values["N"] == pytest.approx(plain.values["N"], rel=1e-2)
@@ -374,7 +374,7 @@ def test_the_p_value_of_few_counts_is_that_of_refits(rng: np.random.Generator) -
         return 2.0 * np.sum(special.xlogy(counts, counts / mean) - counts + mean, axis=-1)
 
     counts = np.repeat([0, 1, 2, 3], [13, 7, 4, 1])
-    fit = fit_least_squares(flat_problem(counts), rng=rng, n_start=1)
+    fit = fit_least_squares(flat_problem(counts))
     (good,) = check_goodness(fit, rng=rng)
     drawn = rng.poisson(counts.mean(), (20_000, counts.size))
     least = deviance(counts, counts.mean()) - 1e-9
@@ -393,7 +393,7 @@ def test_the_deviance_of_few_counts_has_the_p_value_that_it_says(rng: np.random.
 
     simulated, by_chi2 = [], []
     for seed in range(150):
-        fit = fit_least_squares(flat_problem(rng.poisson(0.7, 25)), rng=rng, n_start=1)
+        fit = fit_least_squares(flat_problem(rng.poisson(0.7, 25)))
         by_chi2.append(stats.chi2.sf(fit.chi2, 24))
         if seed < 40:
             (good,) = check_goodness(fit, rng=np.random.default_rng(seed))
@@ -707,9 +707,7 @@ def test_intervals_of_counted_decays_hold_what_they_say_and_those_of_square_root
             ),
         }
         for name, problem in posed.items():
-            held[name] += holds(
-                fit_least_squares(problem.with_sigma(1.0), rng=rng, n_start=1), 0.68
-            )
+            held[name] += holds(fit_least_squares(problem.with_sigma(1.0)), 0.68)
     error = math.sqrt(0.68 * 0.32 / n_trial)
     assert held["single"] / n_trial == pytest.approx(0.68, abs=3.0 * error)
     assert held["bins"] / n_trial == pytest.approx(0.68, abs=3.0 * error)

@@ -138,7 +138,7 @@ def test_axes_are_logarithmic_where_the_points_span_decades() -> None:
         gain * (1.0 + rng.normal(0.0, 0.03, 25)),
         u_y=0.03 * gain,
         start={"f0": 500.0},
-        n_start=1,
+        scan=False,
     )
     figure = decades.plot()
     assert [(ax.get_xscale(), ax.get_yscale()) for ax in figure.axes] == [
@@ -150,16 +150,16 @@ def test_axes_are_logarithmic_where_the_points_span_decades() -> None:
     assert np.ptp(np.diff(np.log(np.asarray(x, dtype=float)))) < 1e-9
     # an error of a fortieth of the largest reading hides what is beyond: y stays linear
     noisy = fit_curve(
-        "1/(1+(x/f0)**2)", f, gain + 1e-4, u_y=0.025, start={"f0": 500.0}, n_start=1
+        "1/(1+(x/f0)**2)", f, gain + 1e-4, u_y=0.025, start={"f0": 500.0}, scan=False
     ).plot()
     assert (noisy.axes[0].get_xscale(), noisy.axes[0].get_yscale()) == ("log", "linear")
-    short = fit_curve("a*x+b", f[:8], 2.0 * f[:8] + 1.0, u_y=0.3, n_start=1).plot()
+    short = fit_curve("a*x+b", f[:8], 2.0 * f[:8] + 1.0, u_y=0.3, scan=False).plot()
     assert short.axes[0].get_xscale() == "linear"
 
 
 def test_what_is_drawn_in_axes_of_the_user_leaves_their_scale_and_bins_from_0_are_drawn() -> None:
     t = np.linspace(0.0, 8.0, 30)
-    decay = fit_curve("A*exp(-x/tau)", t, 1e5 * np.exp(-t), u_y=1e3 * np.exp(-t), n_start=1)
+    decay = fit_curve("A*exp(-x/tau)", t, 1e5 * np.exp(-t), u_y=1e3 * np.exp(-t), scan=False)
     assert decay.plot().axes[0].get_yscale() == "log"
     axes = Figure().subplots()
     decay.plot(ax=axes)

@@ -68,7 +68,7 @@ def test_intervals_without_stated_errors_hold_their_level_with_few_degrees_of_fr
     held = dict.fromkeys((0.68, 0.95, "s", "1.96 s"), 0)
     for seed in range(n):
         y = 1.0 + 2.0 * x + 0.1 * np.random.default_rng([dof, seed]).standard_normal(x.size)
-        fit = fit_curve(LINE, x, y, start=START, n_start=1)
+        fit = fit_curve(LINE, x, y, start=START, scan=False)
         off = abs(fit.values["b"] - 2.0)
         for p, (low, high) in fit.intervals["b"].items():
             held[p] += low < 2.0 < high
@@ -128,7 +128,7 @@ def test_intervals_beside_a_limit_hold_at_least_what_they_say(truth: float) -> N
     for seed in range(n):
         y = 1.0 + truth * x + 0.1 * np.random.default_rng([9, seed]).standard_normal(12)
         fit = fit_curve(
-            LINE, x, y, start={"a": 1.0, "b": 0.1}, u_y=0.1, bounds={"b": (0.0, None)}, n_start=1
+            LINE, x, y, start={"a": 1.0, "b": 0.1}, u_y=0.1, bounds={"b": (0.0, None)}, scan=False
         )
         right += fit.intervals["b"][0.95][0] <= truth <= fit.intervals["b"][0.95][1]
         height += fit.intervals["a"][0.95][0] <= 1.0 <= fit.intervals["a"][0.95][1]

@@ -234,7 +234,7 @@ def histograms(other: float) -> tuple[Any, list[tuple[np.ndarray, np.ndarray]]]:
         | {"r1": 0.66, "r2": 0.11},
         bounds={"w": (0.01, 3.0), **dict.fromkeys(("S1", "S2", "B1", "B2"), (0.0, None))},
         priors={"r1": "0.66(17)", "r2": "0.110(55)"},
-        n_start=1,
+        scan=False,
     )
     return fit, drawn
 
@@ -428,7 +428,7 @@ def test_errors_of_x_in_common_by_true_values_as_parameters() -> None:
             "I": DataSet(k, FLOWS, u_y=0.1, curve=flow),
         },
         start={**TRUE, **{f"U{i}": u for i, u in enumerate(read)}},
-        n_start=1,
+        scan=False,
     )
 
     def residuals(p: np.ndarray) -> np.ndarray:

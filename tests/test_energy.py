@@ -87,7 +87,7 @@ def test_known_body_and_tilt_give_the_true_loss_in_metres_and_in_radians(tmp_pat
         )
         analysis = analyse(campaign, ["r"], seed=2, target=Target(ess=500), complete="estim energy")
         (record,) = energy_along(analysis, rng=np.random.default_rng(1))
-        drift = drift_of(analysis, rng=np.random.default_rng(1))
+        drift = drift_of(analysis)
         losses.append(record.loss)
         assert abs(record.loss.value - 0.01 * 9.81 * np.cos(MOTION["phi"])) < 3.0 * record.loss.u
         assert record.loss.u < 0.2 * record.loss.value
@@ -104,14 +104,14 @@ def test_no_loss_is_not_found_where_there_is_none(tmp_path: Path) -> None:
             tmp_path, 0.0, "{sigma_x_m = 0.001}", KNOWN, np.random.default_rng(seed), angular=False
         )
         analysis = analyse(campaign, ["r"], seed=2, target=Target(ess=200, max_step=600))
-        found.append(drift_of(analysis, rng=np.random.default_rng(1)).p_value)
+        found.append(drift_of(analysis).p_value)
     assert min(found) > 1e-3
     assert max(found) > 0.1
 
 
 @pytest.mark.slow
 def test_a_loss_that_is_only_its_prior_says_so() -> None:
-    drift = drift_of(heavy_04()[1], rng=np.random.default_rng(1))
+    drift = drift_of(heavy_04()[1])
     assert drift.free
     assert not drift.determined
 
@@ -123,9 +123,7 @@ def test_a_loss_that_was_held_fixed_is_not_tested(tmp_path: Path, rng: np.random
         "rolling_resistance = 0.01",
     )
     campaign = lossy_run(tmp_path, 0.01, "{sigma_x_m = 0.001}", text, rng, angular=False)
-    drift = drift_of(
-        analyse(campaign, ["r"], seed=1, target=Target(ess=300, max_step=800)), rng=rng
-    )
+    drift = drift_of(analyse(campaign, ["r"], seed=1, target=Target(ess=300, max_step=800)))
     assert not drift.free
     assert not drift.determined
 

@@ -258,7 +258,7 @@ def test_a_search_that_ends_without_derivatives_says_so() -> None:
     x = np.arange(11.0)
     with pytest.raises(InputError, match="no finite derivatives"):
         fit_curve(
-            "sqrt(abs(x - a))", x, np.sqrt(np.abs(x - 5.0)), start={"a": 5.0}, u_y=0.1, n_start=1
+            "sqrt(abs(x - a))", x, np.sqrt(np.abs(x - 5.0)), start={"a": 5.0}, u_y=0.1, scan=False
         )
 
 
@@ -356,7 +356,7 @@ def test_p_values_are_even_where_x_has_errors(rng: np.random.Generator) -> None:
             problem = posed(
                 case.formula, points.x, points.y, dict(case.truth), points.u_y, factor * points.u_x
             )
-            fit = fit_least_squares(problem, rng=rng, n_start=1)
+            fit = fit_least_squares(problem)
             found.append(
                 check_goodness(fit, rng=np.random.default_rng(k))[0].checks["chi2"].p_value
             )
@@ -376,7 +376,7 @@ def test_the_simulated_null_of_the_residuals_holds_for_a_line(
     monkeypatch.setattr("estim.checks.goodness_of_fit._FEWER", 20_000)
     run = line.runs[0]
     small = posed("a + b*x", run.x, run.y, {"a": 1.0, "b": 2.0}, 0.1, 1e-6)
-    fit = fit_least_squares(small, rng=rng, n_start=1)
+    fit = fit_least_squares(small)
     exact = fit_curve("a + b*x", run.x, run.y, start={"a": 1.0, "b": 2.0}, u_y=0.1)
     (ours,), (theirs,) = (
         check_goodness(fit, rng=np.random.default_rng(1)),
@@ -565,9 +565,9 @@ def test_intervals_with_covariances_of_x_and_y_cover_what_they_say() -> None:
         true = rng.normal(0.0, 1.0, n)
         x = true + 0.3 * rng.standard_normal(n) + 0.2 * rng.standard_normal()
         y = 1.0 + 2.0 * true + root @ rng.standard_normal(n)
-        right = fit_curve("a + b*x", x, y, start=start, cov_x=cov_x, cov_y=cov_y, n_start=1)
+        right = fit_curve("a + b*x", x, y, start=start, cov_x=cov_x, cov_y=cov_y, scan=False)
         # errors of x as errors of y by the slope, at the x that were read
-        wrong = fit_curve("a + b*x", x, y, start=start, cov_y=cov_y + 4.0 * cov_x, n_start=1)
+        wrong = fit_curve("a + b*x", x, y, start=start, cov_y=cov_y + 4.0 * cov_x, scan=False)
         for fit, count in ((right, inside), (wrong, flat)):
             ends = (fit.intervals[name][0.68] for name in truth)
             count += [

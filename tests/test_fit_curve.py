@@ -274,7 +274,7 @@ def test_intervals_cover_what_they_promise() -> None:
                 y,
                 start={"a": 2.0, "tau": 3.0, "c": 0.0},
                 u_y=claimed,
-                n_start=1,
+                scan=False,
             )
             hits[key] += abs(fit.values["tau"] - truth["tau"]) < fit.sds["tau"]
     expected, sd = 0.683 * n, math.sqrt(n * 0.683 * 0.317)

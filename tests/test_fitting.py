@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from formulas import formula_problem
 from scipy.optimize import minimize
 from scipy.special import expit
 
@@ -21,7 +20,6 @@ from estim.fitting.least_squares import fit_least_squares
 from estim.fitting.profile_search import search_of
 from estim.pipeline import analyse
 from estim.problem import Posterior
-from estim.problem.priors import Normal
 from estim.sampling.chain import Target
 
 HEAD = """
@@ -76,7 +74,7 @@ def test_mode_and_sd_of_one_parameter_are_those_of_the_linear_formula(
         RESISTANCE='{prior = "normal", mean = 0.02, sd = 0.02}',
         NOISE='{model = "independent", sigma_v_m_s = 0.01}',
     )
-    fit = fit_least_squares(load_campaign(path).problem(["r"]), rng=rng)
+    fit = fit_least_squares(load_campaign(path).problem(["r"]))
 
     def minus_log(c: np.ndarray) -> float:
         model = np.sqrt(
@@ -111,7 +109,7 @@ def test_stated_sigmas_are_kept_however_small_chi2_is(
             RESISTANCE='{prior = "uniform", low = 0.0, high = 0.09}',
             NOISE=noise.replace("SIGMA", sigma),
         )
-        sds.append(fit_least_squares(load_campaign(path).problem(["r"]), rng=rng).sds[0])
+        sds.append(fit_least_squares(load_campaign(path).problem(["r"])).sds[0])
     assert sds[1] / sds[0] == pytest.approx(2.0, rel=1e-3)
 
 
@@ -125,7 +123,7 @@ def test_parameter_at_its_bound_gets_no_symmetric_sd(
         RESISTANCE='{prior = "uniform", low = 0.05, high = 0.09}',
         NOISE='{model = "independent", sigma_v_m_s = 0.01}',
     )
-    fit = fit_least_squares(load_campaign(path).problem(["r"]), rng=rng)
+    fit = fit_least_squares(load_campaign(path).problem(["r"]))
     assert fit.at_bound == ("rolling_resistance[r]",)
     assert np.isnan(fit.sds[0])
 
@@ -135,9 +133,7 @@ def test_inferred_sigma_is_the_rms_of_the_residuals(
 ) -> None:
     rows, x, v = balanced_rows(rng, c_rr=0.0, sigma=0.02, n=60)
     noise = '{model = "independent", sigma_v_m_s = {prior = "uniform", low = 0.0, high = 1.0}}'
-    fit = fit_least_squares(
-        load_campaign(write(tmp_path, rows, NOISE=noise)).problem(["r"]), rng=rng
-    )
+    fit = fit_least_squares(load_campaign(write(tmp_path, rows, NOISE=noise)).problem(["r"]))
     rms = np.sqrt(np.mean((v - np.sqrt(2.0 * 9.81 * x * np.sin(np.radians(5.5)) / 1.75)) ** 2))
     assert fit.values[0] == pytest.approx(rms, rel=1e-5)
     assert np.sqrt(fit.cov[0, 0]) == pytest.approx(rms / np.sqrt(2 * 60), rel=1e-4)
@@ -179,48 +175,14 @@ def test_mode_of_the_replica_run_maximises_the_posterior(
     replica: Path, rng: np.random.Generator
 ) -> None:
     """At the reported mode no direction leads uphill."""
-    fit = fit_least_squares(load_campaign(replica / "campaign.toml").problem(["heavy-04"]), rng=rng)
+    fit = fit_least_squares(load_campaign(replica / "campaign.toml").problem(["heavy-04"]))
     assert fit.success
-    assert fit.n_same >= 6
     best = fit.posterior.log_density(fit.values[None])[0]
     around = (
         fit.values
         + 0.05 * rng.standard_normal((500, fit.values.size)) @ np.linalg.cholesky(fit.cov).T
     )
     assert np.max(fit.posterior.log_density(around)) < best + 1e-4
-
-
-def test_starts_that_meet_go_on_as_one_to_the_mode_of_each_alone(
-    replica: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Eight starts take few more searches than one, count as eight, and the mode is that of the
-    first alone.
-    """
-    problem = load_campaign(replica / "campaign.toml").problem(["light-02"])
-    alone = fit_least_squares(problem, rng=np.random.default_rng(4), n_start=1)
-    searches, fit_curve = [], least_squares._fit_curve
-
-    def counted(*given: object, **choices: bool) -> np.ndarray:
-        searches.append(given)
-        return fit_curve(*given, **choices)
-
-    monkeypatch.setattr(least_squares, "_fit_curve", counted)
-    fit = fit_least_squares(problem, rng=np.random.default_rng(4), n_start=8)
-    assert (fit.n_start, fit.n_same) == (8, 8)
-    assert np.max(np.abs(fit.values - alone.values) / np.sqrt(np.diag(fit.cov))) < 1e-6
-    assert len(searches) < 8 + 8
-
-
-def test_starts_that_part_go_on_apart() -> None:
-    """a^2 measured as 1: starts on either side end on their own, and both are reported."""
-    problem = formula_problem(
-        lambda x, a: a**2 * x, np.array([1.0]), np.array([1.0]), 0.1, {"a": Normal(0.0, 2.0)}
-    )
-    fit = fit_least_squares(
-        problem, rng=np.random.default_rng(1), n_start=12, start=np.array([0.3])
-    )
-    assert fit.others == pytest.approx(-fit.values[None], rel=1e-6)
-    assert 0 < fit.n_same < 12
 
 
 class Following:
@@ -316,7 +278,7 @@ def test_a_search_asks_for_the_information_at_its_fit_once(
     rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     problem = load_campaign("data/replica/campaign.toml").problem(["light-04"], usual=True)
-    fit = fit_least_squares(problem, rng=rng, n_start=1)
+    fit = fit_least_squares(problem)
     asked = list[np.ndarray]()
     plain = Posterior.information
 
@@ -345,5 +307,5 @@ def test_the_steps_that_finish_a_fit_end_where_they_are_rounding(
     for seed in (2, 12, 15):
         y = 2.0 * x**1.5 + 0.1 * np.random.default_rng(seed).standard_normal(x.size)
         taken[0] = 0
-        fit_curve("a*x**n", x, y, u_y=0.1, start={"a": 1.8, "n": 1.4}, n_start=1)
+        fit_curve("a*x**n", x, y, u_y=0.1, start={"a": 1.8, "n": 1.4}, scan=False)
         assert taken[0] < 10

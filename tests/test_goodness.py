@@ -13,7 +13,7 @@ from estim import fit_curve, fit_line
 from estim.campaign import load_campaign
 from estim.checks import goodness_of_fit
 from estim.checks.goodness_of_fit import P_POOR_FIT, check_goodness, check_linear
-from estim.fitting.least_squares import fit_least_squares, refit
+from estim.fitting.least_squares import fit_least_squares
 from estim.line.findings import line_goodness
 from estim.pipeline import analyse
 from estim.problem.priors import HalfNormal
@@ -65,9 +65,7 @@ def wheel(folder: Path, *, gamma: str, rng: np.random.Generator) -> Path:
 
 
 def test_right_model_with_inferred_scatter_passes(tmp_path: Path, rng: np.random.Generator) -> None:
-    fit = fit_least_squares(
-        load_campaign(wheel(tmp_path, gamma="0.163", rng=rng)).problem(["r"]), rng=rng
-    )
+    fit = fit_least_squares(load_campaign(wheel(tmp_path, gamma="0.163", rng=rng)).problem(["r"]))
     (good,) = check_goodness(fit, rng=rng)
     assert good.failed == ()
     assert good.scatter_ratio < 2.0
@@ -77,9 +75,7 @@ def test_right_model_with_inferred_scatter_passes(tmp_path: Path, rng: np.random
 def test_wrong_model_fails_although_its_scatter_is_inferred(
     tmp_path: Path, rng: np.random.Generator
 ) -> None:
-    fit = fit_least_squares(
-        load_campaign(wheel(tmp_path, gamma="0.0", rng=rng)).problem(["r"]), rng=rng
-    )
+    fit = fit_least_squares(load_campaign(wheel(tmp_path, gamma="0.0", rng=rng)).problem(["r"]))
     (good,) = check_goodness(fit, rng=rng)
     assert "chi2" not in good.checks  # the inferred scatter has swallowed it
     assert "autocorrelation" in good.failed
@@ -101,14 +97,14 @@ def test_p_values_are_uniform_under_the_right_model(
     from dataclasses import replace
 
     problem = load_campaign(replica / "campaign.toml").problem(["heavy-06"])
-    fit = fit_least_squares(problem, rng=rng)
+    fit = fit_least_squares(problem)
     run, named = problem.runs[0], problem.named(fit.values)
     curve = run.curve.value(run.x, run.bind(named)) + run.y - fit.posterior.likelihoods[0].y
     factor = np.linalg.cholesky(covariance_of(fit.posterior.likelihoods[0].normal.root(named)))
     n, below = 300, {}
     for _ in range(n):
         y = curve.ravel() + factor @ rng.standard_normal(run.n_obs)
-        again = refit(replace(problem, runs=(replace(run, y=y),)), fit.values)
+        again = fit_least_squares(replace(problem, runs=(replace(run, y=y),)), start=fit.values)
         (good,) = check_goodness(again, rng=rng)
         for name, check in good.checks.items():
             below[name] = below.get(name, 0) + (check.p_value < 0.05)
@@ -127,9 +123,7 @@ def test_understated_noise_is_a_poor_fit(
     assert "sigma_x_m = 0.001" in text
     (tmp_path / "campaign.toml").write_text(text.replace("sigma_x_m = 0.001", "sigma_x_m = 0.0005"))
     (tmp_path / "runs").symlink_to(replica / "runs")
-    fit = fit_least_squares(
-        load_campaign(tmp_path / "campaign.toml").problem(["heavy-02"]), rng=rng
-    )
+    fit = fit_least_squares(load_campaign(tmp_path / "campaign.toml").problem(["heavy-02"]))
     (good,) = check_goodness(fit, rng=rng)
     assert good.checks["chi2"].p_value < P_POOR_FIT
 
@@ -330,7 +324,7 @@ def test_few_readings_of_few_digits_are_no_poor_fit(
     u_y = np.hypot(1.0, step / np.sqrt(12.0)) if stated else None
     fits = [
         fit_curve(
-            "a + b*x", x, 0.001 * y, u_y=u_y and 0.001 * u_y, n_start=1, start={"a": 1.0, "b": 2.0}
+            "a + b*x", x, 0.001 * y, u_y=u_y and 0.001 * u_y, scan=False, start={"a": 1.0, "b": 2.0}
         )
         for y in readings
         if np.ptp(np.diff(y, n=2)) + abs(y[2] - 2.0 * y[1] + y[0]) > 0.0  # not all on one line
@@ -373,7 +367,7 @@ def test_a_blunder_among_few_readings_of_few_digits_is_found(
         y = np.round(1.0 + 2.03 * x + rng.normal(0.0, 0.1, n), 1)
         y[n // 2] += 15.0
         assert (
-            fit_curve("a + b*x", x, y, start={"a": 1.0, "b": 2.0}, n_start=1).status == "poor-fit"
+            fit_curve("a + b*x", x, y, start={"a": 1.0, "b": 2.0}, scan=False).status == "poor-fit"
         )
 
 
@@ -404,7 +398,7 @@ def test_a_right_curve_whose_constant_lies_on_its_limit_is_no_poor_fit() -> None
             u_y=0.12,
             bounds={"c": (0.0, None)},
             start=start,
-            n_start=1,
+            scan=False,
         )
         for seed in range(40)
     ]

@@ -25,7 +25,7 @@ from estim.reports.pages import MOST_ROWS, shortened
 
 def test_all_pulls_from_one_solution_are_those_of_leaving_each_out_and_name_a_wrong_tilt() -> None:
     rng = np.random.default_rng(5)
-    fit = fit_least_squares(readings(60, rng, wrong=7), rng=rng, n_start=1)
+    fit = fit_least_squares(readings(60, rng, wrong=7))
     model, n = around(fit), fit.values.size
     slopes = np.array(
         [p.prior.residual_slope(v) for p, v in zip(fit.problem.parameters, fit.values, strict=True)]
@@ -54,7 +54,7 @@ def test_of_many_runs_one_that_is_wrong_fails_and_the_others_do_not() -> None:
         problem.parameters,
         (*problem.runs[:31], replace(bent, y=bent.y + 1.0 * (X - 0.5) ** 2), *problem.runs[32:]),
     )
-    fit = fit_least_squares(problem, rng=rng, n_start=1)
+    fit = fit_least_squares(problem)
     checked = check_goodness(fit, rng=rng)
     assert [run.run for run in checked if run.failed] == ["r31"]
     assert checked[0].level == pytest.approx(1e-3 * arrowhead.MANY_RUNS / 100)

@@ -27,9 +27,7 @@ X = np.linspace(0.0, 2.0, 12)
 
 
 def fitted(function, y, sigma, priors) -> Fit:
-    return fit_least_squares(
-        formula_problem(function, X, y, sigma, priors), rng=np.random.default_rng(1), n_start=3
-    )
+    return fit_least_squares(formula_problem(function, X, y, sigma, priors))
 
 
 def test_one_parameter_conjugate_numbers() -> None:
@@ -115,11 +113,7 @@ def test_inferred_noise_counts_as_learnt_from_the_data(rng: np.random.Generator)
 
 
 def heavy_04(replica: Path) -> Fit:
-    return fit_least_squares(
-        load_campaign(replica / "campaign.toml").problem(["heavy-04"]),
-        rng=np.random.default_rng(1),
-        n_start=2,
-    )
+    return fit_least_squares(load_campaign(replica / "campaign.toml").problem(["heavy-04"]))
 
 
 def ridge(fit: Fit) -> np.ndarray:

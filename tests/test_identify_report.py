@@ -43,11 +43,7 @@ def section(fit: Fit, draws: np.ndarray) -> dict[str, Any]:
 
 
 def heavy_04(replica: Path) -> Fit:
-    return fit_least_squares(
-        load_campaign(replica / "campaign.toml").problem(["heavy-04"]),
-        rng=np.random.default_rng(1),
-        n_start=2,
-    )
+    return fit_least_squares(load_campaign(replica / "campaign.toml").problem(["heavy-04"]))
 
 
 def test_rows_show_degrees_and_open_sides(replica: Path, rng: np.random.Generator) -> None:
@@ -98,7 +94,7 @@ def test_figures_survive_a_direction_that_nothing_holds(rng: np.random.Generator
         0.1,
         {"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0)},
     )
-    fit = fit_least_squares(problem, rng=rng, n_start=2)
+    fit = fit_least_squares(problem)
     a = rng.random(2000)
     draws = np.column_stack([a, np.clip(1.0 - a + 0.03 * rng.standard_normal(2000), 0.0, 1.0)])
     found = identify(fit)
@@ -114,9 +110,7 @@ def test_figures_survive_a_direction_that_nothing_holds(rng: np.random.Generator
 
 def test_figures_of_one_parameter_are_drawn(rng: np.random.Generator) -> None:
     fit = fit_least_squares(
-        formula_problem(lambda x, a: a * x, X, 1.1 * X, 0.1, {"a": Normal(1.0, 0.5)}),
-        rng=rng,
-        n_start=1,
+        formula_problem(lambda x, a: a * x, X, 1.1 * X, 0.1, {"a": Normal(1.0, 0.5)})
     )
     draws = posterior_draws(fit, rng)
     assert png(lambda: direction_figure(fit.problem, identify(fit))).startswith(b"\x89PNG")
@@ -133,7 +127,7 @@ def test_a_conflict_says_how_far_the_posterior_lies_from_the_prior(
     """
     y = np.full(9, 1.9) + 0.01 * np.arange(9)
     fit = fit_least_squares(
-        formula_problem(lambda x, a: a + 0.0 * x, X[:9], y, 0.9, {"a": Normal(1.0, 0.3)}), rng=rng
+        formula_problem(lambda x, a: a + 0.0 * x, X[:9], y, 0.9, {"a": Normal(1.0, 0.3)})
     )
     draws = posterior_draws(fit, rng)
     (leaning,) = power_scaling(fit.problem, draws, fit.posterior.log_likelihood(draws))

@@ -126,7 +126,7 @@ def test_tied_runs_are_compared_with_what_ties_them(rng: np.random.Generator) ->
     independent errors give another number.
     """
     problem, (covariance,) = tied(rng, apart=0.6)
-    fit = fit_least_squares(problem, rng=rng, n_start=1)
+    fit = fit_least_squares(problem)
     found = check_consistency(fit)
     y = np.concatenate([problem.runs[i].y for i in (0, 2, 1)])
     every = block_diag(covariance, SD**2 * np.eye(6))
@@ -217,8 +217,7 @@ def test_repeated_runs_share_a_force_agree_and_leave_white_residuals(joint: Fit)
     assert any(
         good.failed
         for good in check_goodness(
-            fit_least_squares(white, rng=np.random.default_rng(1), start=joint.values, n_start=1),
-            rng=np.random.default_rng(1),
+            fit_least_squares(white, start=joint.values), rng=np.random.default_rng(1)
         )
     )
 

@@ -394,7 +394,8 @@ def test_intervals_hold_what_they_say(kind, choices, stated):
         y = 3.0 * X + errors
         size = {"u_y": 1.0} if stated else {}
         for name, keys in (("with", choices), ("without", {})):
-            ends = fit_curve("a + b*x", X, y, start=START, n_start=1, **size, **keys).intervals["b"]
+            fit = fit_curve("a + b*x", X, y, start=START, scan=False, **size, **keys)
+            ends = fit.intervals["b"]
             for level, (low, high) in ends.items():
                 held[name, level] += low < 3.0 < high
     assert abs(held["with", 0.68] / n_run - 0.68) < 3.0 * np.sqrt(0.68 * 0.32 / n_run) + 0.04

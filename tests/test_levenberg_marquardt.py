@@ -123,7 +123,7 @@ def test_a_width_near_its_limit_leaves_it_though_the_curve_is_all_but_level_ther
         {"sigma": (0.0, None), "gamma": (0.0, None)},
     )
     start = {"A": 6.0, "m": 5.9, "sigma": 0.01, "gamma": 1.2, "c": 2.8}
-    from_near = fit_curve(formula, x, y, u_y=0.1, start=start, bounds=bounds, n_start=1)
+    from_near = fit_curve(formula, x, y, u_y=0.1, start=start, bounds=bounds, scan=False)
     inside = fit_curve(formula, x, y, u_y=0.1, start=start | {"sigma": 0.8}, bounds=bounds)
     assert from_near.chi2 == pytest.approx(inside.chi2, rel=1e-6)
     assert from_near.values["sigma"] > 0.3

@@ -306,10 +306,10 @@ def test_intervals_of_a_density_hold_what_they_say_and_those_of_a_wrong_one_do_n
     for seed in range(n_fit):
         x = np.random.default_rng(seed).gamma(3.0, 2.0, 30)
         fit = fit_curve(
-            gamma, x, None, noise=OWN, start={"k": 2.0, "s": 3.0}, n_start=1,
+            gamma, x, None, noise=OWN, start={"k": 2.0, "s": 3.0}, scan=False,
             bounds={"k": POSITIVE, "s": POSITIVE},
         )  # fmt: skip
-        other = fit_curve(waiting, x, None, noise=OWN, start={"tau": 5.0}, n_start=1)
+        other = fit_curve(waiting, x, None, noise=OWN, start={"tau": 5.0}, scan=False)
         for i, p in enumerate((0.68, 0.95)):
             for j, (name, true) in enumerate({"k": 3.0, "s": 2.0}.items()):
                 low, high = fit.intervals[name][p]

@@ -66,7 +66,7 @@ def dense(ys: np.ndarray, slope_row: tuple[float, float] | None) -> tuple[np.nda
 
 def test_lines_of_many_runs_have_the_mode_and_covariance_of_linear_algebra(rng):
     problem, ys = lines(MANY, rng, Normal(1.0, 0.5))
-    fit = fit_least_squares(problem, rng=rng, n_start=1)
+    fit = fit_least_squares(problem)
     design, target = dense(ys, (2.0, 2.0))
     expected, cov = np.linalg.lstsq(design, target, rcond=None)[0], np.linalg.inv(design.T @ design)
     assert arrowhead.many(problem)
@@ -343,7 +343,7 @@ def test_simulated_residuals_of_each_run_are_those_of_all_runs_together(rng):
         for run in problem.runs[:2]
     )
     problem = Problem(problem.parameters, (*precise, *problem.runs[2:]))
-    fit = fit_least_squares(problem, rng=rng, n_start=1)
+    fit = fit_least_squares(problem)
     root = fit.posterior.narrow_scoring(fit.values)[0][0]
     design, _ = dense(ys, (2.0, 2.0))
     design[: 2 * X.size] *= 10.0
@@ -377,10 +377,7 @@ def test_a_second_look_at_a_long_run_holds_one_block_of_residuals_at_a_time(rng,
     problem, _ = lines(MANY, rng, Normal(1.0, 0.5))
     bent = replace(problem.runs[0], y=problem.runs[0].y + 6.0 * (X - 0.5) ** 2)
     goodness_of_fit.check_goodness(
-        fit_least_squares(
-            Problem(problem.parameters, (bent, *problem.runs[1:])), rng=rng, n_start=1
-        ),
-        rng=rng,
+        fit_least_squares(Problem(problem.parameters, (bent, *problem.runs[1:]))), rng=rng
     )
     # one run fails, and is simulated to the end; the others are told to pass much sooner
     assert 20_000 < sum(sizes) < 20_000 * (MANY + 1)

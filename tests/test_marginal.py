@@ -38,7 +38,7 @@ X = np.linspace(0.0, 1.0, 9)
 
 
 def fitted(problem: Problem) -> Fit:
-    return fit_least_squares(problem, rng=np.random.default_rng(3), n_start=2)
+    return fit_least_squares(problem)
 
 
 def error_of_mean(found: MarginalPosterior, columns: list[int]) -> np.ndarray:
@@ -338,9 +338,7 @@ def test_two_runs_agree_with_the_chain_in_all_dimensions(
     replica: Path, rng: np.random.Generator
 ) -> None:
     fit = fit_least_squares(
-        load_campaign(replica / "campaign.toml").problem(["heavy-02", "heavy-04"]),
-        rng=rng,
-        n_start=1,
+        load_campaign(replica / "campaign.toml").problem(["heavy-02", "heavy-04"])
     )
     found = sample_marginal(fit, rng=rng, n_draw=20_000)
     chain = sample_posterior(
@@ -362,7 +360,7 @@ def test_eight_runs_take_a_moment_and_the_exact_weights_agree(
     replica: Path, rng: np.random.Generator
 ) -> None:
     campaign = load_campaign(replica / "campaign.toml")
-    fit = fit_least_squares(campaign.problem(campaign.run_names), rng=rng, n_start=1)
+    fit = fit_least_squares(campaign.problem(campaign.run_names))
     found = sample_marginal(fit, rng=rng)
     assert found.trusted
     assert found.ess > 3000.0
@@ -399,10 +397,7 @@ def test_joint_fits_of_positions_go_through_the_marginal(project: Path) -> None:
     campaign = replace(whole, tables=few)
     problem = campaign.problem(["heavy-04", "heavy-08"], noise=noise, usual=True)
     chosen = analyse_fit(
-        fit_least_squares(problem, rng=np.random.default_rng(1), n_start=1),
-        seed=1,
-        target=Target(ess=1000.0),
-        marginal=True,
+        fit_least_squares(problem), seed=1, target=Target(ess=1000.0), marginal=True
     )
     assert "exact weights in all dimensions confirm the result" in chosen.comparison.reason
     assert chosen.diagnosis.ok, chosen.diagnosis.reasons
@@ -421,7 +416,7 @@ def test_runs_of_few_points_need_nodes_and_get_them() -> None:
     }
     priors = {"a": LogNormal(2.0, 0.5), "tau": LogNormal(1.0, 0.8)}
     data = {name: DataSet(x, y, u_y=sd) for name, y in tables.items()}
-    found = fit_curves("a*exp(-x/tau)", data, shared=["a"], priors=priors, n_start=1).fit
+    found = fit_curves("a*exp(-x/tau)", data, shared=["a"], priors=priors, scan=False).fit
     few = {"n_draw": 2000, "n_check": 2000}
     laplace = sample_marginal(found, rng=np.random.default_rng(5), **few)
     assert not laplace.trusted

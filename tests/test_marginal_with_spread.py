@@ -51,7 +51,7 @@ def lines(seed: int, n_run: int, spread: float) -> tuple[Fit, np.ndarray]:
     ]
     data = {f"r{i}": DataSet(X, y, u_y=0.1) for i, y in enumerate(ys)}
     priors = {"s": HalfNormal(0.3), "z": Normal(0.0, 1.0)}
-    found = fit_curves("a + (b + s*z)*x", data, shared=["b", "s"], priors=priors, n_start=1)
+    found = fit_curves("a + (b + s*z)*x", data, shared=["b", "s"], priors=priors, scan=False)
     return found.fit, np.array([CENTRED @ y for y in ys]) / (CENTRED @ CENTRED)
 
 
@@ -83,7 +83,7 @@ def test_a_spread_that_is_fitted_with_its_effects_has_no_interval(n_run: int, of
     ]
     data = {f"r{i}": DataSet(X, y, u_y=0.1) for i, y in enumerate(ys)}
     priors = {"s": HalfNormal(0.3), "z": Normal(0.0, 1.0)}
-    found = fit_curves("a + (b + s*z)*x", data, shared=["b", "s"], priors=priors, n_start=1)
+    found = fit_curves("a + (b + s*z)*x", data, shared=["b", "s"], priors=priors, scan=False)
     mean, sd, _ = exact(np.array([CENTRED @ y for y in ys]) / (CENTRED @ CENTRED))
     assert found.values["s"] > mean + off * sd
     assert found.status == Status.METHODS_DISAGREE
@@ -105,7 +105,7 @@ def test_a_spread_within_one_data_set_has_no_interval_either() -> None:
         u_y=0.1,
         start={"c": 5.0, "s": 0.2, **dict.fromkeys(names, 0.1)},
         priors={"s": HalfNormal(0.3), **dict.fromkeys(names, "0(1)")},
-        n_start=1,
+        scan=False,
     )
     assert found.values["s"] > 1.4 * np.std(y.reshape(6, 4).mean(axis=1), ddof=1)
     assert found.status == Status.METHODS_DISAGREE
@@ -124,7 +124,7 @@ def test_errors_of_each_run_with_one_prior_leave_a_joint_fit_as_it_is() -> None:
         ("a*exp(-(x - t0)/tau)", {"t0": Normal(0.0, 0.3)}),
         ("gain*a*exp(-x/tau)", {"gain": Normal(1.0, 0.6)}),
     ):
-        found = fit_curves(formula, data, shared=["a", "tau"], priors=priors, n_start=1)
+        found = fit_curves(formula, data, shared=["a", "tau"], priors=priors, scan=False)
         assert found.status == Status.OK
 
 
@@ -244,7 +244,9 @@ def decays(seed: int) -> tuple[Fit, list[np.ndarray], np.ndarray]:
     ]
     data = {f"r{i}": DataSet(x, y, u_y=0.05) for i, y in enumerate(ys)}
     priors = {"s": HalfNormal(0.5), "z": Normal(0.0, 1.0)}
-    found = fit_curves("A*exp(-x/(tau + s*z))", data, shared=["tau", "s"], priors=priors, n_start=1)
+    found = fit_curves(
+        "A*exp(-x/(tau + s*z))", data, shared=["tau", "s"], priors=priors, scan=False
+    )
     return found.fit, ys, x
 
 

@@ -188,7 +188,7 @@ def test_an_evidence_with_room_for_the_noise_is_the_sum_over_its_sizes(
     for size in (0.1, 0.16):  # as stated, and larger
         y = 0.3 + 0.8 * x + size * rng.standard_normal(x.size)
         problem = line_problem(y, x)
-        white = fit_least_squares(problem, rng=rng)
+        white = fit_least_squares(problem)
         (run,) = problem.runs
         roomy = replace(run, motion=RollingMotion(False, None, True), force=1.0)
         noises, shared = pose_without_force(
@@ -196,9 +196,7 @@ def test_an_evidence_with_room_for_the_noise_is_the_sum_over_its_sizes(
         )
         assert shared == ()
         run = replace(problem.runs[0], noise=noises[problem.runs[0].name])
-        fit = fit_least_squares(
-            Problem(problem.parameters, (run,)), rng=rng, n_start=1, start=white.values
-        )
+        fit = fit_least_squares(Problem(problem.parameters, (run,)), start=white.values)
         found = certify(
             fit.posterior, adapt_proposal(fit.posterior, fit.values, fit.cov, rng=rng), rng=rng
         )

@@ -125,10 +125,10 @@ def test_starts_priors_bounds_and_fixed_values_of_the_user_hold() -> None:
     ) + 0.1 * rng.standard_normal(30)
     assert fit_curve("gaussian", X, y, u_y=0.1).values["center"] == pytest.approx(5.0, abs=0.5)
     within = fit_curve(
-        "gaussian", X, y, u_y=0.1, bounds={"center": (10.0, 20.0), "sigma": (0.5, 2.0)}, n_start=1
+        "gaussian", X, y, u_y=0.1, bounds={"center": (10.0, 20.0), "sigma": (0.5, 2.0)}, scan=False
     )
     assert within.values["center"] == pytest.approx(14.0, abs=0.1)
-    begun = fit_curve("gaussian", X, y, u_y=0.1, start={"center": 13.0, "sigma": 1.0}, n_start=1)
+    begun = fit_curve("gaussian", X, y, u_y=0.1, start={"center": 13.0, "sigma": 1.0}, scan=False)
     assert begun.values["center"] == pytest.approx(14.0, abs=0.1)
     both = fit_curve(
         "a_gaussian + b_gaussian",
@@ -211,14 +211,14 @@ def test_counts_give_starts_too() -> None:
     rng = np.random.default_rng(8)
     times = rng.exponential(2.2, 400)
     counts, edges = np.histogram(times[times < 10.0], np.linspace(0.0, 10.0, 26))
-    binned = fit_curve("exponential", edges[:-1] + 0.2, counts, noise=Poisson(bins=0.4), n_start=1)
+    binned = fit_curve("exponential", edges[:-1] + 0.2, counts, noise=Poisson(bins=0.4), scan=False)
     single = fit_curve(
         "exponential",
         times[times < 10.0],
         None,
         noise=EventTimes(0.0, 10.0),
         fixed={"amplitude": 1.0},
-        n_start=1,
+        scan=False,
     )
     for fit in (binned, single):
         assert fit.status == "ok"
@@ -258,10 +258,10 @@ def reached(text: str, rng: np.random.Generator, *, blind: bool = False) -> bool
     x, y, u, truth = synthetic(text, rng)
     ones = dict.fromkeys(truth, 1.0) if blind else None
     try:
-        found = fit_curve(text, x, y, u_y=u, n_start=1, start=ones)
+        found = fit_curve(text, x, y, u_y=u, scan=False, start=ones)
     except (InputError, NumericalError):
         return False
-    return found.chi2 < fit_curve(text, x, y, u_y=u, n_start=1, start=truth).chi2 + 0.01
+    return found.chi2 < fit_curve(text, x, y, u_y=u, scan=False, start=truth).chi2 + 0.01
 
 
 @pytest.mark.parametrize("text", EVERYTHING[::4])

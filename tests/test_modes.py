@@ -4,7 +4,6 @@ that shares no code.
 
 from __future__ import annotations
 
-import re
 from itertools import islice
 from pathlib import Path
 
@@ -128,7 +127,7 @@ def test_a_start_far_beyond_what_points_show_does_not_hide_the_slowest(fast: dic
     (name,) = fast
     curve = "A*sin(w*x)**2" if name == "w" else "A*sin(pi*x/T)**2"
     for seed in range(2):
-        found = fit_curve(curve, EVEN, rabi(seed), u_y=0.1, start={**fast, "A": 3.0}, n_start=2)
+        found = fit_curve(curve, EVEN, rabi(seed), u_y=0.1, start={**fast, "A": 3.0}, scan=True)
         assert found.status == "multimodal"
         assert found.values[name] == pytest.approx(fast[name], rel=0.01)
         slow = 1.4 if name == "w" else np.pi / 1.4
@@ -213,13 +212,13 @@ def seven(seed: int) -> tuple[np.ndarray, np.ndarray]:
     return x, 2.0 * np.sin(2.0 * np.pi * 0.731 * x + 0.4) + 0.5 * rng.standard_normal(7)
 
 
-def fit_seven(seed: int, n_start: int = 8) -> CurveFit:
+def fit_seven(seed: int, *, scan: bool = True) -> CurveFit:
     x, y = seven(seed)
     start, bounds = (
         {"A": 1.0, "B": 1.0, "f": 1.0},
         {"A": (-10.0, 10.0), "B": (-10.0, 10.0), "f": (0.0, 10.0)},
     )
-    return fit_curve(WAVE, x, y, start=start, bounds=bounds, u_y=0.5, n_start=n_start)
+    return fit_curve(WAVE, x, y, start=start, bounds=bounds, u_y=0.5, scan=scan)
 
 
 def grid_evidence(
@@ -267,7 +266,7 @@ def misled(fit: CurveFit) -> bool:
 def test_seven_points_mislead_nobody_about_a_frequency() -> None:
     assert not any(misled(fit_seven(seed)) for seed in range(20))
     # the wrong way: one descent from the start
-    wrong = (seed for seed in range(40) if misled(fit_seven(seed, n_start=1)))
+    wrong = (seed for seed in range(40) if misled(fit_seven(seed, scan=False)))
     assert len(list(islice(wrong, 10))) == 10
 
 
@@ -282,7 +281,7 @@ def test_evidence_of_many_solutions_is_that_of_a_grid(seed: int) -> None:
     if seed == 1:  # in the second data set one solution holds 98 %
         # it needs no chain
         best_alone = sample_curve(
-            fit_seven(seed, n_start=1), seed=1, target=Target(max_step=60)
+            fit_seven(seed, scan=False), seed=1, target=Target(max_step=60)
         ).certificate.log_evidence
         assert abs(best_alone - expected) > 0.15
 
@@ -305,7 +304,7 @@ def test_exchange_of_two_exponentials_is_named_and_no_second_solution() -> None:
         "components are exchanged (a with b and k with q): set bounds that order them"
         in fit.message
     )
-    assert "8 of 8 starting points" in fit.message
+    assert "the starting values led to this optimum" in fit.message
     ordered = fit_curve(
         TWO,
         T,
@@ -401,7 +400,7 @@ def test_symmetries_of_a_curve_are_found_and_named(
     x = T * max(1.0, start.get("tau", 1.0))
     names = {"exp": np.exp, "sin": np.sin, "radians": np.radians, "pi": np.pi}
     fit = fit_curve(
-        curve, x, eval(curve, names, {"x": x, **start}), start=start, u_y=0.1, n_start=1
+        curve, x, eval(curve, names, {"x": x, **start}), start=start, u_y=0.1, scan=False
     )
     found = find_symmetry(
         fit.problem, np.array(list(start.values())), range(len(start)), np.random.default_rng(0)
@@ -480,6 +479,7 @@ def test_components_that_a_ratio_ties_are_exchanged_and_no_second_solution(
     ] == pytest.approx(plain.values["u"], rel=1e-6)
     if "r" in choices.get("start", {}):  # the one that was meant
         assert (fit.values["r"] > 1.0) == (choices["start"]["r"] > 1.0)
+    if choices.get("start") == {"r": 4.0}:  # the scan meets the other one
         assert "the curve is the same with other parameter values" in fit.message
 
 
@@ -564,12 +564,6 @@ def test_simple_curves_have_one_solution() -> None:
     assert [seed for seed in range(50) if simple(seed).status == "multimodal"] == []
 
 
-def test_starts_are_counted_by_place_and_not_by_how_well_they_fit() -> None:
-    n = int(re.match(r"(\d+) of 8 starting points", swing(bounds={"f": (0.0, 2.0)}).message)[1])
-    assert 1 <= n <= 5  # four aliases share them
-    assert simple(0).message.startswith("8 of 8 starting points")
-
-
 @pytest.mark.slow
 def test_a_parameter_on_its_way_to_infinity_is_no_solution() -> None:
     """Two peaks over an exponential: far out in its decay length the sum of squares hardly changes,
@@ -583,7 +577,7 @@ def test_a_parameter_on_its_way_to_infinity_is_no_solution() -> None:
     curve = "A*exp(-(x-p)**2/(2*s**2)) + 1.5*A*exp(-(x-q)**2/(2*s**2)) + B*exp(-x/w)"
     start = {"A": 2.0, "s": 1.0, "p": 2.0, "q": 5.0, "w": 4.0, "B": 5.0}
     settings = {"start": start, "bounds": {"s": (0.0, None)}}
-    near, found = (fit_curve(curve, x, y, n_start=n, **settings) for n in (1, None))
+    near, found = (fit_curve(curve, x, y, scan=scan, **settings) for scan in (False, None))
     assert found.status == near.status == "ok"
     assert found.chi2 <= near.chi2 * (1.0 + 1e-6)
 

@@ -110,7 +110,7 @@ def repeated_fits(
         problem = with_positions(
             campaign, POSITIONS + SIGMA * rng.standard_normal(TIMES.size)
         ).problem(["r"])
-        fits.append(fit_least_squares(problem, rng=rng, n_start=1))
+        fits.append(fit_least_squares(problem))
     return np.array([f.values for f in fits]), np.sqrt(np.array([np.diag(f.cov) for f in fits]))
 
 

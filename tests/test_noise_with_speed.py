@@ -64,7 +64,7 @@ def run_of(
 
 
 def checked(path: Path, rng: np.random.Generator) -> Goodness:
-    fit = fit_least_squares(load_campaign(path).problem(["a"]), rng=rng, n_start=1)
+    fit = fit_least_squares(load_campaign(path).problem(["a"]))
     return check_goodness(fit, rng=rng)[0]
 
 

@@ -45,7 +45,7 @@ def test_a_fit_by_the_equation_is_that_by_its_solution() -> None:
     y = 2.0 * np.exp(-1.3 * T) + 0.02 * np.random.default_rng(1).standard_normal(T.size)
     start = {"y0": 1.0, "k": 1.0}
     fits = [
-        fit_curve(one, T, y, u_y=0.02, start=start, n_start=1)
+        fit_curve(one, T, y, u_y=0.02, start=start, scan=False)
         for one in (ode(lambda t, y, k: [-k * y[0]], ["y0"]), "y0*exp(-k*x)")
     ]
     assert fits[0].status == fits[1].status == "ok"

@@ -171,7 +171,7 @@ def decays() -> Fit:
         for size in (0.8, 1.0, 1.2, 1.1)
     ]
     problem = problem_of(DECAY, {"rate": Normal(1.0, 0.5)}, {"size": Normal(1.0, 0.3)}, x, ys, 0.05)
-    return fit_least_squares(problem, rng=np.random.default_rng(3), n_start=1)
+    return fit_least_squares(problem)
 
 
 @pytest.mark.parametrize("marginal", [False, True])

@@ -53,7 +53,7 @@ def fit_positions(
             for n in problem.names
         ]
     )
-    return fit_least_squares(problem, rng=rng, n_start=1, start=start)
+    return fit_least_squares(problem, start=start)
 
 
 def value(fit: Fit, name: str) -> tuple[float, float]:
@@ -192,9 +192,7 @@ def interval_covers(problem, truth, *, naive):
     """Whether the central 68 % interval of the slope holds `truth`, by summing the posterior on a
     grid.
     """
-    fit = fit_least_squares(
-        problem, rng=np.random.default_rng(0), n_start=1, start=np.array([1.0, 2.0])
-    )
+    fit = fit_least_squares(problem, start=np.array([1.0, 2.0]))
     (run,) = problem.runs
     sd = np.sqrt(np.diag(fit.cov))
     a, b = (fit.values[i] + 6.0 * sd[i] * np.linspace(-1, 1, 25) for i in (0, 1))

@@ -28,7 +28,7 @@ def line(x, a, b):
 
 
 def fitted(problem: Problem, **choices: object) -> Fit:
-    return fit_least_squares(problem, rng=np.random.default_rng(1), **choices)
+    return fit_least_squares(problem, **choices)
 
 
 def linear(rng: np.random.Generator) -> tuple[Fit, np.ndarray, np.ndarray]:
@@ -246,7 +246,7 @@ def test_holes_in_the_model_are_walls_and_not_crashes(bad: float, rng: np.random
 
     y = 1.2 * X + 0.5 * rng.standard_normal(X.size)
     problem = formula_problem(holed, X, y, 0.5, {"a": Normal(0.0, 0.5), "b": Uniform(0.0, 5.0)})
-    fit = fitted(problem, n_start=1, start=np.array([0.0, 1.0]))
+    fit = fitted(problem, start=np.array([0.0, 1.0]))
     for found in profile_intervals(fit):
         assert np.all(np.isfinite(found.rise))
         assert found.low[0.95] <= found.value <= found.high[0.95]
@@ -259,9 +259,7 @@ def test_fit_in_a_hole_has_no_interval_and_no_crash() -> None:
         return np.where(np.real(a) > 1.0, np.nan, a * x)
 
     fit = fitted(
-        formula_problem(holed, X, 0.5 * X, 0.5, {"a": Uniform(0.0, 5.0)}),
-        n_start=1,
-        start=np.array([0.4]),
+        formula_problem(holed, X, 0.5 * X, 0.5, {"a": Uniform(0.0, 5.0)}), start=np.array([0.4])
     )
     lost = replace(fit, values=np.array([2.0]))
     (found,) = profile_intervals(lost)
@@ -275,7 +273,7 @@ def test_a_lower_mode_met_on_the_way_is_reported() -> None:
     """
     x, y = np.array([1.0]), np.array([1.0])
     problem = formula_problem(lambda x, a: a**2 * x, x, y, 0.7, {"a": Normal(0.5, 2.0)})
-    wrong = fitted(problem, n_start=1, start=np.array([-0.9]))
+    wrong = fitted(problem, start=np.array([-0.9]))
     assert wrong.values[0] < -0.5
     (found,) = profile_intervals(wrong)
     a = np.linspace(-2.0, 2.0, 400_001)
@@ -296,7 +294,7 @@ def test_ends_of_the_replicas_intervals_are_found_by_another_optimiser(replica: 
     """At each 95 % end scipy's SLSQP, from scattered starts, finds no lower objective than the
     quantile.
     """
-    fit = fitted(load_campaign(replica / "campaign.toml").problem(["heavy-04"]), n_start=2)
+    fit = fitted(load_campaign(replica / "campaign.toml").problem(["heavy-04"]))
     low = np.array([p.prior.low for p in fit.problem.parameters])
     sd = np.array([p.prior.sd for p in fit.problem.parameters])
     lowest = -2.0 * fit.posterior.log_density(fit.values[None])[0]
@@ -377,9 +375,7 @@ def test_walks_of_all_parameters_together_are_those_of_each_alone(rng: np.random
 
 def test_runs_differentiated_each_in_its_own_parameters_give_the_whole_slope(replica: Path) -> None:
     """Against differences of the whole density, at the fit and beside it."""
-    fit = fitted(
-        load_campaign(replica / "campaign.toml").problem(["heavy-02", "heavy-04"]), n_start=1
-    )
+    fit = fitted(load_campaign(replica / "campaign.toml").problem(["heavy-02", "heavy-04"]))
     search = search_of(fit.posterior, fit.values, fit.cov)
     assert len(fit.posterior.likelihoods) == 2
     points = np.clip(
@@ -400,7 +396,7 @@ def test_profile_of_a_replica_run_takes_few_calls_of_the_density(
     replica: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Walks that waited for each other would take thousands."""
-    fit = fitted(load_campaign(replica / "campaign.toml").problem(["heavy-04"]), n_start=2)
+    fit = fitted(load_campaign(replica / "campaign.toml").problem(["heavy-04"]))
     calls, log_density = [], Posterior.log_density
 
     def counted(self: Posterior, draws: np.ndarray) -> np.ndarray:

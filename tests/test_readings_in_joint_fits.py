@@ -78,7 +78,7 @@ def grids(problem: Problem) -> tuple[tuple[float, float], tuple[float, float]]:
 
 
 def fitted(problem: Problem) -> Fit:
-    return fit_least_squares(problem, rng=np.random.default_rng(1), n_start=1)
+    return fit_least_squares(problem)
 
 
 @pytest.mark.parametrize("n", [2, 4, 16, 17, 30])
@@ -274,7 +274,7 @@ def test_own_parameters_on_limits_stay_there_while_what_is_shared_moves() -> Non
         shared=("p", "tau"),
         bounds={"b": (0.0, None), "N": (0.0, None), "tau": (0.0, None)},
         start={"N": 60.0, "p": 0.7, "tau": 1.5, "b": 0.5},
-        n_start=1,
+        scan=False,
     ).fit
     assert sum(name.startswith("b") for name in fit.at_bound) == 3
     measure = measure_of(fit.posterior, fit.values, fit.cov)

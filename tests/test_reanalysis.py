@@ -58,10 +58,7 @@ def test_knowing_the_tilt_narrows_gamma_as_a_refit_with_a_sharp_tilt_does(
     campaign: Campaign, rng: np.random.Generator
 ) -> None:
     problem = campaign.problem(["heavy-04"])
-    found = {
-        limit.group: limit
-        for limit in limits(fit_least_squares(problem, rng=rng, n_start=2), "gamma[heavy]")
-    }
+    found = {limit.group: limit for limit in limits(fit_least_squares(problem), "gamma[heavy]")}
 
     def sharpen(problem: Problem, group: str) -> Problem:
         parameters = [
@@ -73,7 +70,7 @@ def test_knowing_the_tilt_narrows_gamma_as_a_refit_with_a_sharp_tilt_does(
         return Problem(tuple(parameters), problem.runs)
 
     for group in ("phi", "radius", "theta0"):
-        fit = fit_least_squares(sharpen(problem, group), rng=rng, n_start=1)
+        fit = fit_least_squares(sharpen(problem, group))
         u = math.sqrt(fit.cov[fit.names.index("gamma[heavy]"), fit.names.index("gamma[heavy]")])
         # the mode moves a little when a prior is sharpened at its centre, and the curvature with it
         assert found[group].u_known == pytest.approx(u, rel=0.08), group
@@ -105,7 +102,7 @@ def test_a_run_depends_on_every_parameter_of_its_noise(
         (tmp_path / f"{name}.csv").write_text("t_s,x_m,v_m_s\n" + rows + "\n")
     campaign = load_campaign(tmp_path / "c.toml")
     joint = campaign.problem(["r", "s"])
-    first = SimpleNamespace(fit=fit_least_squares(campaign.problem(["r"]), rng=rng, n_start=1))
+    first = SimpleNamespace(fit=fit_least_squares(campaign.problem(["r"])))
     assert joint.restricted(joint.runs[1:]).names == (
         "gamma[heavy]",
         "kappa[heavy]",
@@ -115,10 +112,7 @@ def test_a_run_depends_on_every_parameter_of_its_noise(
     )
     # of the second alone nothing is asked
     found = narrowing(
-        fit_least_squares(joint, rng=rng, n_start=1),
-        [first, first],
-        ["gamma[heavy]", "kappa[heavy]"],
-        first_runs=(),
+        fit_least_squares(joint), [first, first], ["gamma[heavy]", "kappa[heavy]"], first_runs=()
     )
     # the first of them is the first alone
     assert found.u[0] == pytest.approx(found.u_single[0], rel=1e-3)

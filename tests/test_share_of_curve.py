@@ -241,7 +241,7 @@ def coverage(law: str, n_set: int) -> Array:
     inside = np.zeros((2, 2))
     for _ in range(n_set):
         y = (truth["a"] + truth["b"] * x) * (1.0 + 0.15 * rng.standard_normal(x.size))
-        fit = fit_curve("a + b*x", x, y, start=truth, u_y=law, n_start=1)
+        fit = fit_curve("a + b*x", x, y, start=truth, u_y=law, scan=False)
         for i, (name, true) in enumerate(truth.items()):
             ends = (fit.intervals[name][p] for p in (0.68, 0.95))
             inside[i] += [low <= true <= high for low, high in ends]

@@ -63,7 +63,7 @@ def test_legends_are_whole_and_the_mark_of_synthetic_data_is_clear_of_them(
         0.1,
         {"a": Normal(0.5, 0.3), "b": Normal(0.5, 0.3)},
     )
-    fit = fit_least_squares(problem, rng=rng, n_start=1)
+    fit = fit_least_squares(problem)
     draws = rng.multivariate_normal(fit.values, fit.cov, 2000)
     found = identify(fit)
     for draw in (

@@ -179,7 +179,7 @@ def test_one_descent_from_1_does_not_reach_them(name: str) -> None:
         reference.x,
         reference.y,
         start=dict.fromkeys(reference.certified, 1.0),
-        n_start=1,
+        scan=False,
     )
     assert fit.chi2 > 100.0 * reference.squares
 

@@ -72,7 +72,7 @@ def fitted(x: np.ndarray, v: np.ndarray, g: float = 9.81) -> Fit:
         np.zeros((0, 2)),
         motion,
     )
-    return fit_least_squares(Problem(parameters, (run,)), rng=np.random.default_rng(1), n_start=2)
+    return fit_least_squares(Problem(parameters, (run,)))
 
 
 def body() -> Body:

@@ -111,7 +111,7 @@ def test_intervals_of_lmfit_are_those_of_estim_s_least_squares_where_errors_are_
     truth, campaign, _, _ = recorded(tmp_path, "none", rng, priors="sharp")
     found = intervals_of_lmfit(tmp_path, truth, slow=False, seed=1)[LEAST_SQUARES]
     assert found is not None
-    fit = fit_least_squares(as_complete(campaign.problem(["r"]), "lmfit"), rng=rng)
+    fit = fit_least_squares(as_complete(campaign.problem(["r"]), "lmfit"))
     for name, (narrow, wide) in zip(truth, found, strict=True):
         i = fit.names.index(name)
         sd = float(np.sqrt(fit.cov[i, i]))
@@ -195,8 +195,7 @@ def test_neighbours_that_are_alike_are_borne_beside_a_force_and_no_larger_than_s
         borne, checks={name: check for name, check in borne.checks.items() if name != "chi2"}
     ).failed == ("autocorrelation",)
     (plain,) = check_goodness(
-        fit_least_squares(as_complete(problem, "test"), rng=np.random.default_rng(1)),
-        rng=np.random.default_rng(1),
+        fit_least_squares(as_complete(problem, "test")), rng=np.random.default_rng(1)
     )
     assert "autocorrelation" in plain.failed
 

@@ -122,9 +122,9 @@ def test_intervals_hold_the_truth_and_a_wrong_curve_fails() -> None:
     wrong_side, p_values = 0, []
     for _ in range(300):
         y = read(2.0 * X + 1.0, rng)
-        fit = fit_curve("a*x + b", X, y, u_y=(MINUS, PLUS), rng=rng, n_start=1)
+        fit = fit_curve("a*x + b", X, y, u_y=(MINUS, PLUS), rng=rng, scan=False)
         p_values.append(fit.p_value)
-        turned = fit_curve("a*x + b", X, y, u_y=(PLUS, MINUS), rng=rng, n_start=1)
+        turned = fit_curve("a*x + b", X, y, u_y=(PLUS, MINUS), rng=rng, scan=False)
         low, high = turned.intervals["b"][0.95]
         wrong_side += low <= truth["b"] <= high
         for p in held:

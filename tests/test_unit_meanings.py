@@ -148,7 +148,7 @@ def test_counts_in_bins_have_no_unit_of_their_own() -> None:
             noise=Poisson(bins=T[1]),
             axes=AxisNames("t", "µs"),
             units={"B": "1/s"},
-            n_start=1,
+            scan=False,
         )
 
 
@@ -227,7 +227,7 @@ def test_an_arctangent_gives_no_degrees(text: str) -> None:
 
 
 def test_only_numbers_that_somebody_stated_are_turned() -> None:
-    given = {"u_y": 0.1, "axes": AxisNames("t", "s", "s", "m"), "n_start": 1}
+    given = {"u_y": 0.1, "axes": AxisNames("t", "s", "s", "m"), "scan": False}
     for start in ({}, {"s0": 1.0}):
         with pytest.raises(
             InputError, match=r"'units\[v\]' must be in m/s here.*nothing is converted: mm/s$"

@@ -229,11 +229,11 @@ def test_a_cosine_of_degrees_is_refused(formula: str, instead: str) -> None:
                 start=start,
                 u_y=0.1,
                 axes=axes,
-                n_start=1,
+                scan=False,
             )
     else:
         fit_curve(
-            text, angle, np.cos(np.radians(angle)) ** 2, start=start, u_y=0.1, axes=axes, n_start=1
+            text, angle, np.cos(np.radians(angle)) ** 2, start=start, u_y=0.1, axes=axes, scan=False
         )
 
 

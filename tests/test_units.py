@@ -54,12 +54,12 @@ def test_a_unit_is_a_change_of_scale() -> None:
     y = 3.0 * np.exp(-x / 1.5) * np.cos(6.0 * x) + 0.5 * x + 0.05 * rng.standard_normal(40)
     text, axes = "A*exp(-b*x)*cos(w*x + p) + v*x", AxisNames("t", "s", "s", "m")
     start = {"A": 3.0, "b": 0.7, "w": 6.0, "p": 0.0, "v": 0.5}
-    fit = fit_curve(text, x, y, u_y=0.05, axes=axes, start=start, n_start=1)
+    fit = fit_curve(text, x, y, u_y=0.05, axes=axes, start=start, scan=False)
     factors = {"1/s": 1e-3, "m": 1.0, "m/s": 1e-3, "1": 1.0}
     units = {p.name: p.unit for p in fit.problem.parameters}
     assert units == {"A": "m", "b": "1/s", "w": "1/s", "p": "1", "v": "m/s"}
     scaled = {name: value * factors[units[name]] for name, value in start.items()}
-    slow = fit_curve(text, 1e3 * x, y, u_y=0.05, start=scaled, n_start=1)
+    slow = fit_curve(text, 1e3 * x, y, u_y=0.05, start=scaled, scan=False)
     for name, unit in units.items():
         assert slow.values[name] == pytest.approx(fit.values[name] * factors[unit], rel=1e-6)
 
@@ -74,7 +74,7 @@ def test_units_that_are_said_hold_and_counts_in_bins_are_a_density() -> None:
         noise=Poisson(bins=x[1] - x[0]),
         axes=AxisNames("t", "µs", "events", "1"),
         units={"tau": "us"},
-        n_start=1,
+        scan=False,
     )
     assert {p.name: p.unit for p in fit.problem.parameters} == {"N": "1", "tau": "us", "B": "1/µs"}
 

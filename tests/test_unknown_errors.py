@@ -246,12 +246,12 @@ def test_intervals_beside_a_jitter_hold_where_stated_errors_differ() -> None:
     n, held, short, none = 150, 0, 0, 0
     for seed in range(n):
         x, y = line_with_unequal_errors(seed)
-        found = fit_curve("a + b*x", x, y, u_y=UNEQUAL, jitter=True, n_start=1)
+        found = fit_curve("a + b*x", x, y, u_y=UNEQUAL, jitter=True, scan=False)
         low, high = found.intervals["a"][0.95]
         held += low < 1.0 < high
         if found.values["jitter"] < 0.02:
             none += 1
-            sd = float(fit_curve("a + b*x", x, y, u_y=UNEQUAL, n_start=1).sds["a"])
+            sd = float(fit_curve("a + b*x", x, y, u_y=UNEQUAL, scan=False).sds["a"])
             short += abs(found.values["a"] - 1.0) < 1.96 * sd
     # profiles of a likelihood are good to the order 1/n_obs: 12 points, 3 unknowns
     assert held / n > 0.95 - 0.04 - 3.0 * np.sqrt(0.95 * 0.05 / n)

@@ -99,7 +99,7 @@ def nearby(campaign: Campaign) -> Fit:
     start = np.array(
         [{**TRUTH, "release_time[r]": 0.0, "offset[r]": 0.0}[name] for name in problem.names]
     )
-    white = fit_least_squares(problem, rng=rng, n_start=1, start=start)
+    white = fit_least_squares(problem, start=start)
     if not problem.runs[0].force:
         return white
     return fit_with_forces(white, rng=rng)

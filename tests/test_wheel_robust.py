@@ -19,7 +19,7 @@ import pytest
 from estim.campaign import Campaign, load_campaign
 from estim.checks.diagnosis import too_many_outliers
 from estim.checks.outliers import find_outliers
-from estim.fitting.least_squares import Fit, fit_least_squares
+from estim.fitting import Fit, fit_problem
 from estim.sampling.certificate import certify
 from estim.sampling.proposal import adapt_proposal
 from estim.words import describe
@@ -132,9 +132,9 @@ def spoiled(campaign: Campaign, run: str) -> tuple[Campaign, np.ndarray, np.ndar
     return rows_of(campaign, run, rows, omega), theta[dropped], theta[braking]
 
 
-def estimate(campaign: Campaign, run: str, n_start: int) -> Estimate:
+def estimate(campaign: Campaign, run: str) -> Estimate:
     problem, rng = campaign.problem([run]), np.random.default_rng(1)
-    fit = fit_least_squares(problem, rng=rng, n_start=n_start)
+    fit = fit_problem(problem, rng=rng)
     proposal = adapt_proposal(fit.posterior, fit.values, fit.cov, rng=rng, starts=tuple(fit.others))
     certificate = certify(fit.posterior, proposal, rng=rng, least_ess=1000.0)
     assert certificate.reliable
@@ -160,9 +160,9 @@ def estimate(campaign: Campaign, run: str, n_start: int) -> Estimate:
 def test_braking_and_dropouts_left_in_are_named_and_the_result_is_that_of_the_other_frames(
     wheel, run: str
 ) -> None:
-    trimmed = estimate(wheel("", run, CAUGHT), run, 2)
+    trimmed = estimate(wheel("", run, CAUGHT), run)
     untrimmed, dropped, braking = spoiled(wheel("mixture", run), run)
-    robust = estimate(untrimmed, run, 8)
+    robust = estimate(untrimmed, run)
     for quantity in ("moment", "rolling_resistance"):
         assert abs(robust.shift(trimmed, quantity)) < 1.0
         assert 0.7 < robust.sd[quantity] / trimmed.sd[quantity] < 1.4
@@ -175,11 +175,11 @@ def test_braking_and_dropouts_left_in_are_named_and_the_result_is_that_of_the_ot
     assert false.size <= 1, false
     # a fit that takes every frame at its word is far off
     unnamed = spoiled(wheel("", run), run)[0]
-    plain = estimate(unnamed, run, 4)
+    plain = estimate(unnamed, run)
     assert abs(plain.shift(trimmed, "moment")) > 5.0
     # and one of the frames that the robust fit does not name is where the robust fit is
     good = np.flatnonzero(~np.isin(unnamed.tables[run].columns["theta_rad"], robust.named))
-    without = estimate(rows_of(unnamed, run, good), run, 2)
+    without = estimate(rows_of(unnamed, run, good), run)
     for quantity in ("moment", "rolling_resistance", "theta0"):
         assert abs(robust.shift(without, quantity)) < 0.4
 
@@ -194,21 +194,14 @@ def test_more_bad_frames_than_good_ones_defeat_robust_noise_and_are_reported(
     """The whole recordings: 89 of 117 and 48 of 75 frames are the wheel being caught, at rest and
     rolled by hand.
     """
-    whole = fit_least_squares(
-        wheel("mixture", run).problem([run]), rng=np.random.default_rng(1), n_start=16
-    )
-    trimmed = fit_least_squares(
-        wheel("", run, CAUGHT).problem([run]), rng=np.random.default_rng(1), n_start=2
-    )
+    rng = np.random.default_rng(1)
+    whole = fit_problem(wheel("mixture", run).problem([run]), rng=rng)
+    trimmed = fit_problem(wheel("", run, CAUGHT).problem([run]), rng=rng)
     at = whole.names.index("rolling_resistance"), trimmed.names.index("rolling_resistance")
     assert whole.values[at[0]] > trimmed.values[at[1]] + 10.0 * np.sqrt(trimmed.cov[at[1], at[1]])
     (finding,) = too_many_outliers(whole)
     assert finding.status == "poor-fit"
     assert "of the readings would be outliers" in describe(finding)
     # with the few frames until the wheel is at rest there is nothing to report
-    until_rest = fit_least_squares(
-        spoiled(wheel("mixture", run), run)[0].problem([run]),
-        rng=np.random.default_rng(1),
-        n_start=8,
-    )
+    until_rest = fit_problem(spoiled(wheel("mixture", run), run)[0].problem([run]), rng=rng)
     assert too_many_outliers(until_rest) == []

@@ -181,7 +181,7 @@ def test_own_curves_are_sampled_and_reported_without_options() -> None:
 
 
 def test_the_gravest_finding_decides_in_any_order() -> None:
-    kinds = (Kind.PRESSED_EDGE, Kind.FIT_UNSETTLED, Kind.STARTS_ELSEWHERE, Kind.CHI2_TOO_LARGE)
+    kinds = (Kind.PRESSED_EDGE, Kind.FIT_UNSETTLED, Kind.STATED_HARDLY, Kind.CHI2_TOO_LARGE)
     for order in permutations(kinds):
         findings = [Finding(kind) for kind in order]
         assert decide(findings) is Status.NOT_CONVERGED
@@ -190,7 +190,7 @@ def test_the_gravest_finding_decides_in_any_order() -> None:
             Kind.CHI2_TOO_LARGE,
             Kind.PRESSED_EDGE,
         ]
-    assert decide(()) is decide([Finding(Kind.STARTS_ELSEWHERE)]) is gravest(()) is Status.OK
+    assert decide(()) is decide([Finding(Kind.STATED_HARDLY)]) is gravest(()) is Status.OK
     assert gravest([Status.OK, Status.POOR_FIT, Status.AT_BOUND]) is Status.POOR_FIT
 
 

@@ -169,5 +169,5 @@ def three_telescopes() -> CurveFit:
     }
     return fit_curves(
         velocity, data, shared=list(start), start=start | {"gamma": 0}, jitter=True,
-        priors={"tc1": "6779(300)"}, n_start=1,
+        priors={"tc1": "6779(300)"}, scan=False,
     )  # fmt: skip

@@ -17,7 +17,7 @@ from estim.arrays import BoolArray, FloatArray, IntArray, all_finite
 from estim.calibration.experiment import Experiment
 from estim.calibration.uniformity import N_RANK
 from estim.common import PROBABILITIES, InputError, Label, NumericalError, Stream, stream
-from estim.fitting import Fit, fit_least_squares, refit
+from estim.fitting import Fit, fit_least_squares, fit_white
 from estim.problem import Parameter, Prior, Problem
 from estim.sampling import (
     Chain,
@@ -162,9 +162,9 @@ def _around(prior: Prior, truth: float, rng: np.random.Generator) -> Prior:
 def _fit(problem: Problem, start: FloatArray, rng: np.random.Generator) -> Fit:
     """The fit from the truth; from the priors where the simulated data exclude the truth itself."""
     try:
-        return refit(problem, start)
+        return fit_least_squares(problem, start=start)
     except NumericalError:
-        return fit_least_squares(problem, rng=rng)
+        return fit_white(problem, rng=rng)
 
 
 def posterior_draws(fit: Fit, ess: float, rng: np.random.Generator) -> tuple[FloatArray, str, str]:

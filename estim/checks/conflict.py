@@ -45,7 +45,7 @@ from estim.arrays import FloatArray
 from estim.checks.goodness_of_fit import check_goodness
 from estim.checks.run_information import LEAST_OF_MIXTURE, fitted
 from estim.common import Amount, Finding, Kind, NumericalError, Stream, stream
-from estim.fitting import ALONE, Fit, Quadratic, around, chi2_p, fit_least_squares, refit
+from estim.fitting import ALONE, Fit, Quadratic, around, chi2_p, fit_least_squares
 from estim.problem import Prior, Problem
 
 P_CONFLICT = 0.01
@@ -179,7 +179,8 @@ def _distance(problem: Problem, unstated: Fit, i: int) -> float:
     stated = problem.parameters[i]
     prior = stated.prior
     try:
-        others = refit(problem.with_priors({stated.name: _loosened(prior)}), unstated.values)
+        loose = problem.with_priors({stated.name: _loosened(prior)})
+        others = fit_least_squares(loose, start=unstated.values)
     except NumericalError:
         return 0.0
     return float(
@@ -212,9 +213,7 @@ def _explained(fit: Fit) -> Fit | None:
 def _fits(problem: Problem, start: FloatArray) -> Fit | None:
     """The fit from `start` (n_par,) if it passes the tests of residuals."""
     try:
-        fit = fit_least_squares(
-            problem, rng=stream(0, Stream.FIT), n_start=1, start=start, hopeless=_HOPELESS
-        )
+        fit = fit_least_squares(problem, start=start, hopeless=_HOPELESS)
         return (
             None
             if any(run.failed for run in check_goodness(fit, rng=stream(0, Stream.GOODNESS)))

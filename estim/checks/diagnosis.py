@@ -422,14 +422,6 @@ def _remarks(fit: Fit, goodness: Sequence[Goodness], conflict: Conflict) -> list
         remarks += deviation_remarks(
             lack, x_unit=runs[lack.run].x_unit, y_unit=runs[lack.run].y_unit
         )
-    if fit.n_same < fit.n_start:
-        remarks.append(
-            Finding(
-                Kind.STARTS_ELSEWHERE,
-                size=fit.n_start - fit.n_same,
-                numbers={"starts": fit.n_start},
-            )
-        )
     # readings that are off may well lie where the body is fast
     with_bad_frames = {force.run for force in fit.forces if force.bad.jumps}
     for good, run in zip(goodness, fit.problem.runs, strict=True):

@@ -348,7 +348,7 @@ def energy(
                 )
             )
         records.extend(energy_along(analyses[-1], rng=stream(seed, Stream.ENERGY)))
-        drifts.append(drift_of(analyses[-1], rng=stream(seed, Stream.DRIFT)))
+        drifts.append(drift_of(analyses[-1]))
         conclude(
             run_label(group),
             energy_status(analyses[-1], drifts[-1]),

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class Stream(IntEnum):
     """What is drawn from a seed."""
 
-    FIT = 0  # further starts of least squares
+    FIT = 0  # further starts, and trial moves of searches
     CHAIN = 1
     GOODNESS = 2  # null distributions of the tests
     BANDS = 3
@@ -28,7 +28,6 @@ class Stream(IntEnum):
     ENERGY = 6
     PROPAGATED_BANDS = 7
     NARROWING = 8
-    DRIFT = 9
     LINE_CHAIN = 10
     LINE_EVIDENCE = 11
     CALIBRATION_FIT = 12

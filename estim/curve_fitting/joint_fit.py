@@ -33,8 +33,7 @@ from estim.curves import (
     with_defaults,
     with_joint_priors,
 )
-from estim.fitting import N_START
-from estim.given_numbers import check_whole, random_generator
+from estim.given_numbers import random_generator
 from estim.problem import JointNormal
 
 
@@ -50,7 +49,7 @@ def fit_curves(
     errors: Sequence[Component] = (),
     units: Mapping[str, str] | None = None,
     axes: AxisNames | None = None,
-    n_start: int | None = None,
+    scan: bool | None = None,
     fixed: Mapping[str, float] | None = None,
     derived: Mapping[str, str] | None = None,
     tied: Mapping[str, str] | None = None,
@@ -59,7 +58,7 @@ def fit_curves(
 ) -> CurveFit:
     """The curve fit to several data sets at once, or curves that have parameters in common.
 
-    units, axes, rng, n_start, tied : as for `fit_curve`.
+    units, axes, rng, scan, tied : as for `fit_curve`.
     curve : of the data sets that have none of their own (`DataSet(curve=...)`); None where all
         have.
     data : name -> `DataSet`, each with stated errors (u_y, cov_y or noise).
@@ -187,11 +186,10 @@ def fit_curves(
         order=data,
     )
     require_points(joint.parameters, joint.y.size, stated=joint.stated)
-    if n_start is None:
-        n_start = min(getattr(points.curve, "n_start", N_START) for points in sets.values())
-    check_whole(n_start, "n_start", 1)
+    if scan is None:
+        scan = all(getattr(points.curve, "scanned", True) for points in sets.values())
     fitted = fit_errors if joint.infers_errors else fit_stated
-    return without_fitted_effects(fitted(joint, joint.with_sigma(1.0), rng, n_start))
+    return without_fitted_effects(fitted(joint, joint.with_sigma(1.0), rng, scan))
 
 
 @contextmanager

@@ -120,7 +120,7 @@ def fit_many(
         start=start,
         bounds=bounds,
         fixed=fixed,
-        n_start=1 if start else None,
+        scan=False if start else None,
     )
     problem = first.held.problem
     run, priors = problem.runs[0], [p.prior for p in problem.parameters]

@@ -67,7 +67,6 @@ from estim.curves import (
 )
 from estim.distributions import student_quantile
 from estim.fitting import (
-    N_START,
     Ends,
     ErrorSizes,
     Fit,
@@ -78,18 +77,18 @@ from estim.fitting import (
     error_sizes,
     find_optimum,
     fit_discrepancy,
+    fit_least_squares,
     fit_optimum,
     moved_by_integration,
+    origin_of,
     pressed_edges,
     profiled,
-    refit,
     sds_near_limits,
     silent_parameters,
     spread,
-    starts_message,
     with_other_modes,
 )
-from estim.given_numbers import are_complex, check_whole, random_generator
+from estim.given_numbers import are_complex, random_generator
 from estim.problem import Problem
 from estim.words import describe
 
@@ -117,7 +116,7 @@ def fit_curve(
     errors: Sequence[Component] = (),
     units: Mapping[str, str] | None = None,
     axes: AxisNames | None = None,
-    n_start: int | None = None,
+    scan: bool | None = None,
     fixed: Mapping[str, float] | None = None,
     deviation: float = 0.0,
     correlated: ArrayLike | bool = False,
@@ -142,9 +141,8 @@ def fit_curve(
     y : (n_obs,); complex where a function returns complex numbers, whose real and imaginary parts
         are then fit together (`ComplexFit`): u_y is that of each part, or u_re + 1j*u_im.
     start : starting values; without any, a function's numbers by default are those (beside others
-        they are held); the order of magnitude and the sign matter, several further starts are
-        tried.  Those that a formula or models by name lack are found from the points; a function
-        needs one for each parameter that is fit.
+        they are held); the order of magnitude and the sign matter.  Those that a formula or models
+        by name lack are found from the points; a function needs one for each parameter that is fit.
     u_y : standard uncertainty of y, a number or (n_obs,); or a share, given as text: "15%" is one
         of the curve, sd(y) = 0.15 |f(x)| with its logarithm in the likelihood, and "15% of y" one
         of each reading, 0.15 |y|, which pulls the curve down.  Two rows (2, n_obs) are
@@ -190,9 +188,9 @@ def fit_curve(
     derived : name -> formula of the parameters, like {"g": "4*pi**2/slope"}; a formula may name
         those before it, `units` have its unit.  x, y, u_x, u_y, start, fixed and bounds may be
         quantities of pint: the fit is then in SI base units (`estim.curves.quantities`).
-    rng : of the further starts and of the simulated tests, or its seed; None always draws the same.
-    n_start : starts tried, 1 for the given one alone; None: 8, and 1 for differential equations
-        (`estim.ode`).
+    rng : of the simulated tests, or its seed; None always draws the same.
+    scan : whether every nonlinear parameter is scanned for other optima; False takes the one that
+        the start leads to.  None: True, but not for differential equations (`estim.ode`).
 
     Raises InputError where an argument breaks a rule.
 
@@ -205,8 +203,7 @@ def fit_curve(
     chi2 = 2.05, dof = 2, p = 0.36; the starting values led to this optimum
     """
     rng = random_generator(rng)
-    n_start = getattr(curve, "n_start", N_START) if n_start is None else n_start
-    check_whole(n_start, "n_start", 1)
+    scan = getattr(curve, "scanned", True) if scan is None else scan
     is_complex = are_complex(y)
     curve, x = (curve, x) if is_complex else numbered(curve, x)
     priors = with_joint_priors(priors)
@@ -235,11 +232,11 @@ def fit_curve(
             if posed.stated
             else posed.with_unknown_sigma(roughness(posed.y, robust=True))
         )
-        complete = fit_errors(posed, problem, rng, n_start)
+        complete = fit_errors(posed, problem, rng, scan)
     elif posed.stated:
-        complete = fit_stated(posed, posed.with_sigma(1.0), rng, n_start)
+        complete = fit_stated(posed, posed.with_sigma(1.0), rng, scan)
     else:
-        complete = _fit_estimated(posed, rng, n_start)
+        complete = _fit_estimated(posed, rng, scan)
     complete = without_fitted_effects(complete)
     if isinstance(posed, JointProblem):
         return ComplexFit(**vars(complete))
@@ -292,14 +289,14 @@ def fit_stated(
     posed: CurveProblem | JointProblem,
     problem: Problem,
     rng: np.random.Generator,
-    n_start: int,
+    scan: bool,
     start: FloatArray | None = None,
 ) -> CurveFit:
     """The fit of points whose errors are stated.  start : (n_par,) where to begin; else where the
     problem does, and once more where profiles then meet a better point.
     """
     begin = problem.start() if start is None else start
-    best = find_optimum(problem, begin, rng=rng, n_start=n_start)
+    best = find_optimum(problem, begin, rng=rng, scan=scan)
     rounds = _ROUNDS if any(run.noise.holds_slopes for run in problem.runs) else 0
     for _ in range(rounds):
         before, best = best.values, _on(problem, best, rng, unstated=False)
@@ -309,7 +306,7 @@ def fit_stated(
     fit = _whole_fit(problem, best.values, best)
     concluded = _concluded(posed, best, problem, fit, fit, rng=rng)
     better = _better_point(concluded.findings) if start is None else None
-    return concluded if better is None else fit_stated(posed, problem, rng, n_start, better)
+    return concluded if better is None else fit_stated(posed, problem, rng, scan, better)
 
 
 def _better_point(findings: Sequence[Finding]) -> FloatArray | None:
@@ -321,7 +318,7 @@ def _better_point(findings: Sequence[Finding]) -> FloatArray | None:
 
 
 def _fit_estimated(
-    posed: CurveProblem | JointProblem, rng: np.random.Generator, n_start: int
+    posed: CurveProblem | JointProblem, rng: np.random.Generator, scan: bool
 ) -> CurveFit:
     """The fit whose residuals show how large the errors are; with informative priors, in rounds
     until that size settles.
@@ -329,7 +326,7 @@ def _fit_estimated(
     pulled = any(p.prior.informative for p in posed.parameters)
     sigma = float(np.std(posed.y)) or 1.0 if pulled else 1.0
     problem = posed.with_sigma(sigma)
-    best = find_optimum(problem, problem.start(), rng=rng, n_start=n_start, unstated=True)
+    best = find_optimum(problem, problem.start(), rng=rng, scan=scan, unstated=True)
     for _ in range(_ROUNDS if pulled else 0):
         before, sigma = sigma, _residual_sd(posed, problem, best)
         problem = posed.with_sigma(sigma)
@@ -345,11 +342,10 @@ def _fit_estimated(
 
 def _on(problem: Problem, first: Optimum, rng: np.random.Generator, *, unstated: bool) -> Optimum:
     """The optimum from `first` on, with what was learnt there of others."""
-    best = find_optimum(problem, first.values, rng=rng, n_start=1, unstated=unstated)
+    best = find_optimum(problem, first.values, rng=rng, scan=False, unstated=unstated)
     return replace(
         best,
-        n_start=first.n_start,
-        n_same=first.n_same,
+        from_start=first.from_start,
         others=first.others,
         symmetry=first.symmetry,
         aliases=first.aliases,
@@ -361,13 +357,13 @@ def fit_errors(
     posed: CurveProblem | JointProblem,
     problem: Problem,
     rng: np.random.Generator,
-    n_start: int,
+    scan: bool,
     start: FloatArray | None = None,
 ) -> CurveFit:
     """The fit of a curve together with what is unknown of its errors, or with errors that leave
     room for outliers: the mode, its curvature, and profiles.  start : as of `fit_stated`.
     """
-    fit = fit_optimum(problem, rng=rng, n_start=n_start, start=start)
+    fit = fit_optimum(problem, rng=rng, scan=scan, start=start)
     values = dict(zip(fit.names, fit.values.tolist(), strict=True))
     nothing = dict.fromkeys(PROBABILITIES, (math.nan, math.nan))
     intervals: Mapping[str, Ends] = dict.fromkeys(fit.names, nothing)
@@ -382,7 +378,7 @@ def fit_errors(
         sizes = error_sizes(fit)
         intervals, left_open = profiled(fit, sizes)
         if start is None and (better := _better_point(left_open)) is not None:
-            return fit_errors(posed, problem, rng, n_start, better)
+            return fit_errors(posed, problem, rng, scan, better)
         findings += [*left_open, *values_outside(values, intervals)]
         wider = _profiled_over_curvature(fit, intervals, sizes)
         sds, cov = sds * wider, cov * np.outer(wider, wider)
@@ -457,14 +453,8 @@ def _fit_discrepancy(posed: CurveProblem, complete: CurveFit, rng: np.random.Gen
     problem = posed.with_sigma(complete.sigma or 1.0)
     problem = replace(problem, runs=(replace(problem.runs[0], lacks=posed.lacks),))
     start = np.array([complete.values[p.name] for p in problem.parameters])
-    fit = fit_discrepancy(refit(problem, start))
-    fit = replace(
-        fit,
-        n_start=complete.fit.n_start,
-        n_same=complete.fit.n_same,
-        symmetry=complete.held.symmetry,
-        aliases=complete.fit.aliases,
-    )
+    fit = fit_discrepancy(fit_least_squares(problem, start=start))
+    fit = replace(fit, symmetry=complete.held.symmetry, aliases=complete.fit.aliases)
     (deviation,) = fit.deviations
     goodness = check_goodness(fit, rng=rng)
     solutions = [f for f in complete.findings if f.kind is Kind.SEVERAL_SOLUTIONS]
@@ -606,17 +596,9 @@ def _concluded(
 
 def _whole_fit(problem: Problem, values: FloatArray, best: Optimum) -> Fit:
     """The optimum of a search as a fit of `problem` at the same `values` (n_par,)."""
-    origin = starts_message(best.n_same, best.n_start)
-    outcome = (
-        converged_message(origin) if best.settled else phrase("did not converge; {led}", led=origin)
-    )
-    fit = replace(
-        at_mode(problem, values),
-        n_start=best.n_start,
-        n_same=best.n_same,
-        success=best.settled,
-        message=outcome,
-    )
+    led = origin_of(best)
+    outcome = converged_message(led) if best.settled else phrase("did not converge; {led}", led=led)
+    fit = replace(at_mode(problem, values), success=best.settled, message=outcome)
     return with_other_modes(fit, best)
 
 
@@ -626,7 +608,7 @@ def _notes(problem: Problem) -> list[str]:
 
 
 def _message(best: Optimum, sigma: float | None, perfect: bool, further: list[str]) -> str:
-    words = [starts_message(best.n_same, best.n_start), *further]
+    words = [origin_of(best), *further]
     if perfect:
         words.append(phrase("the curve passes through every point within rounding error"))
     elif sigma is not None:

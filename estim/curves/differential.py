@@ -40,9 +40,9 @@ class OdeCurve:
         return f"ode {getattr(self.rhs, '__name__', 'rhs')}"
 
     @property
-    def n_start(self) -> int:
-        """How many starts a fit tries unless n_start is given: each costs hundreds of solutions."""
-        return 1
+    def scanned(self) -> bool:
+        """Whether a fit scans for other optima by default: that takes thousands of solutions."""
+        return False
 
     @property
     def precision(self) -> float:

@@ -32,7 +32,7 @@ from estim.common import Notation, NumericalError, Status, later, phrase
 from estim.discrepancy import AutoCorrelated
 from estim.explanation.bad_frames import frame_causes
 from estim.explanation.candidates import Cause, Estimated, Suspects
-from estim.fitting import Fit, fit_least_squares, refit
+from estim.fitting import Fit, fit_least_squares
 from estim.problem import Problem
 
 FOUND = 10.0  # gain
@@ -167,7 +167,7 @@ def explain(
     progress : called with how many of how many are done.
     """
     plain = suspects.plain
-    base = fit_least_squares(plain, rng=rng, n_start=1 if values is not None else 4, start=values)
+    base = fit_least_squares(plain, start=values)
     every = [*suspects.causes, *_correlated_errors(suspects), *frame_causes(base)]
     fits: dict[str, tuple[RefitCandidate, Fit]] = {}
     lowest = badness(base)
@@ -244,7 +244,7 @@ def _correlated_errors(suspects: Suspects) -> Iterable[Cause]:
 def _with(cause: Cause, base: Fit) -> Fit | None:
     """The fit with a candidate, from that without; None where it cannot be had."""
     try:
-        fit = refit(cause.problem, cause.starting(base))
+        fit = fit_least_squares(cause.problem, start=cause.starting(base))
     except NumericalError:
         return None
     return fit if math.isfinite(badness(fit)) else None

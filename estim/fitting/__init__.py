@@ -27,22 +27,14 @@ from estim.fitting.discrepancy_fit import fit_discrepancy, sds_near_limits
 from estim.fitting.posterior_mode import fit_problem, fit_white
 from estim.fitting.incidental_parameters import moved_by_integration
 from estim.fitting.jeffreys import jeffreys_prior
-from estim.fitting.least_squares import (
-    Fit,
-    at_mode,
-    chi2_p,
-    fit_least_squares,
-    starts_message,
-    refit,
-    converged_message,
-)
-from estim.fitting.multistart import N_START
+from estim.fitting.least_squares import Fit, at_mode, chi2_p, fit_least_squares, converged_message
 from estim.fitting.unbounded_sides import open_sides
 from estim.fitting.optimum import (
     MAX_PARAMETERS,
     Optimum,
     find_optimum,
     fit_optimum,
+    origin_of,
     with_other_modes,
 )
 from estim.fitting.degrees_of_freedom import ErrorSizes, error_sizes, fixed_size

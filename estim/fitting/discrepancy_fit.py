@@ -9,7 +9,7 @@ import numpy as np
 from estim.arrays import FloatArray, sds_of
 from estim.common import Amount, Finding, Kind
 from estim.discrepancy import FoundDeviation, pose_deviation
-from estim.fitting.least_squares import Fit, refit
+from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.fitting.prior_limits import edge_of
 from estim.problem import Problem
 
@@ -25,14 +25,12 @@ def fit_discrepancy(white: Fit) -> Fit:
     means = [deviation.found.mean for deviation in posed.values()]
     start = np.clip(np.mean(means, axis=0), *problem.support())
     noises = {name: deviation.noise for name, deviation in posed.items()}
-    fit = refit(problem.with_noises(noises), start)
+    fit = fit_least_squares(problem.with_noises(noises), start=start)
     return replace(
         fit,
         deviations=tuple(deviation.found for deviation in posed.values()),
         symmetry=white.symmetry,
         aliases=white.aliases,
-        n_start=white.n_start,
-        n_same=white.n_same,
     )
 
 

@@ -1,7 +1,7 @@
 """The posterior mode by least squares.  The only file that knows lmfit.
 
 Priors enter as residuals, sigmas are absolute (`scale_covar=False`), the Jacobian is analytic, and
-the search starts from several points.  The covariance of the noise depends weakly on the curve, so
+the search starts at one point.  The covariance of the noise depends weakly on the curve, so
 the fit is repeated with it taken at the last result until nothing moves (iteratively reweighted
 least squares); inferred noise parameters are updated in turn by maximising the same posterior.
 More than 16 independent runs are fit run by run (`estim.fitting.arrowhead`), not by lmfit.
@@ -38,7 +38,7 @@ from estim.fitting.profile_search import search_of
 from estim.fitting.relaxation import LEAST_SHARE, MAX_ROUNDS, SETTLED, Held, settle_by_runs
 from estim.problem import Coordinates, JeffreysPrior, Measure, Posterior, Problem, Symmetry
 
-_FEW_ROUNDS = 6
+_FEW_ROUNDS, _ROUGH_ROUNDS = 6, 4
 # relative steps at which a search of the curve ends: at the mode, and to see where a start leads
 _EXACT, _ROUGH = 1e-12, 1e-6
 WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
@@ -69,7 +69,6 @@ class Fit:
     dof : their number minus the fitted parameters of the curve that lie on no limit.
         p_value : P(chi2 or more); nan where the size of the noise was inferred or its tails are
             heavy (it proves nothing), or y was counted (simulations give it).
-    n_start, n_same : starts tried, and how many of them led to the best optimum.
     others : (n_other, n_par) other optima not much worse than the best, far from it and from each
         other.
     symmetry : what else draws the same curves, None where it was not searched for.
@@ -98,8 +97,6 @@ class Fit:
     chi2: float
     dof: int
     p_value: float
-    n_start: int
-    n_same: int
     others: FloatArray
     singular: bool
     success: bool
@@ -203,29 +200,25 @@ class Fit:
 def fit_least_squares(
     problem: Problem,
     *,
-    rng: np.random.Generator,
-    n_start: int = 8,
     start: FloatArray | None = None,
     hopeless: float = math.inf,
     max_rounds: int = MAX_ROUNDS,
 ) -> Fit:
-    """The posterior mode of `problem`, from the best of `n_start` starts.
+    """The posterior mode of `problem` that a search from `start` (n_par,) leads to, by default from
+    the centre of the priors.
 
-    rng : of the starts that are drawn.
-    start : (n_par,) where to start first; the centre of the priors if None.  The other starts are
-        draws of the priors.
     hopeless : mean square of the whitened residuals after the first rounds, beyond which the rest
         of the search is not worth its time.
     max_rounds : of the last part of the search, of a few runs.
 
-    Raises InputError where the problem has no unknowns, NumericalError where the curve is defined
-    at no start, has no finite derivatives where the search ends, or stays beyond `hopeless`.
+    Raises InputError where the problem has no unknowns, NumericalError where the curve is not
+    defined at the start, has no finite derivatives where the search ends, or stays beyond
+    `hopeless`.
 
-    >>> import numpy as np
     >>> from estim import fit_least_squares, load_campaign
     >>> campaign = load_campaign("data/replica/campaign.toml", only="heavy-04")
     >>> problem = campaign.problem(["heavy-04"], usual=True)
-    >>> fit = fit_least_squares(problem, rng=np.random.default_rng(1))
+    >>> fit = fit_least_squares(problem)
     >>> fit.values.shape == (len(problem.parameters),)
     True
     """
@@ -235,31 +228,23 @@ def fit_least_squares(
             "uncertainty or a prior",
             field="parameters",
         )
-    drawn = (problem.prior_draw(rng) for _ in range(n_start - 1))
-    starts = np.vstack([problem.start() if start is None else start, *drawn])
-    prepared = [(start, problem.linearised(start)) for start in starts]
-    prepared = [
-        (start, posterior)
-        for start, posterior in prepared
-        if all_finite(posterior.residuals(start))
-    ]
-    if not prepared:
+    start = problem.start() if start is None else start
+    posterior = problem.linearised(start)
+    if not all_finite(posterior.residuals(start)):
         raise NumericalError(
-            "the fit cannot start: the curve is not defined at the starting values, nor at "
-            "draws of the priors"
+            "the fit cannot start: the curve is not defined at the starting values"
         )
-    rough = _rough_ends(prepared)
-    if not rough:
-        raise _no_curvature(*prepared[0])
-    objective = np.array([-posterior.height(values) for values, posterior, *_ in rough])
-    best = int(np.nanargmin(objective))
-    values, posterior, *_ = rough[best]
+    values, posterior, moved, _ = _settle(
+        start, posterior, max_rounds=_ROUGH_ROUNDS, hasty=True, tolerance=_ROUGH
+    )
     if float(np.mean(posterior.size_residuals(values) ** 2)) > hopeless:
         raise NumericalError(
             "the curve stays far from the data: the mean square of the whitened residuals "
             f"is above {hopeless:g}"
         )
     held: tuple[Held, ...] = ()
+    if math.isnan(moved):
+        raise _no_curvature(values, posterior)
     if many(problem):
         values, posterior, moved, held = settle_by_runs(
             values, posterior, best=_best, spread=_curved
@@ -268,24 +253,7 @@ def fit_least_squares(
         values, posterior, moved, _ = _settle(values, posterior, max_rounds=max_rounds)
     if math.isnan(moved):
         raise _no_curvature(values, posterior)
-    level = objective <= objective[best] + 0.5
-    ends = [
-        rough[i][0] for i in np.argsort(objective) if objective[i] <= objective[best] + WITHIN_REACH
-    ]
-    same = [end for (end, *_), equal in zip(rough, level, strict=True) if equal]
-    return replace(
-        _describe(problem, posterior, values, moved, ends, n_start=len(rough), same=same), held=held
-    )
-
-
-def refit(problem: Problem, start: FloatArray, *, max_rounds: int = MAX_ROUNDS) -> Fit:
-    """The nearest mode of `problem` to `start` (n_par,), where that is known to be near.  Raises
-    NumericalError.
-    """
-    nothing_drawn = np.random.default_rng(0)
-    return fit_least_squares(
-        problem, rng=nothing_drawn, n_start=1, start=start, max_rounds=max_rounds
-    )
+    return replace(_describe(problem, posterior, values, moved), held=held)
 
 
 def at_mode(problem: Problem, values: FloatArray) -> Fit:
@@ -296,7 +264,7 @@ def at_mode(problem: Problem, values: FloatArray) -> Fit:
     if problem.noise_names:
         values = fit_noise(posterior, values)
         posterior = problem.linearised(values)
-    return _describe(problem, posterior, values, 0.0, [values], n_start=1, same=[values])
+    return _describe(problem, posterior, values, 0.0)
 
 
 def _no_curvature(values: FloatArray, posterior: Posterior) -> NumericalError:
@@ -313,32 +281,6 @@ def _no_curvature(values: FloatArray, posterior: Posterior) -> NumericalError:
         f"the fit ends where the curve has no finite derivatives in {where}: check "
         "units, stated values and limits"
     )
-
-
-def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
-    """Where each start leads in a few rounds, without those that meet no curvature; starts that the
-    first round leads together go on as one.
-    """
-    first_ends: list[tuple[FloatArray, _End]] = []
-    ends = []
-    for start, posterior_at_start in starts:
-        first = _settle(start, posterior_at_start, max_rounds=1, tolerance=_ROUGH)
-        values, posterior, moved, scale = first
-        if scale is None:
-            continue
-        # standard deviations, after one round: nearer ends go on as one
-        near = (
-            end for place, end in first_ends if float(np.max(np.abs(values - place) / scale)) < 0.2
-        )
-        twin = next(near, None)
-        if twin is None:
-            twin = first
-            if moved >= SETTLED:
-                more = 3
-                twin = _settle(values, posterior, max_rounds=more, hasty=True, tolerance=_ROUGH)
-            first_ends.append((values, twin))
-        ends.append(twin)
-    return [end for end in ends if not math.isnan(end[2])]
 
 
 def _best(
@@ -463,22 +405,9 @@ def _inside(value: float, low: float, high: float) -> float:
     return min(max(value, low + 1e-6 * span), high - 1e-6 * span)
 
 
-def starts_message(n_same: int, n_start: int) -> str:
-    """How many starts ended at the optimum, in words."""
-    if n_same == n_start == 1:
-        return phrase("the starting values led to this optimum")
-    if n_same:
-        return phrase("{n} of {of} starting points led to this optimum", n=n_same, of=n_start)
-    return phrase(
-        "none of the {of} starting points led to this optimum; it was found by a scan of "
-        "the parameters",
-        of=n_start,
-    )
-
-
-def converged_message(origin: str) -> str:
-    """The message of a fit that converged, with that of `starts_message`."""
-    return phrase("converged; {led}", led=origin)
+def converged_message(led: str) -> str:
+    """The message of a fit that converged, with what led to it."""
+    return phrase("converged; {led}", led=led)
 
 
 def unconverged_message(sds: float) -> str:
@@ -501,16 +430,7 @@ def distinct_from(values: FloatArray, ends: list[FloatArray], sds: FloatArray) -
     return np.array(distinct[1:]).reshape(-1, values.size)
 
 
-def _describe(
-    problem: Problem,
-    posterior: Posterior,
-    values: FloatArray,
-    moved: float,
-    ends: list[FloatArray],
-    *,
-    n_start: int,
-    same: list[FloatArray],
-) -> Fit:
+def _describe(problem: Problem, posterior: Posterior, values: FloatArray, moved: float) -> Fit:
     """Raises NumericalError where the curve has no finite derivatives."""
     known = known_from_data(posterior, values)
     matrix = known.matrix + problem.prior_information(values)
@@ -533,13 +453,7 @@ def _describe(
     chi2 = float(of_data + np.sum(posterior.prior_residuals(values)[pulls] ** 2))
     dof = problem.n_obs + len(pulls) - int(np.sum(~known.on_limit[list(curve)]))
     unlike = problem.robust or problem.counted
-    near = [np.max(np.abs(end - values) / positive_or(curvature, np.inf)) < 1.5 for end in same]
-    n_same = len(same) if singular else int(np.sum(near))
-    message = (
-        converged_message(starts_message(n_same, n_start))
-        if moved < SETTLED
-        else unconverged_message(moved)
-    )
+    message = phrase("converged") if moved < SETTLED else unconverged_message(moved)
     if singular and moved < SETTLED:
         message = phrase(
             "converged, but some combination of the parameters is not determined, so there "
@@ -557,9 +471,7 @@ def _describe(
         p_value=chi2_p(chi2, dof)
         if dof > 0 and all(run.stated for run in problem.runs) and not unlike
         else math.nan,
-        n_start=n_start,
-        n_same=n_same,
-        others=distinct_from(values, ends, curvature),
+        others=np.zeros((0, values.size)),
         singular=singular,
         success=moved < SETTLED,
         moved=moved,

@@ -2,12 +2,11 @@
 
 Parameters that the curve is linear in need no start: they are solved for at every step (variable
 projection; Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413, with Kaufman's Jacobian), so the
-search runs in the others alone.  It starts from the user's values and from the best of many points
-around them, because a frequency or a rate has many local optima.  The winner is polished by
-Gauss-Newton steps with a QR decomposition until they are at rounding error.
-
-From the best point every nonlinear parameter is then scanned through its whole range
-(`estim.fitting.further_optima`), so that other optima are met, better ones or equal ones.  Values
+search runs in the others alone.  It goes down from the starting values.  From there, because a
+frequency or a rate has many local optima, every nonlinear parameter is scanned through its whole
+range (`estim.fitting.further_optima`), so that other optima are met, better ones or equal ones; a
+better one is scanned from in turn.  The best is polished by Gauss-Newton steps with a QR
+decomposition until they are at rounding error.  Values
 that draw the same curve everywhere (two exponentials can change places) are one optimum, given with
 the labels closest to the user's start, whether a map of all parameters leads from one to the other
 (`estim.problem.symmetry`) or not.  All else that is not much worse
@@ -23,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray, Named, all_finite, sds_of
-from estim.common import Amount, Finding, InputError, Kind, NumericalError
+from estim.common import Amount, Finding, InputError, Kind, NumericalError, phrase
 from estim.fitting.distinct_optima import (
     MOST_OTHERS,
     PLACE,
@@ -55,11 +54,9 @@ from estim.fitting.least_squares import (
     at_mode,
     converged_message,
     distinct_from,
-    refit,
-    starts_message,
+    fit_least_squares,
     unconverged_message,
 )
-from estim.fitting.multistart import ALIKE, N_START, starts_around
 from estim.fitting.noise_fit import fit_noise
 from estim.fitting.profile_search import search_of
 from estim.fitting.separable import RESOLVED, SeparableSearch, separated
@@ -80,6 +77,7 @@ _FRAIL = 1e-8
 _FLAT = 1e-10  # fall of -2 log density that is still predicted where a descent ends
 _MOST_ROUNDS = 10  # of a fit that begins at an optimum
 _MOST_REFITTED = 6  # of them by full fits, where the curve is a model of the study
+_ALIKE = 0.01  # squared distance of starts that are not worth two descents
 _AROUND = 8  # of these, descents from points around an optimum where the curve is not finite
 _MOST_DESCENTS = 24  # from the dips of one round of scans
 # of -2 log density: what lies far from the mode is as improbable as three standard deviations are
@@ -108,7 +106,7 @@ class Optimum:
     condition : smallest / largest singular value, columns of unit length; resolved : what it must
         exceed to be distinguished from zero.
     at_bound : (n_par,) which parameters lie on a bound.
-    n_start, n_same : searches run, and how many ended here.
+    from_start : whether the starting values led here; else a scan did.
     others : (n_other, n_par) other optima that are not much worse, best first; not those that only
         change labels.
     symmetry : what else draws the same curve.
@@ -126,8 +124,7 @@ class Optimum:
     condition: float
     resolved: float
     at_bound: BoolArray
-    n_start: int
-    n_same: int
+    from_start: bool
     others: FloatArray
     symmetry: Symmetry
     aliases: tuple[Finding, ...]
@@ -154,41 +151,39 @@ def find_optimum(
     start: FloatArray,
     *,
     rng: np.random.Generator,
-    n_start: int = N_START,
+    scan: bool = True,
     unstated: bool = False,
 ) -> Optimum:
     """The best point of `problem` in its curve parameters; noise parameters stay at `start`
     (n_par,).
 
-    n_start : 1 goes down from `start` alone and looks for nothing else.
+    scan : whether other optima are looked for; else the one that `start` leads to is taken.
     unstated : whether only the residuals show how large the errors are.
 
-    Raises InputError where the curve is not finite at the start nor at any point around it.
+    Raises InputError where the curve is finite neither at the start nor at any place of a scan.
     """
     with np.errstate(all="ignore"):  # far from the optimum a curve may overflow: such points lose
         simpler = problem.for_search()
         if simpler is not problem:
             try:
-                afar = find_optimum(simpler, start, rng=rng, n_start=n_start, unstated=True)
+                afar = find_optimum(simpler, start, rng=rng, scan=scan, unstated=True)
             except InputError:  # single trials look like a step, which they need not be
                 search = separated(problem, start, rng, unstated=unstated)
                 # of counts, profiles report what they leave open
-                return replace(_optimum_of(search, start, rng, n_start), unheld=None)
+                return replace(_optimum_of(search, start, rng, scan), unheld=None)
             # what is known of outliers is in the values of the simpler problem alone
             start = afar.values if problem.robust else start
             search = separated(problem, start, rng, unstated=unstated)
             return _optimum_near(search, start, afar, rng)
         if not problem.robust:
-            return _optimum_of(
-                separated(problem, start, rng, unstated=unstated), start, rng, n_start
-            )
-        starts = _reweighted(problem, start, rng, n_start) if n_start > 1 else [start]
+            return _optimum_of(separated(problem, start, rng, unstated=unstated), start, rng, scan)
+        starts = _reweighted(problem, start, rng) if scan else [start]
         # what is an outlier depends on the size of the errors, and that on the curve
         ends = [end for point in starts for end in _with_errors(problem, point)]
         most = max(share for _, share in ends)
         # of the same curve at the points the one that is nearest to the start comes first
         start = next(point for point, share in ends if share > most - _LEVEL)
-        return _optimum_of(separated(problem, start, rng, unstated=unstated), start, rng, n_start)
+        return _optimum_of(separated(problem, start, rng, unstated=unstated), start, rng, scan)
 
 
 def _with_errors(problem: Problem, point: FloatArray) -> Iterator[End]:
@@ -213,9 +208,7 @@ def _log_sd(run: Observations, named: Named) -> float:
     return 0.5 * float(np.log(np.median(run.noise.size.variance(weight, named))))
 
 
-def _reweighted(
-    problem: Problem, start: FloatArray, rng: np.random.Generator, n_start: int
-) -> list[FloatArray]:
+def _reweighted(problem: Problem, start: FloatArray, rng: np.random.Generator) -> list[FloatArray]:
     """(n_par,) each, optima under normal errors that are as much wider as readings are far from the
     curve (`errors_widened`): points that a few of them, however far off, do not decide.
 
@@ -238,7 +231,7 @@ def _reweighted(
         point = start
         for _ in range(MOST_REWEIGHTED):
             normal, before = problem.with_normal_errors(wider), wider
-            point = find_optimum(normal, point, rng=rng, n_start=n_start, unstated=True).values
+            point = find_optimum(normal, point, rng=rng, unstated=True).values
             wider = errors_at(point, wider)
             if all(np.allclose(a, b, rtol=0.1) for a, b in zip(before, wider, strict=True)):
                 break
@@ -247,28 +240,26 @@ def _reweighted(
 
 
 def _optimum_of(
-    search: SeparableSearch, start: FloatArray, rng: np.random.Generator, n_start: int
+    search: SeparableSearch, start: FloatArray, rng: np.random.Generator, scan: bool
 ) -> Optimum:
-    searched = bool(search.nonlinear.size) and n_start > 1
-    parameters = search.posterior.problem.parameters
-    stated = any(parameters[i].prior.start_stated for i in search.nonlinear)
-    around = starts_around(search, start, rng, n_start - 1) if searched and stated else []
-    starts = [start, *around]
-    tried = descended(search, np.array(starts))
+    scan = bool(search.nonlinear.size) and scan
+    tried = descended(search, start[None, :])
+    if scan and not tried and (optima := further_optima(search, start)).size:
+        tried = descended(search, optima)
     if not tried:
         raise _nowhere_finite(search.posterior.problem, start)
     best = min(tried, key=lambda end: end[1])
     _refuse_vanishing(search.posterior.problem, best[0])
-    if not searched:
+    if not scan:
         alone, symmetry = np.zeros((0, start.size)), no_symmetry(search.posterior.problem)
-        return _polished(search, best[0], alone, symmetry, (), n_start=1, n_same=1)
+        return _polished(search, best[0], alone, symmetry, (), from_start=True)
     nonlinear = search.nonlinear.tolist()
     symmetry, first = find_symmetry(search.posterior.problem, best[0], nonlinear, rng), best
     best, every = _scanned(search, best, tried, symmetry)
     if best[1] < 0.5 * first[1]:  # on its way to infinity a parameter may seem to change nothing
         symmetry = find_symmetry(search.posterior.problem, best[0], nonlinear, rng)
     symmetry = symmetry.scaled(spread_at(search, best), nonlinear)
-    optimum = _chosen(search, start, best, tried, every, symmetry, n_start=len(starts))
+    optimum = _chosen(search, start, best, tried, every, symmetry)
     spread = spread_at(search, (optimum.values, optimum.chi2))  # perhaps of another alias
     symmetry = symmetry.scaled(spread, nonlinear)
     optimum = replace(optimum, symmetry=symmetry)
@@ -294,8 +285,6 @@ def _chosen(
     tried: list[End],
     every: list[End],
     symmetry: Symmetry,
-    *,
-    n_start: int,
 ) -> Optimum:
     """The optimum that `every` end of descents and scans gives, with the other solutions among
     them; tried : the ends that the starts led to.
@@ -303,10 +292,10 @@ def _chosen(
     distinct = distinct_ends(search, best, every, symmetry)
     values, others, aliases = choose(search, distinct, symmetry, start)
     chosen, spread = (values, search.chi2(values)), spread_at(search, best)
-    n_same = sum(
+    from_start = any(
         is_at(end[0], values, spread, symmetry) or is_same(search, end, chosen) for end in tried
     )
-    return _polished(search, values, others, symmetry, aliases, n_start=n_start, n_same=n_same)
+    return _polished(search, values, others, symmetry, aliases, from_start=from_start)
 
 
 def _repeated(
@@ -352,8 +341,7 @@ def _repeated(
         optimum.others,
         optimum.symmetry,
         tuple(f for f in optimum.aliases if f.kind is not Kind.OTHER_NUMBERS),
-        n_start=optimum.n_start,
-        n_same=sum(chi2 <= limit for _, chi2 in tried),
+        from_start=any(chi2 <= limit for _, chi2 in tried),
     )
 
 
@@ -453,7 +441,7 @@ def _optimum_near(
     """
     starts = [start]
     for point in (afar.values, *afar.others):
-        if all(distance(search, point, other) > ALIKE for other in starts):
+        if all(distance(search, point, other) > _ALIKE for other in starts):
             starts.append(point)
     tried = descended(search, np.array(starts))
     if not tried:  # fewer than 0 may be expected of what was counted
@@ -464,7 +452,7 @@ def _optimum_near(
     if not tried:
         raise _nowhere_finite(search.posterior.problem, start)
     best = min(tried, key=lambda end: end[1])
-    optimum = _chosen(search, start, best, tried, tried, afar.symmetry, n_start=len(starts))
+    optimum = _chosen(search, start, best, tried, tried, afar.symmetry)
     return replace(optimum, aliases=optimum.aliases or afar.aliases)
 
 
@@ -494,35 +482,42 @@ def _scanned(
     return best, ends
 
 
+def origin_of(best: Optimum) -> str:
+    """What led to an optimum, in words."""
+    return phrase("the starting values led to this optimum") if best.from_start else _by_scan()
+
+
+def _by_scan() -> str:
+    return phrase("a scan of the parameters found this optimum, not the starting values")
+
+
 def fit_optimum(
     problem: Problem,
     *,
     rng: np.random.Generator,
-    n_start: int = N_START,
+    scan: bool = True,
     start: FloatArray | None = None,
 ) -> Fit:
     """The posterior mode of a problem with a user's own curve, as `fit_least_squares` returns it,
     but found from afar.  start : (n_par,) where to begin; else where the problem does.
     """
     begin = problem.start() if start is None else start
-    best = find_optimum(problem, begin, rng=rng, n_start=n_start)
+    best = find_optimum(problem, begin, rng=rng, scan=scan)
     noisy = bool(problem.noise_names)
-    refitted = refit(problem, best.values) if noisy else at_mode(problem, best.values)
+    refitted = (
+        fit_least_squares(problem, start=best.values) if noisy else at_mode(problem, best.values)
+    )
     if noisy and not (refitted.success or refitted.singular):
         # rounds of curve and noise in turn may creep; steps of both together do not
         search = search_of(refitted.posterior, refitted.values, refitted.cov, squared=True)
         (end,) = minima(search, [Start(search.coordinates.of(refitted.values), tolerance=_FLAT)])
-        refitted = refit(problem, search.coordinates.values(end.values))
+        refitted = fit_least_squares(problem, start=search.coordinates.values(end.values))
     fit = with_other_modes(refitted, best)
     if not noisy and not np.any(best.at_bound):
         sds = np.where(np.isfinite(fit.sds), sds_of(best.cov), np.nan)
         fit = replace(fit, cov=best.cov, sds=sds, singular=best.frail)
-    text = (
-        fit.message
-        if fit.singular or not fit.success
-        else converged_message(starts_message(best.n_same, best.n_start))
-    )
-    fit = replace(fit, n_start=best.n_start, n_same=best.n_same, message=text)
+    text = fit.message if fit.singular or not fit.success else converged_message(origin_of(best))
+    fit = replace(fit, message=text)
     if best.settled or best.singular or fit.singular:
         return fit
     text = unconverged_message(best.step)
@@ -566,8 +561,7 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
     heights = fit.posterior.log_density(np.array(modes).reshape(-1, fit.values.size))
     best = int(np.argmax(heights[: len(known)])) if known else 0
     if known and heights[best] > fit.posterior.height(fit.values) + 0.5:
-        text = converged_message(starts_message(0, fit.n_start))
-        fit = replace(known[best], n_start=fit.n_start, n_same=0, message=text)
+        fit = replace(known[best], message=converged_message(_by_scan()))
     ranked = [
         modes[i]
         for i in np.argsort(-heights, kind="stable")
@@ -581,7 +575,7 @@ def _refitted(fit: Fit, start: FloatArray) -> Fit | None:
     does where it has become a step between two readings, or nowhere near.
     """
     try:
-        other = refit(fit.problem, start, max_rounds=_MOST_ROUNDS)
+        other = fit_least_squares(fit.problem, start=start, max_rounds=_MOST_ROUNDS)
     except NumericalError:
         return None
     return other if other.success else None
@@ -646,8 +640,7 @@ def _polished(
     symmetry: Symmetry,
     aliases: tuple[Finding, ...],
     *,
-    n_start: int,
-    n_same: int,
+    from_start: bool,
 ) -> Optimum:
     """The optimum that Gauss-Newton steps from `values` lead to, with what else was found.  Raises
     InputError where the curve has no finite derivatives there.
@@ -701,8 +694,7 @@ def _polished(
         condition,
         resolved,
         near,
-        n_start,
-        n_same,
+        from_start,
         others,
         symmetry,
         aliases,

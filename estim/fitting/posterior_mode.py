@@ -1,7 +1,7 @@
 """The posterior mode of a problem, whatever its curves may lack: the stage between a problem and
 its posterior.
 
-A body's curve is searched from draws of its priors, one of the user's own from afar
+A body's curve is searched from the centre of its priors, one of the user's own from afar
 (`estim.fitting.optimum`); then comes what the curves may lack, if anything.
 """
 
@@ -9,22 +9,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import FloatArray, finite_or
 from estim.common import InputError, Kind, NumericalError, at_commands
-from estim.fitting.arrowhead import MANY_RUNS
 from estim.fitting.discrepancy_fit import fit_discrepancy
-from estim.fitting.least_squares import Fit, fit_least_squares, refit
+from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.fitting.optimum import fit_optimum, is_resolved, scanned_fit
 from estim.fitting.unconstrained import no_scatter, silent_parameters
 from estim.fitting.unmodelled_force import fit_with_forces
 from estim.problem import Observations, Problem, Unstated
 
 _FAR = 5.0  # times as far from the median as any other reading
-_STARTS, _FEW_STARTS = 8, 2
+_DRAWN = 64  # starts, where that at the centre of the priors leads nowhere
 
 
 def fit_problem(
@@ -37,7 +36,9 @@ def fit_problem(
     determine none.
     """
     with blunder_named(problem):
-        fit = fit_white(problem, rng=rng) if near is None else refit(problem, near)
+        fit = (
+            fit_white(problem, rng=rng) if near is None else fit_least_squares(problem, start=near)
+        )
         if any(run.motion is None for run in problem.runs):
             _require_scatter(fit)
             _require_determined(fit)
@@ -52,14 +53,23 @@ def fit_white(problem: Problem, *, rng: np.random.Generator) -> Fit:
     """The mode with the stated noise alone."""
     if any(run.motion is None for run in problem.runs):
         return fit_optimum(problem, rng=rng)
-    fit = fit_least_squares(
-        problem, rng=rng, n_start=_STARTS if len(problem.runs) <= MANY_RUNS else _FEW_STARTS
-    )
-    # where the body does not move nothing is determined: few starts lead away from there
-    if fit.singular:
-        further = fit_least_squares(problem, rng=rng, n_start=4 * _STARTS)
-        fit = further if further.chi2 < fit.chi2 else fit
+    try:
+        fit = fit_least_squares(problem)
+    except NumericalError:
+        fit = fit_least_squares(problem, start=_drawn_start(problem, rng))
+    # where the body does not move nothing is determined; and what is an outlier depends on the fit
+    if fit.singular or problem.robust:
+        with suppress(NumericalError):
+            further = fit_least_squares(problem, start=_drawn_start(problem, rng))
+            fit = max(fit, further, key=lambda end: end.posterior.height(end.values))
     return scanned_fit(fit, rng=rng)
+
+
+def _drawn_start(problem: Problem, rng: np.random.Generator) -> FloatArray:
+    """(n_par,) the best of many draws of the priors."""
+    draws = [problem.prior_draw(rng) for _ in range(_DRAWN)]
+    heights = [problem.linearised(draw).height(draw) for draw in draws]
+    return draws[int(np.argmax(finite_or(heights, -math.inf)))]
 
 
 @contextmanager

@@ -28,7 +28,7 @@ from estim.discrepancy import (
     sharing_runs,
 )
 from estim.fitting.fisher_information import information
-from estim.fitting.least_squares import Fit, refit
+from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.fitting.optimum import scanned_fit
 from estim.problem import Problem
 
@@ -77,10 +77,10 @@ def fit_with_forces(white: Fit, *, rng: np.random.Generator, scanned: bool = Tru
     except InputError as error:
         return _as_complete(white, error.rule)
     start = np.clip(posed.start, *problem.support())
-    fit = refit(problem.with_noises(posed.noises, posed.shared), start)
+    fit = fit_least_squares(problem.with_noises(posed.noises, posed.shared), start=start)
     fit = scanned_fit(fit, rng=rng) if scanned else fit
     forces = posed.inferred_at(problem, fit.values, fit.cov)
-    return replace(_with_starts_of(white, fit), forces=forces, parts=posed.parts)
+    return replace(_as_found(white, fit), forces=forces, parts=posed.parts)
 
 
 def fit_without_force(white: Fit, *, bad: Mapping[str, BadFrames], rng: np.random.Generator) -> Fit:
@@ -99,16 +99,14 @@ def fit_without_force(white: Fit, *, bad: Mapping[str, BadFrames], rng: np.rando
         runs = tuple(
             replace(run, noise=noises.get(run.name, run.noise), force=0.0) for run in problem.runs
         )
-        fit = refit(Problem(problem.parameters, runs, shared), fit.values)
-    return _with_starts_of(white, scanned_fit(fit, rng=rng))
+        fit = fit_least_squares(Problem(problem.parameters, runs, shared), start=fit.values)
+    return _as_found(white, scanned_fit(fit, rng=rng))
 
 
-def _with_starts_of(white: Fit, fit: Fit) -> Fit:
-    """`fit`, with the record of the many starts of `white`."""
+def _as_found(white: Fit, fit: Fit) -> Fit:
+    """`fit`, with what the search for `white` found."""
     message = white.message if fit.success else fit.message
-    return replace(
-        fit, symmetry=white.symmetry, n_start=white.n_start, n_same=white.n_same, message=message
-    )
+    return replace(fit, symmetry=white.symmetry, message=message)
 
 
 def _as_complete(white: Fit, rule: str) -> Fit:
@@ -138,7 +136,7 @@ def _free_fit(white: Fit) -> tuple[Fit, Mapping[str, BadFrames]]:
             for run in problem.runs
             if run.force
         }
-        free = refit(problem.with_noises(noises), values)
+        free = fit_least_squares(problem.with_noises(noises), start=values)
         if len(problem.runs) > 1:
             return free, bad
         updated = {
@@ -165,7 +163,7 @@ def _alone(free: Fit) -> Mapping[str, FloatArray]:
         mine = np.array([free.names.index(name) for name in alone.names], dtype=np.int64)
         values = free.values.copy()
         with suppress(NumericalError):
-            values[mine] = refit(alone, free.values[mine]).values
+            values[mine] = fit_least_squares(alone, start=free.values[mine]).values
         optima[run.name] = values
     return optima
 

@@ -110,7 +110,7 @@ def energy_status(analysis: Analysis, drift: Drift) -> Status:
     )
 
 
-def drift_of(analysis: Analysis, *, rng: np.random.Generator) -> Drift:
+def drift_of(analysis: Analysis) -> Drift:
     """The test for a loss of energy in all runs of an analysis together."""
     problem = analysis.problem
     losses = [i for i, p in enumerate(problem.parameters) if p.name.partition("[")[0] == LOSS]
@@ -134,8 +134,8 @@ def drift_of(analysis: Analysis, *, rng: np.random.Generator) -> Drift:
     )
     # the flat prior on [0, 1] has log density 0
     others = [i for i in range(problem.n_par) if i not in losses]
-    with_loss = fit_least_squares(free, rng=rng, n_start=1, start=analysis.fit.values)
-    without = fit_least_squares(lossless, rng=rng, n_start=1, start=analysis.fit.values[others])
+    with_loss = fit_least_squares(free, start=analysis.fit.values)
+    without = fit_least_squares(lossless, start=analysis.fit.values[others])
     gain = 2.0 * (_best(with_loss) - _best(without))
     limit = float(np.max(np.quantile(analysis.chain.flat[:, losses], 0.95, axis=0)))
     return Drift(

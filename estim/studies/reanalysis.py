@@ -140,7 +140,7 @@ class _TaskRunner:
         return _JointResult(
             joint,
             energies=energy_along(joint, rng=stream(self.seed, Stream.ENERGY)),
-            drift=drift_of(joint, rng=stream(self.seed, Stream.DRIFT)),
+            drift=drift_of(joint),
             propagated=propagated_bands(
                 joint, rng=stream(self.seed, Stream.PROPAGATED_BANDS), published=self.published
             ),

@@ -166,9 +166,6 @@ WORDS: Table = {
         size=f.size,
         values=", ".join(f"{symbol(amount)} = {amount.value:.6g}" for amount in f.parameters),
     ),
-    Kind.STARTS_ELSEWHERE: (
-        "{n:.0f} of {starts:.0f} starting points of the fit did not lead to the best optimum"
-    ),
     Kind.EXCHANGED: (
         "the curve is unchanged when components are exchanged ({either}): set "
         "bounds that order them to select one solution"
