@@ -51,7 +51,6 @@ from estim.problem import Prior, Problem
 P_CONFLICT = 0.01
 P_FLAGRANT = 1e-6  # then there is nothing to sample
 _LOOSER, _N_START = 100.0, 6
-_HOPELESS = 100.0  # mean square of whitened residuals: no iteration of weights makes 1 of it
 NOTE_BELOW = 0.05
 # information of the data, in units of the prior's, below which there is nothing to compare
 _LEAST = 0.01
@@ -213,7 +212,7 @@ def _explained(fit: Fit) -> Fit | None:
 def _fits(problem: Problem, start: FloatArray) -> Fit | None:
     """The fit from `start` (n_par,) if it passes the tests of residuals."""
     try:
-        fit = fit_least_squares(problem, start=start, hopeless=_HOPELESS)
+        fit = fit_least_squares(problem, start=start)
         return (
             None
             if any(run.failed for run in check_goodness(fit, rng=stream(0, Stream.GOODNESS)))

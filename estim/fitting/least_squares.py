@@ -38,19 +38,12 @@ from estim.fitting.profile_search import search_of
 from estim.fitting.relaxation import LEAST_SHARE, MAX_ROUNDS, SETTLED, Held, settle_by_runs
 from estim.problem import Coordinates, JeffreysPrior, Measure, Posterior, Problem, Symmetry
 
-_FEW_ROUNDS, _ROUGH_ROUNDS = 6, 4
-# relative steps at which a search of the curve ends: at the mode, and to see where a start leads
-_EXACT, _ROUGH = 1e-12, 1e-6
+_FEW_ROUNDS = 6
 WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
 # of -2 log density: chains of some seeds go beyond a rise of 27.5, none beyond 30.3; where that
 # without a parameter is higher, its sign is known and it is sampled by size
 NEVER_MET = 30.0
 _ILL = 1e12  # condition of the information, columns of unit length
-
-_End = tuple[FloatArray, Posterior, float, FloatArray | None]
-"""Values, the posterior linearised there, how far the last round moved, and standard deviations;
-nan and None without curvature.
-"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,22 +191,15 @@ class Fit:
 
 
 def fit_least_squares(
-    problem: Problem,
-    *,
-    start: FloatArray | None = None,
-    hopeless: float = math.inf,
-    max_rounds: int = MAX_ROUNDS,
+    problem: Problem, *, start: FloatArray | None = None, max_rounds: int = MAX_ROUNDS
 ) -> Fit:
     """The posterior mode of `problem` that a search from `start` (n_par,) leads to, by default from
     the centre of the priors.
 
-    hopeless : mean square of the whitened residuals after the first rounds, beyond which the rest
-        of the search is not worth its time.
-    max_rounds : of the last part of the search, of a few runs.
+    max_rounds : of the search, of a few runs.
 
     Raises InputError where the problem has no unknowns, NumericalError where the curve is not
-    defined at the start, has no finite derivatives where the search ends, or stays beyond
-    `hopeless`.
+    defined at the start, or has no finite derivatives where the search ends.
 
     >>> from estim import fit_least_squares, load_campaign
     >>> campaign = load_campaign("data/replica/campaign.toml", only="heavy-04")
@@ -234,23 +220,13 @@ def fit_least_squares(
         raise NumericalError(
             "the fit cannot start: the curve is not defined at the starting values"
         )
-    values, posterior, moved, _ = _settle(
-        start, posterior, max_rounds=_ROUGH_ROUNDS, hasty=True, tolerance=_ROUGH
-    )
-    if float(np.mean(posterior.size_residuals(values) ** 2)) > hopeless:
-        raise NumericalError(
-            "the curve stays far from the data: the mean square of the whitened residuals "
-            f"is above {hopeless:g}"
-        )
     held: tuple[Held, ...] = ()
-    if math.isnan(moved):
-        raise _no_curvature(values, posterior)
     if many(problem):
         values, posterior, moved, held = settle_by_runs(
-            values, posterior, best=_best, spread=_curved
+            start, posterior, best=_best, spread=_curved
         )
     else:
-        values, posterior, moved, _ = _settle(values, posterior, max_rounds=max_rounds)
+        values, posterior, moved = _settle(start, posterior, max_rounds=max_rounds)
     if math.isnan(moved):
         raise _no_curvature(values, posterior)
     return replace(_describe(problem, posterior, values, moved), held=held)
@@ -283,13 +259,11 @@ def _no_curvature(values: FloatArray, posterior: Posterior) -> NumericalError:
     )
 
 
-def _best(
-    posterior: Posterior, values: FloatArray, *, hasty: bool = True, tolerance: float = _EXACT
-) -> FloatArray:
-    """Values of the highest density from `values` (n_par,): of the curve, then of the noise; hasty
-    : of many runs, a few steps towards it.
+def _best(posterior: Posterior, values: FloatArray) -> FloatArray:
+    """Values of the highest density from `values` (n_par,): of the curve, then of the noise; of
+    many runs, a few steps towards it.
     """
-    return fit_noise(posterior, _fit_curve(posterior, values, hasty=hasty, tolerance=tolerance))
+    return fit_noise(posterior, _fit_curve(posterior, values))
 
 
 def _curved(posterior: Posterior, values: FloatArray) -> FloatArray | None:
@@ -303,15 +277,11 @@ def _curved(posterior: Posterior, values: FloatArray) -> FloatArray | None:
 
 
 def _settle(
-    values: FloatArray,
-    posterior: Posterior,
-    *,
-    max_rounds: int,
-    hasty: bool = False,
-    tolerance: float = _EXACT,
-) -> _End:
+    values: FloatArray, posterior: Posterior, *, max_rounds: int
+) -> tuple[FloatArray, Posterior, float]:
     """Rounds of (curve; noise; covariance at the values) from a posterior linearised there until
-    they settle.
+    they settle: values, the posterior linearised there, and how far the last round moved, nan
+    without curvature.
 
     Where a covariance that follows the curve sends the rounds to and fro, they go part of the way:
     to the same place.
@@ -319,7 +289,7 @@ def _settle(
     moved, share, step = math.inf, 1.0, np.zeros_like(values)
     for n_round in range(max_rounds):
         before, step_before, moved_before = values, step, moved
-        step = _best(posterior, values, hasty=hasty, tolerance=tolerance) - before
+        step = _best(posterior, values) - before
         # half way, where there are no derivatives at the end: on a limit they may be missing
         for part in (share, 0.5 * share):
             values = before + part * step
@@ -328,7 +298,7 @@ def _settle(
             if scale is not None:
                 break
         else:
-            return values, posterior, math.nan, None
+            return values, posterior, math.nan
         moved = float(np.max(np.abs(step) / scale, initial=0.0))
         if (
             n_round >= _FEW_ROUNDS
@@ -339,12 +309,10 @@ def _settle(
         # there, or beside a jump of the covariance: no place where it stays
         if moved < SETTLED or share < LEAST_SHARE:
             break
-    return values, posterior, moved, scale
+    return values, posterior, moved
 
 
-def _fit_curve(
-    posterior: Posterior, values: FloatArray, *, hasty: bool = False, tolerance: float = _EXACT
-) -> FloatArray:
+def _fit_curve(posterior: Posterior, values: FloatArray) -> FloatArray:
     """The parameters of the curve that minimise the squared residuals, noise parameters held."""
     problem = posterior.problem
     free = problem.of_curve
@@ -352,7 +320,7 @@ def _fit_curve(
         return values
     if many(problem) or any(likelihood.creeps for likelihood in posterior.likelihoods):
         # of many runs, the next round takes them on, with a better covariance
-        return descend_by_runs(posterior, values, free, most=5 if hasty and many(problem) else 200)
+        return descend_by_runs(posterior, values, free, most=5 if many(problem) else 200)
     from lmfit.minimizer import minimize
     from lmfit.parameter import Parameters
 
@@ -390,8 +358,8 @@ def _fit_curve(
             jac=jacobian,
             x_scale="jac",
             # scipy steps back from where the curve is not defined
-            ftol=tolerance,
-            xtol=tolerance,
+            ftol=1e-12,
+            xtol=1e-12,
             gtol=1e-12,
             max_nfev=400,
             nan_policy="propagate",
