@@ -135,19 +135,16 @@ def mean_figure(table_mean: TableMean) -> Figure:
             a.high,
             color=colour,
             alpha=0.2,
-            lw=0,
             label=f"{name}, {100.0 * mean.probability:g} %"
             + (f" ({phrase('recommended')})" if name == quoted else ""),
         )
-        ax.axhline(a.value, color=colour, lw=1.2)
+        ax.axhline(a.value, color=colour)
     ax.errorbar(
         places,
         mean.data,
         mean.u_data,
         fmt="o",
         color=INK,
-        ms=4,
-        lw=1,
         label=phrase("readings" if mean.u_data is None else "values, ± 1 standard uncertainty"),
     )
     if mean.groups is not None and len(mean.groups.names) <= 40:

@@ -360,7 +360,7 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
         interval = propagation.interval
         label = _INTERVALS_DRAWN[propagation.model.interval].format(percent=percent)
         for end in (interval.low[i], interval.high[i]):
-            ax.axvline(float(end), color=BLUE, lw=1.4, label=label)
+            ax.axvline(float(end), color=BLUE, label=label)
     if gum.u > 0.0 and math.isfinite(gum.value):
         left, right = ax.get_xlim()
         room = 0.25 * (gum.high - gum.low)
@@ -370,12 +370,11 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
             # normal for very many degrees of freedom
             np.exp(student_log_density((x - gum.value) / gum.u, min(gum.dof, 1e6))) / gum.u,
             color=ORANGE,
-            lw=1.6,
             label=phrase("the GUM's normal or t distribution"),
         )
         label = phrase("{percent} interval of the GUM", percent=percent)
         for end in (gum.low, gum.high):
-            ax.axvline(end, color=ORANGE, lw=1.4, ls="--", label=label)
+            ax.axvline(end, color=ORANGE, ls="--", label=label)
     ax.set_ylim(bottom=0.0)
 
 
@@ -451,7 +450,6 @@ def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
         [],
         [],
         color=INK,
-        lw=0.9,
         ls=":",
         label=phrase(
             "smallest region containing {percent} of the draws, approximate", percent=percent
@@ -460,23 +458,16 @@ def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
     ax.plot(
         *of_gum,
         color=ORANGE,
-        lw=1.8,
         ls="--",
         label=phrase("{percent} ellipse of the GUM", percent=percent),
     )
-    ax.plot(
-        *of_draws,
-        color=BLUE,
-        lw=1.5,
-        label=phrase("{percent} ellipse of the draws", percent=percent),
-    )
+    ax.plot(*of_draws, color=BLUE, label=phrase("{percent} ellipse of the draws", percent=percent))
     half = region.k_rectangle_drawn * sds_of(region.drawn)
     (a, b), (c, d) = region.mean - half, region.mean + half
     ax.plot(
         [a, c, c, a, a],
         [b, b, d, d, b],
         color=GREEN,
-        lw=1.4,
         ls="-.",
         label=phrase("{percent} rectangle of the draws", percent=percent),
     )

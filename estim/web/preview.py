@@ -179,7 +179,7 @@ def _points(
     for i, (name, table) in enumerate(tables.items()):
         if {x, y} <= table.columns.keys():
             colour = COLOURS[i % len(COLOURS)]
-            ax.plot(table.columns[x], table.columns[y], "o", ms=3.5, color=colour, label=name)
+            ax.plot(table.columns[x], table.columns[y], "o", color=colour, label=name)
     if 1 < len(tables) <= len(COLOURS):
         ax.legend()
     if curve is not None:
