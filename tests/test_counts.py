@@ -28,7 +28,7 @@ from estim import (
     sample_curve,
 )
 from estim.common import spoken
-from estim.common.finding_kinds import Kind
+from estim.common.statuses import Kind
 from estim.curves.count_data import counted_points
 from estim.curves.formula import read_formula
 from estim.fitting import fit_problem

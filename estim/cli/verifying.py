@@ -20,8 +20,7 @@ import click
 
 from estim.cli.machine import keep_result
 from estim.cli.options import FOLDER, PATH
-from estim.cli.origin import WITHOUT_EFFECT
-from estim.cli.origin_record import ORIGIN, Origin, read_origin
+from estim.cli.origin import ORIGIN, WITHOUT_EFFECT, Origin, read_origin
 from estim.cli.terminal import NOT_OK, say
 from estim.common import (
     EstimError,
@@ -327,7 +326,7 @@ class _Comparison:
 
     def _page(self, part: _ReportPair) -> bytes:
         """`report.html` as it follows from the report and the figures beside it."""
-        from estim.reports.formats import with_formats
+        from estim.reports.pages import with_formats
 
         files = {
             name: old for name, (old, _) in part.files.items() if old is not None and name != _PAGE

@@ -16,8 +16,7 @@ from estim.common import FigureChoice, Files, as_csv, as_json, phrase
 from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, grid, whole_ticks
 from estim.pipeline import Analysis
 from estim.reports.analysis import analysis_report
-from estim.reports.formats import with_formats
-from estim.reports.pages import page
+from estim.reports.pages import page, with_formats
 from estim.reports.result import Subject, result_of
 
 _LISTED = 100  # rows of a table that people read

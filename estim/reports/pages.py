@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from types import MappingProxyType
 from urllib.parse import unquote
 
@@ -218,3 +218,16 @@ def _list(block: str, path: str, files: Files) -> str:
         + phrase("All {n} points: `{path}`.", n=len(points), path=path)
         + "\n"
     )
+
+
+def with_formats(files: Files, formats: Iterable[str]) -> Files:
+    """`files` of a report (path -> bytes) and, in each of `formats` ("html", "pdf"), `report.html`
+    or `report.pdf` of its `report.md`.
+    """
+    outputs = dict(files)
+    for name in formats if "report.md" in files else ():
+        # what makes one is loaded when it is requested
+        from estim.reports.html_page import html_page, pdf_page
+
+        outputs[f"report.{name}"] = {"html": html_page, "pdf": pdf_page}[name](files)
+    return outputs
