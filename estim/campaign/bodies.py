@@ -11,7 +11,6 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from types import MappingProxyType
 
 from estim.arrays import max_abs
 from estim.campaign.between_runs import spreads_of, varied
@@ -330,7 +329,7 @@ def _observations(
         y=observed.y,
         t=observed.t,
         curve=curve,
-        arguments=MappingProxyType({**arguments, **observed.arguments}),
+        arguments={**arguments, **observed.arguments},
         noise=observed.noise,
         excluded=observed.excluded,
         excluded_points=observed.excluded_points,

@@ -43,29 +43,27 @@ from estim.reading import (
 _OF_BODIES = ("shared", "parts", "bodies", "line", "trials", "published")
 Kind = Literal["synthetic", "measured", "published"]
 
-_FIELDS = frozenset(
-    {  # that messages of readers name; any other may be a word of the file
-        "header",
-        "row",
-        "rows",
-        "byte",
-        "text",
-        "size",
-        "number of lines",
-        "XML",
-        "archive",
-        "track",
-        "tracks",
-        "t",
-        "x",
-        "y",
-        "release",
-        "along",
-        "unit",
-        "frame_ms",
-        "drop_duplicates",
-    }
-)
+_FIELDS = {  # that messages of readers name; any other may be a word of the file
+    "header",
+    "row",
+    "rows",
+    "byte",
+    "text",
+    "size",
+    "number of lines",
+    "XML",
+    "archive",
+    "track",
+    "tracks",
+    "t",
+    "x",
+    "y",
+    "release",
+    "along",
+    "unit",
+    "frame_ms",
+    "drop_duplicates",
+}
 
 
 class NoiseTable(KeyTable, frozen=True):

@@ -17,9 +17,7 @@ from estim.versions import engine_versions, version
 
 # options that the command does not take itself
 _FROM_CONTEXT = {"formats": chosen, "lang": language}
-WITHOUT_EFFECT = frozenset(
-    {"out", "resume", "jobs", "scheduler", "json"}
-)  # options that change no number
+WITHOUT_EFFECT = {"out", "resume", "jobs", "scheduler", "json"}  # options that change no number
 
 
 def inputs_so_far() -> dict[str, str]:

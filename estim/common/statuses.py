@@ -11,7 +11,6 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from types import MappingProxyType
 
 from estim.common.labels import Label
 
@@ -52,7 +51,7 @@ class Finding:
     test: str = ""
     p: float = math.nan
     size: float = math.nan
-    numbers: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    numbers: Mapping[str, float] = field(default_factory=dict)
     parameters: tuple[Amount, ...] = ()
     names: tuple[str, ...] = ()
     parts: tuple[Finding, ...] = ()
@@ -193,6 +192,4 @@ _LEADING = {
     Status.AT_BOUND: "PRESSED_EDGE PRESSED_LIMIT",
     Status.NOT_CALIBRATED: "RANKS_UNEVEN COVERAGE_OFF TRIALS_FAILED",
 }  # a status -> names of the kinds that lead to it
-LEADS_TO = MappingProxyType(
-    {Kind[name]: status for status, names in _LEADING.items() for name in names.split()}
-)
+LEADS_TO = {Kind[name]: status for status, names in _LEADING.items() for name in names.split()}

@@ -30,9 +30,9 @@ Distribution = Literal[
     "lognormal",
     "gamma",
 ]
-SHAPED = frozenset({"trapezoidal", "curvilinear-trapezoidal"})
+SHAPED = {"trapezoidal", "curvilinear-trapezoidal"}
 BOUNDED = ("rectangular", "triangular", "trapezoidal", "curvilinear-trapezoidal", "arcsine")
-POSITIVE = frozenset({"lognormal", "gamma"})
+POSITIVE = {"lognormal", "gamma"}
 _PLATEAUS = {"rectangular": 1.0, "triangular": 0.0}  # as trapezoids: of their base
 
 

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from types import MappingProxyType
 
 import numpy as np
 
@@ -46,7 +45,7 @@ def forest_figure(
     consistency: Consistency,
     *,
     on_edge: Collection[str] = (),
-    edges: Mapping[str, tuple[float, float]] = MappingProxyType({}),
+    edges: Mapping[str, tuple[float, float]] = {},
 ) -> Figure:
     """One panel a shared parameter, one line a run; bars are one standard uncertainty, the shaded
     band is the joint fit.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -72,7 +71,7 @@ class DrawDensity:
     levels: FloatArray
 
 
-def corner_figure(analysis: Analysis, truth: Mapping[str, float] = MappingProxyType({})) -> Figure:
+def corner_figure(analysis: Analysis, truth: Mapping[str, float] = {}) -> Figure:
     """Marginal and joint posteriors of `corner_parameters`, with the prior (orange) beside each
     marginal.
 
@@ -118,9 +117,7 @@ def corner_figure(analysis: Analysis, truth: Mapping[str, float] = MappingProxyT
     return figure
 
 
-def columns_of(
-    analysis: Analysis, truth: Mapping[str, float] = MappingProxyType({})
-) -> list[Column]:
+def columns_of(analysis: Analysis, truth: Mapping[str, float] = {}) -> list[Column]:
     """What a corner figure shows, one entry a parameter.  truth : parameter -> true value."""
     single = len(analysis.problem.runs) == 1
     parameters = [analysis.problem.parameters[i] for i in corner_parameters(analysis.problem)]

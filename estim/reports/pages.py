@@ -7,7 +7,6 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Callable, Collection, Iterable, Mapping
-from types import MappingProxyType
 from urllib.parse import unquote
 
 from estim.common import (
@@ -95,7 +94,7 @@ def marked(figure: Figure) -> Figure:
 def page(
     drawers: Drawers,
     template: str,
-    records: Mapping[str, object] = MappingProxyType({}),
+    records: Mapping[str, object] = {},
     *,
     figure_choice: FigureChoice,
     further: Drawers | None = None,
