@@ -90,7 +90,6 @@ ORIGIN = "origin.json"
 # before
 SIMULATION = "simulation.json"
 SCHEMA = "estim-origin/1"
-_LARGEST = 2**24
 
 
 @dataclass(frozen=True)
@@ -118,7 +117,7 @@ def read_origin(folder: Path, *, within: Path | None = None, name: str = ORIGIN)
     of estim's: it may be another program's.
     """
     path = folder / name
-    data = read_file(path, at_most=_LARGEST, within=within or folder)
+    data = read_file(path, within=within or folder)
     if data is None:
         raise InputError(
             f"holds no {ORIGIN}: it is not a report of this version of estim",
@@ -152,7 +151,7 @@ def written_before(folder: Path, *, within: Path, name: str = ORIGIN) -> dict[st
 
     Raises InputError for an origin that is none of ours.
     """
-    exists = read_file(folder / name, at_most=_LARGEST, within=within) is not None
+    exists = read_file(folder / name, within=within) is not None
     return read_origin(folder, within=within, name=name).outputs if exists else {}
 
 

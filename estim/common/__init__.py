@@ -76,10 +76,9 @@ from estim.common.quantity_text import (
     format_rounded,
     interval,
     p_digits,
+    per_cent,
     percentage,
     raised,
-)
-from estim.common.quantity_text import (
     read_number,
     read_quantity,
     read_with_unit,

@@ -20,6 +20,7 @@ from estim.common import (
     format_rounded,
     gravest,
     interval,
+    per_cent,
     phrase,
 )
 from estim.distributions import student_log_density, student_quantile
@@ -188,7 +189,7 @@ def statement(propagation: Propagation, i: int) -> str:
     output, quoted = propagation.model.outputs[i], _quoted(propagation, i)
     unit = behind(output.unit)
     what = f"{output.name}, {output.meaning}" if output.meaning else output.name
-    percent = f"{100.0 * budget.probability:g} %"
+    percent = per_cent(budget.probability)
     if quoted == "GUM":
         if budget.u == 0.0:
             return phrase(
@@ -279,7 +280,7 @@ def expanded_statement(
         else phrase("the t distribution with 1 effective degree of freedom")
         if f"{dof:.3g}" == "1"
         else phrase("the t distribution with {dof:.3g} effective degrees of freedom", dof=dof),
-        percent=f"{100.0 * probability:g} %",
+        percent=per_cent(probability),
     )
 
 
@@ -343,7 +344,7 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
     gum, sampled = propagation.budgets[i], propagation.sampled
     draws = sampled.draws[:, i]
     draws = draws[np.isfinite(draws)]
-    percent = f"{100.0 * sampled.probability:g} %"
+    percent = per_cent(sampled.probability)
     if draws.size:
         tail = 0.1 * (1.0 - sampled.probability)
         low, high = np.quantile(draws, [tail, 1.0 - tail])
@@ -415,7 +416,7 @@ def region_figure(propagation: Propagation) -> Figure:
 
 def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
     draws = propagation.sampled.draws[:400_000, list(region.pair)]
-    percent = f"{100.0 * region.probability:g} %"
+    percent = per_cent(region.probability)
     of_gum = ellipse(region.value, region.covariance, region.k_ellipse)
     of_draws = ellipse(region.mean, region.drawn, region.k_drawn)
     rings = np.hstack([of_gum, of_draws])

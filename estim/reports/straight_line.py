@@ -23,6 +23,7 @@ from estim.common import (
     format_rounded,
     interval,
     one_line,
+    per_cent,
     phrase,
     significant,
     with_unit,
@@ -229,7 +230,7 @@ def straight_line_lines(line: StraightLine) -> list[str]:
                     "{given}: {found}, {percent} interval {ends}",
                     given=f"{given} = {with_unit(value, given_unit)}",
                     found=f"{found} = {with_unit(_pair(p.value, p.u), unit)}",
-                    percent=f"{100.0 * line.probability:g} %",
+                    percent=per_cent(line.probability),
                     ends=_ends(p.low, p.high, p.u, unit),
                 )
             )
@@ -271,7 +272,7 @@ def straight_line_figure(line: StraightLine) -> Figure:
     low = min(float(data.x.min()), *marks, math.inf)
     high = max(float(data.x.max()), *marks, -math.inf)
     x = np.linspace(low - 0.05 * (high - low), high + 0.05 * (high - low), 200)
-    percent = f"{100.0 * line.probability:g} %"
+    percent = per_cent(line.probability)
     bars = [u if np.any(u > 0.0) and fit.method != "ols" else None for u in (data.u_y, data.u_x)]
     if math.isfinite(fit.slope):
         if line.status.ok:
