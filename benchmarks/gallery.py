@@ -28,7 +28,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from estim.cli.origin_record import ORIGIN, read_origin
+from estim.cli.origin import ORIGIN, read_origin
 from estim.common import Quantity, as_json, e_n, format_quantity, signed
 
 PROJECT = Path(__file__).resolve().parents[1]

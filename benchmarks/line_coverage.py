@@ -23,7 +23,7 @@ from scipy import stats
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from estim.line.intercept_evidence import weigh_line
+from estim.line.analysis import weigh_line
 from estim.line.posterior import line_posterior
 from estim.line.regression import coverage_factor, fit_line
 from estim.line.slope_interval import slope_interval

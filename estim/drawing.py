@@ -42,14 +42,17 @@ RUN_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, VERMILION, "#56B4E9", "#8C6D31", "#6
 MARKS = ("o", "s", "^", "D", "v", "P")
 WIDTH = 7.2
 MOST_BARS = 150  # points in one panel, beyond which bars hide the points
-STYLE = {
+STYLE = {  # of what has no size of its own for a reason
     "axes.labelsize": 9,
     "axes.titlesize": 9,
+    "figure.labelsize": 8,
     "figure.titlesize": 8,
-    "legend.fontsize": 8,
+    "font.size": 8,  # of legends, ticks and texts
     "legend.frameon": False,
-    "xtick.labelsize": 8,
-    "ytick.labelsize": 8,
+    "lines.linewidth": 1.2,
+    "lines.markersize": 4,
+    "lines.solid_capstyle": "butt",
+    "patch.linewidth": 0,
 }
 
 
@@ -245,7 +248,7 @@ def draw_bands(
             label=None if label is None else phrase(label, p=p) if label else f"{p} %",
             zorder=zorder,
         )
-    ax.plot(x, quantiles[2], color=colour, lw=1.5, label=median or None, zorder=zorder + 0.5)
+    ax.plot(x, quantiles[2], color=colour, label=median or None, zorder=zorder + 0.5)
 
 
 def fill(
@@ -266,8 +269,8 @@ def draw_pulls(ax: Axes, pulls: FloatArray) -> float:
     the axis reaches as far as is returned.
     """
     for sigma, shade in ((2.0, 0.12), (1.0, 0.20)):
-        ax.axhspan(-sigma, sigma, color=GREY, alpha=shade, lw=0)
-    ax.axhline(0.0, color=GREY, lw=0.8)
+        ax.axhspan(-sigma, sigma, color=GREY, alpha=shade)
+    ax.axhline(0.0, color=GREY)
     reach = max(3.3, 1.1 * max_abs(pulls))
     ax.set_ylim(-reach, reach)
     return reach

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray
 from estim.common import EXTREME, InputError, extreme
 
 _REFUSED = {
@@ -91,6 +91,21 @@ def finite_numbers(values: Any, field: str, rule: str = "must be numbers") -> Fl
         raise InputError("must be finite", field=field, value=float(bad[0]))
     check_size(array, field)
     return array
+
+
+def require_each(
+    valid: BoolArray, values: FloatArray, rule: str, field: str, *, of_many: bool = True
+) -> None:
+    """Raises InputError naming `field` at the first of `values` (n,), or of their rows (n, ...),
+    that is not `valid` (n,).
+
+    of_many : whether a person gave several, of which it has a number.
+    """
+    if not np.all(valid):
+        at = int(np.argmin(valid))
+        raise InputError(
+            rule, field=field, value=values[at].tolist(), index=at if of_many else None
+        )
 
 
 def check_size(values: FloatArray, field: str, *, each: bool = False) -> None:

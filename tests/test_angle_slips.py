@@ -14,7 +14,7 @@ import pytest
 from posed import curve_problem
 
 from estim.campaign import load_campaign
-from estim.campaign.unit_slips import unit_slips
+from estim.campaign.candidate_causes import unit_slips
 from estim.explanation import Explanation, Suspects, explain
 from estim.explanation.candidates import Cause
 from estim.explanation.explaining import TIED

@@ -14,9 +14,8 @@ import pytest
 
 from estim.campaign import Campaign, load_campaign
 from estim.checks import check_goodness
-from estim.common.finding_kinds import Kind
 from estim.common.labels import Notation
-from estim.common.statuses import Status
+from estim.common.statuses import Kind, Status
 from estim.curves import read_formula
 from estim.explanation import (
     Estimated,

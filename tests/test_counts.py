@@ -28,7 +28,7 @@ from estim import (
     sample_curve,
 )
 from estim.common import spoken
-from estim.common.finding_kinds import Kind
+from estim.common.statuses import Kind
 from estim.curves.count_data import counted_points
 from estim.curves.formula import read_formula
 from estim.fitting import fit_problem
@@ -463,7 +463,7 @@ def test_roots_of_counts_as_errors_are_told(rng: np.random.Generator) -> None:
         ({"noise": Binomial(2.5)}, "whole"),
         ({"noise": Binomial([4, 4])}, "as many"),
         ({"noise": EventTimes(0.0, 5.0)}, "must be None"),
-        ({"noise": EventTimes(0.5, 5.0), "y": None}, "within the window"),
+        ({"noise": EventTimes(0.5, 5.0), "y": None}, "does not (value number 1): 0"),
         ({"noise": EventTimes(0.0, math.inf), "y": None}, "finite"),
         ({"y": None}, "'y'"),
         ({"noise": "poisson", "y": None}, "counts"),

@@ -21,8 +21,8 @@ from hostile import STRINGS
 
 from estim.cli.commands import cli
 from estim.common import InputError, markdown, spoken
-from estim.reports.formats import with_formats
 from estim.reports.html_page import html_page
+from estim.reports.pages import with_formats
 from estim.reports.rendering import folded
 
 PROJECT = Path(__file__).parents[1]
@@ -300,7 +300,7 @@ def test_what_is_missing_is_said_before_anything_is_computed(
         def missing(name: str, trouble: type[Exception] = trouble) -> None:
             raise trouble(name)
 
-        monkeypatch.setattr("estim.cli.formats.import_module", missing)
+        monkeypatch.setattr("estim.cli.options.import_module", missing)
         done = run("propagate", "model.toml", "--out", "out", "--format", "pdf")
         assert isinstance(done.exception, InputError)
         assert said in str(done.exception)

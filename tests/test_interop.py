@@ -21,8 +21,7 @@ import estim
 from estim.checks.cross_validation import leave_one_out
 from estim.cli.commands import cli
 from estim.common.errors import InputError
-from estim.common.finding_kinds import Kind, Status
-from estim.common.statuses import Finding
+from estim.common.statuses import Finding, Kind, Status
 from estim.pipeline import Analysis
 from estim.reports import interop
 from estim.sampling.chain import Target

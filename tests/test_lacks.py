@@ -16,7 +16,7 @@ from estim import fit_curve
 from estim.campaign import load_campaign
 from estim.cli.commands import cli
 from estim.common.errors import InputError
-from estim.common.finding_kinds import Status
+from estim.common.statuses import Status
 from estim.discrepancy.curve_covariances import correlated_shapes, deviation_shapes, relative_grid
 from estim.discrepancy.kernels import root, without_mean
 from estim.discrepancy.linearised import linearise

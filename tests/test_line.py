@@ -514,7 +514,7 @@ def test_sum_follows_chi_squared_when_the_uncertainties_are_right(rng):
         ({"u_y": 0.1, "r_xy": 0.5}, "'r_xy' needs both u_x and u_y"),
         (
             {"u_x": [0.0, 0.1, 0.1, 0.1], "u_y": [0.0, 0.1, 0.1, 0.1]},
-            "must not both be 0 (point 1)",
+            "must not both be 0 (value number 1)",
         ),
         ({"x": [1.0, 1.0, 1.0, 1.0]}, "'x' must not all be equal: 1.0"),
         ({"x": [1.0] * 4, "y": [2.0] * 4, "u_x": 0.1, "u_y": 0.1}, "'x' must not all be equal"),

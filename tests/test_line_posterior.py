@@ -9,7 +9,7 @@ import pytest
 from scipy import integrate, stats
 
 from estim.common.errors import InputError
-from estim.line.intercept_evidence import intercept_evidence, weigh_line
+from estim.line.analysis import intercept_evidence, weigh_line
 from estim.line.posterior import line_posterior, without_intercept
 from estim.line.regression import fit_line
 

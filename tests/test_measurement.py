@@ -33,10 +33,9 @@ from estim.cli.commands import cli
 from estim.cli.terminal import exit_code
 from estim.common import format_rounded
 from estim.common.errors import InputError
-from estim.measurement_model.coverage_regions import ellipse
 from estim.measurement_model.input_tables import InputTable
 from estim.measurement_model.model_file import _OutputTable, _TopTable, model_of_formula, read_model
-from estim.measurement_model.propagating import propagate
+from estim.measurement_model.propagating import ellipse, propagate
 from estim.propagation import propagate_linear, propagate_monte_carlo
 from estim.propagation.scores import Distribution
 from estim.reports.measurement import measurement_report, statement

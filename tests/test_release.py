@@ -17,9 +17,8 @@ from click.testing import CliRunner, Result
 from estim import InputError
 from estim.campaign import load_campaign, load_design, simulate_campaign
 from estim.cli.commands import cli
-from estim.line.release_analysis import weigh
+from estim.line.release_analysis import thresholds, weigh
 from estim.line.release_likelihood import effective_start, release_posterior
-from estim.line.thresholds import thresholds
 from estim.line.trial_data import HIGH, LOW, Trials, by_tilt, read_trials
 from estim.model import theta_min
 from estim.model.simulate import simulate_trials

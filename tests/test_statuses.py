@@ -20,7 +20,7 @@ from estim.campaign import load_campaign
 from estim.checks.diagnosis import sampling_findings
 from estim.checks.modes import find_modes, optima
 from estim.cli.commands import cli
-from estim.common.finding_kinds import Status
+from estim.common.statuses import Status
 from estim.fitting.least_squares import Fit, at_mode
 from estim.pipeline import Analysis, analyse
 from estim.problem.posterior import Posterior

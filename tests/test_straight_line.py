@@ -23,8 +23,8 @@ from scipy import stats
 from estim.campaign import TableChoices, campaign_of_table
 from estim.cli.commands import cli
 from estim.common.errors import InputError
-from estim.common.finding_kinds import Status
 from estim.common.quantity_text import Quantity
+from estim.common.statuses import Status
 from estim.line.table_line import LineColumns, straight_line
 from estim.reports.straight_line import straight_line_figure
 

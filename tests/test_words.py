@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 import estim
-from estim.common.finding_kinds import LEADS_TO, Kind, Status
 from estim.common.labels import Notation
 from estim.common.phrases import spoken
-from estim.common.statuses import Amount, Finding, decide, gravest, wrong
+from estim.common.statuses import LEADS_TO, Amount, Finding, Kind, Status, decide, gravest, wrong
 from estim.words import residuals
 from estim.words.sentences import ADVICE, WORDS, advice, advice_for, describe
 from estim.words.statuses import STATUS_WORDS

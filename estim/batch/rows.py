@@ -31,7 +31,6 @@ from estim.common import (
 )
 
 ROW, RESULT = "row.json", "result.json"
-_LARGEST, _LARGEST_RESULT = 2**24, 2**28
 
 
 class Value(msgspec.Struct, frozen=True):
@@ -156,7 +155,7 @@ def kept(folder: Path, unit: Unit, key: str, interval: float | None) -> RunRow |
     if row is None or row.key != key or RESULT not in row.outputs:
         return None
     for name, digest in row.outputs.items():
-        data = read_file(folder / unit.place / name, at_most=_LARGEST_RESULT, within=folder)
+        data = read_file(folder / unit.place / name, within=folder)
         if data is None or hashlib.sha256(data).hexdigest() != digest:
             return None
         if name == RESULT:
@@ -176,7 +175,7 @@ def _row_at(folder: Path, place: str) -> RunRow | None:
     that is none of ours.
     """
     path = folder / place / ROW
-    data = read_file(path, at_most=_LARGEST, within=folder)
+    data = read_file(path, within=folder)
     try:
         row = None if data is None else msgspec.convert(json_of(data), RunRow)
     except (ValueError, msgspec.ValidationError):

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 from estim.campaign.campaign_file import RunTable
 from estim.campaign.lookup_levels import Levels
@@ -121,7 +120,7 @@ def _of_spread(spread: BetweenRunSpread) -> Parameter:
 def _varying(run: Observations, own: Mapping[str, BetweenRunSpread]) -> Observations:
     further = {spread_of(quantity): spread.name for quantity, spread in own.items()}
     further |= {shift_of(quantity): f"{quantity}_shift[{run.name}]" for quantity in own}
-    return replace(run, arguments=MappingProxyType({**run.arguments, **further}))
+    return replace(run, arguments={**run.arguments, **further})
 
 
 def _is_stated_by(run: RunTable, kind: QuantityKind) -> bool:

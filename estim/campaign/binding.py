@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 
@@ -33,7 +32,7 @@ from estim.problem import DefaultError, Prior, as_prior, centre_of
 from estim.propagation import Input
 from estim.reading import KeyPath
 
-KINDS_OF_QUANTITIES: Mapping[str, QuantityKind] = MappingProxyType({**QUANTITIES, **EFFECTS})
+KINDS_OF_QUANTITIES: Mapping[str, QuantityKind] = {**QUANTITIES, **EFFECTS}
 
 _SAME_SDS, _SAME_SHARE = 5.0, 0.05  # how far a stated gamma may be from that of the masses
 _MASSES = ("mass_disk_kg", "mass_particle_kg", "mass_trailing_kg")

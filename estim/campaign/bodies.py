@@ -11,7 +11,6 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from types import MappingProxyType
 
 from estim.arrays import max_abs
 from estim.campaign.between_runs import spreads_of, varied
@@ -19,14 +18,20 @@ from estim.campaign.binding import KINDS_OF_QUANTITIES, bind_quantities, grip_of
 from estim.campaign.blur import blurs
 from estim.campaign.campaign import Campaign
 from estim.campaign.campaign_file import NoiseTable
-from estim.campaign.candidate_causes import Candidate, Surroundings, sketches, with_lines, without
+from estim.campaign.candidate_causes import (
+    Candidate,
+    Surroundings,
+    sketches,
+    unit_slips,
+    with_lines,
+    without,
+)
 from estim.campaign.curve_models import ADDED, CurveModel, outlines
 from estim.campaign.effects import setting_of, stated_place, with_full_curves
 from estim.campaign.lookup_levels import Levels, run_levels, stated_noise
 from estim.campaign.noise_models import NoiseModel, noise_candidates
 from estim.campaign.plausible import check_speeds
 from estim.campaign.points import Observed, observe
-from estim.campaign.unit_slips import unit_slips
 from estim.campaign.unmodelled_force import (
     Circumstances,
     Stance,
@@ -324,7 +329,7 @@ def _observations(
         y=observed.y,
         t=observed.t,
         curve=curve,
-        arguments=MappingProxyType({**arguments, **observed.arguments}),
+        arguments={**arguments, **observed.arguments},
         noise=observed.noise,
         excluded=observed.excluded,
         excluded_points=observed.excluded_points,

@@ -38,7 +38,7 @@ _LENGTHS = ("radius_m", "inner_radius_m", "length_m", "diameter_m", "distance_m"
 _UNITS = {"mass_kg": "kg", **dict.fromkeys(_LENGTHS, "m"), "angle_deg": "°"}
 _MOST_PARTS, _ROUNDING, _NEGLIGIBLE = 100, 1e-9, 0.05
 _LARGEST = 10.0  # radii of the body: beyond, a length is in another unit
-_HARDLY_MATTER = frozenset({"particle_gyration", "trailing_fraction"})
+_HARDLY_MATTER = {"particle_gyration", "trailing_fraction"}
 
 # quantities of a campaign that follow from the parts of a body
 OF_PARTS = ("gamma", "kappa", "rho", "particle_gyration", "trailing_fraction")

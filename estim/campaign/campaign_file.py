@@ -14,18 +14,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
+from msgspec import Meta
 
 from estim.campaign.curve_keys import CurveRunTable, CurveTable
-from estim.campaign.effect_table import EffectTable
+from estim.campaign.dialect_table import DialectKeys
 from estim.campaign.key_table import KeyTable
 from estim.campaign.name_rules import check_body_names, check_run_names
 from estim.campaign.part_table import AnyPart
 from estim.campaign.plan_table import PlanTable, check_plan
 from estim.campaign.prior_table import Finite, Positive, Stated
-from estim.campaign.trial_table import Degrees, OfReading, TrialsTable
 from estim.campaign.type_mismatch import hint, located, mismatch, of_table, suggestion
 from estim.common import EXTREME, InputError, extreme, phrase
 from estim.reading import (
@@ -43,29 +43,27 @@ from estim.reading import (
 _OF_BODIES = ("shared", "parts", "bodies", "line", "trials", "published")
 Kind = Literal["synthetic", "measured", "published"]
 
-_FIELDS = frozenset(
-    {  # that messages of readers name; any other may be a word of the file
-        "header",
-        "row",
-        "rows",
-        "byte",
-        "text",
-        "size",
-        "number of lines",
-        "XML",
-        "archive",
-        "track",
-        "tracks",
-        "t",
-        "x",
-        "y",
-        "release",
-        "along",
-        "unit",
-        "frame_ms",
-        "drop_duplicates",
-    }
-)
+_FIELDS = {  # that messages of readers name; any other may be a word of the file
+    "header",
+    "row",
+    "rows",
+    "byte",
+    "text",
+    "size",
+    "number of lines",
+    "XML",
+    "archive",
+    "track",
+    "tracks",
+    "t",
+    "x",
+    "y",
+    "release",
+    "along",
+    "unit",
+    "frame_ms",
+    "drop_duplicates",
+}
 
 
 class NoiseTable(KeyTable, frozen=True):
@@ -88,6 +86,71 @@ class WindowTable(KeyTable, frozen=True):
     x_max_m: Finite | None = None
     theta_min_rad: Finite | None = None
     theta_max_rad: Finite | None = None
+
+
+class EffectTable(DialectKeys, frozen=True):
+    """What is known of a run besides gravity; how its table is written may be stated at the same
+    levels (`DialectKeys`).
+
+    An effect that is stated at no level is exactly zero, but for `scale_x` and `scale_t`, which
+    have a default prior.
+
+    release_energy : kinetic energy at release / (M g R).
+    release_speed_m_s : the same as a speed of the axle.
+    scale_x, scale_t : relative errors of the scale of length and of the clock.
+    resisting_moment_n_m : torque of bearings and cords.
+    load_resistance : rolling resistance in proportion to the normal force.
+    viscous_drag_per_s, quadratic_drag_per_m : drag force / (M v) and / (M v^2).
+    moment_once_cos, ... : first and second harmonic of a torque per turn / (M g R).
+    phi_slope_deg_m, phi_slope_rad_m : gradient of the inclination, degrees or radians per metre.
+    sag_m : sag of the ramp midway between its supports.
+    ramp_length_m, ramp_start_m : exact; distance between the supports, and from the lower one to
+        the release.
+    distortion_m : shift of the middle of the image by the lens.
+    picture_length_m, picture_start_m : exact; length of the image, and from its lower end to the
+        release.
+    """
+
+    release_energy: Stated = None
+    release_speed_m_s: Stated = None
+    scale_x: Stated = None
+    scale_t: Stated = None
+    resisting_moment_n_m: Stated = None
+    load_resistance: Stated = None
+    viscous_drag_per_s: Stated = None
+    quadratic_drag_per_m: Stated = None
+    moment_once_cos: Stated = None
+    moment_once_sin: Stated = None
+    moment_twice_cos: Stated = None
+    moment_twice_sin: Stated = None
+    phi_slope_deg_m: Stated = None
+    phi_slope_rad_m: Stated = None
+    sag_m: Stated = None
+    ramp_length_m: Positive | None = None
+    ramp_start_m: float | None = None
+    distortion_m: Stated = None
+    picture_length_m: Positive | None = None
+    picture_start_m: float | None = None
+
+
+Degrees = Annotated[float, Meta(ge=0.0, lt=45.0)]  # an uncertainty of an angle
+# the same of each reading: no protractor is better, and the error of a sine would be lost
+OfReading = Annotated[float, Meta(ge=1e-4, lt=45.0)]
+
+
+class TrialsTable(KeyTable, frozen=True, kw_only=True):
+    """u_phi_deg, u_theta_deg : standard uncertainties of a tilt, and of one angle as set.
+    release_deg : scale of what the hand costs.
+    """
+
+    file: str
+    body: str
+    u_phi_deg: Degrees
+    # no angle is set more closely, and the integral over the tilt has no nodes for less
+    u_theta_deg: Annotated[float, Meta(ge=0.01, lt=45.0)]
+    release_deg: Degrees = 3.0
+    u_zero_phi_deg: Degrees = 0.0
+    u_zero_theta_deg: Degrees = 0.0
 
 
 class LevelTable(EffectTable, frozen=True):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import msgspec
@@ -212,3 +213,35 @@ def _length(runs: Sequence[Surroundings]) -> float:
 def _rounded(value: float, share: float) -> float:
     """To a digit that is `share` of it."""
     return float(format_rounded(value, share * value))
+
+
+_KEYS = {"θ₀": ("theta0_deg", "theta0_rad"), "φ": ("phi_deg", "phi_rad")}
+
+
+def unit_slips(source: CampaignFile) -> Iterator[Candidate]:
+    """θ₀, φ or both in radians, where they are stated in degrees."""
+    for symbols in (("θ₀",), ("φ",), ("θ₀", "φ")):
+        keys = dict(_KEYS[symbol] for symbol in symbols)
+        quantities = tuple(key.removesuffix("_deg") for key in keys)
+        changed = source.with_levels(partial(_with_keys, keys=keys))
+        yield Candidate(
+            "-".join(("radians", *quantities)),
+            phrase(
+                "{symbols} given in radians, not degrees", symbols=phrase(" and ").join(symbols)
+            ),
+            changed,
+            quantities,
+            remark=phrase(
+                "write {right} in place of {wrong}",
+                right=", ".join(keys.values()),
+                wrong=", ".join(keys),
+            ),
+            slip=True,
+        )
+
+
+def _with_keys(table: LevelTable, keys: dict[str, str]) -> LevelTable:
+    """A table with what it states under one key moved to another."""
+    renamed = {wrong: right for wrong, right in keys.items() if getattr(table, wrong) is not None}
+    values = {right: getattr(table, wrong) for wrong, right in renamed.items()}
+    return msgspec.structs.replace(table, **dict.fromkeys(renamed), **values)

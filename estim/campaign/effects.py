@@ -41,24 +41,23 @@ def setting_of(
                 second,
                 f"must not stand beside '{_path_of(levels, first)[-1]}', which says the same",
             )
-    if "moment" in effects and mass is None:
-        raise _error(
-            levels,
+    for name, forbidden, rule in (
+        (
             "moment",
+            mass is None,
             "needs the masses (mass_disk_kg, mass_particle_kg): it moves a heavy body less "
             "than a light one",
-        )
-    if "distortion" in effects and angular:
-        raise _error(
-            levels, "distortion", "does not apply to angles, which an image does not distort"
-        )
-    if "release_energy" in effects and positions:
-        raise _error(
-            levels,
+        ),
+        ("distortion", angular, "does not apply to angles, which an image does not distort"),
+        (
             "release_energy",
+            positions,
             "cannot be combined with positions noise: use release_speed_m_s, in which "
             "positions are smooth at 0",
-        )
+        ),
+    ):
+        if name in effects and forbidden:
+            raise _error(levels, name, rule)
     if "release_speed" in effects and not positions:
         _check_speed(levels, sources)
     ramp = _length(levels, "sag", "ramp", sources)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -14,9 +15,18 @@ from estim.campaign.campaign_file import CampaignFile, RunTable, read_campaign_f
 from estim.campaign.curve_campaign import read_curve_campaign
 from estim.campaign.derived import read_derived
 from estim.campaign.dialect_table import choices_of, dialect_of
-from estim.campaign.true_values import read_truth
 from estim.common import InputError, listed, phrase
-from estim.reading import COLUMNS, Run, compare_intervals, is_timed_track, is_tracker_file, read_run
+from estim.reading import (
+    COLUMNS,
+    TOML_BYTES,
+    Run,
+    compare_intervals,
+    is_timed_track,
+    is_tracker_file,
+    parse_toml,
+    read_run,
+    read_text,
+)
 
 
 def load_campaign(
@@ -133,3 +143,30 @@ def _read(source: CampaignFile, path: Path, run: RunTable) -> Run:
 def _with_fact(run: Run, fact: str | None) -> Run:
     """A run with one more fact, where there is one."""
     return run if fact is None else replace(run, facts=(*run.facts, fact))
+
+
+_TRUTH = "truth.toml"
+
+
+def read_truth(source: CampaignFile) -> Mapping[str, float]:
+    """Parameter ("gamma[heavy]") -> its true value, SI units and radians; nothing where data are
+    measured, or there is no such file.
+
+    Raises InputError where the file does not hold one finite number for each name.
+    """
+    path = source.path.parent / _TRUTH
+    if source.kind != "synthetic" or not path.is_file():
+        return MappingProxyType({})
+    with source.reading(path):
+        text, _ = read_text(path, limit=TOML_BYTES)
+        tree, places = parse_toml(text, str(path))
+        for name, value in tree.items():
+            if (
+                isinstance(value, bool)
+                or not isinstance(value, (int, float))
+                or not math.isfinite(value)
+            ):
+                raise places.error(
+                    "must be a finite number, the true value of a parameter", (name,), value=value
+                )
+    return MappingProxyType({name: float(value) for name, value in tree.items()})

@@ -26,22 +26,22 @@ def check_run_names(names: Sequence[str], places: Places) -> None:
     InputError.
     """
     for i, name in enumerate(names):
-        if len(name.encode()) > _MAX_NAME:
-            raise places.error(
+        for holds, rule in (
+            (
+                len(name.encode()) <= _MAX_NAME,
                 f"must be short enough for the name of a file: at most {_MAX_NAME} bytes",
-                ("runs", i, "name"),
-                value=name,
-            )
-        if any(form in _REPORT for form in forms(name)):
-            raise places.error(
-                "must not be the name of a file of the report", ("runs", i, "name"), value=name
-            )
-        if not re.fullmatch(r"\w[\w.+-]*", name):
-            raise places.error(
+            ),
+            (
+                not any(form in _REPORT for form in forms(name)),
+                "must not be the name of a file of the report",
+            ),
+            (
+                re.fullmatch(r"\w[\w.+-]*", name),
                 "must be made of letters, digits and . _ + -, a letter or digit first",
-                ("runs", i, "name"),
-                value=name,
-            )
+            ),
+        ):
+            if not holds:
+                raise places.error(rule, ("runs", i, "name"), value=name)
     if pair := first_alike(names):
         later, first = pair
         line = places.lines.get(("runs", first, "name"))

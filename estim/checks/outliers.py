@@ -5,7 +5,6 @@ were found beside an unmodelled force.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 
@@ -15,9 +14,7 @@ from estim.common import Finding, Kind
 from estim.discrepancy import FoundForce, Jump
 from estim.problem import Likelihood, Posterior, Problem
 
-_KINDS = MappingProxyType(
-    {"frame": Kind.FRAME_OFF, "step": Kind.STEP_STAYS, "clock": Kind.FRAMES_LOST}
-)
+_KINDS = {"frame": Kind.FRAME_OFF, "step": Kind.STEP_STAYS, "clock": Kind.FRAMES_LOST}
 
 
 _BLOCK = 4_000_000  # values at once

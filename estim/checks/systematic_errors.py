@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 
@@ -108,7 +107,7 @@ def _accounting(problem: Problem, errors: Mapping[str, CommonError]) -> Problem:
         replace(
             run,
             curve=errors[run.name].curve,
-            arguments=MappingProxyType({**run.arguments, **errors[run.name].arguments}),
+            arguments={**run.arguments, **errors[run.name].arguments},
         )
         if run.name in errors
         else run

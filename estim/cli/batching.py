@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from estim.cli.formats import chosen
-from estim.cli.options import FOLDER, JOBS, PATH, STEPS, report_options
+from estim.cli.options import FOLDER, JOBS, PATH, STEPS, chosen, report_options
 from estim.cli.origin import inputs_so_far
 from estim.cli.terminal import counted_progress, finish, reserve_output, say, write_report
 from estim.common import EstimError, FigureChoice, InputError, held, phrase

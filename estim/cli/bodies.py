@@ -6,9 +6,7 @@ from pathlib import Path
 
 import click
 
-from estim.cli.formats import FORMAT
-from estim.cli.language import LANG
-from estim.cli.options import OUT, PATH, SEED, out_folder
+from estim.cli.options import FORMAT, LANG, OUT, PATH, SEED, out_folder
 from estim.cli.terminal import report_at, reserve_output, say, write_report
 from estim.common import Stream, stream
 

@@ -22,8 +22,6 @@ from estim.cli.averaging import mean
 from estim.cli.batching import batch
 from estim.cli.bodies import body
 from estim.cli.calibrating import calibrate
-from estim.cli.causes import say_causes, with_causes
-from estim.cli.comparing import compare as compare_noise
 from estim.cli.importing import import_file
 from estim.cli.line import line
 from estim.cli.mapping import map_motions
@@ -42,7 +40,7 @@ from estim.cli.options import (
     out_folder,
     report_options,
 )
-from estim.cli.origin_record import SIMULATION
+from estim.cli.origin import SIMULATION
 from estim.cli.planning import plan_next
 from estim.cli.propagating import propagate
 from estim.cli.serving import serve
@@ -51,6 +49,7 @@ from estim.cli.terminal import (
     announced,
     checkpoint,
     conclude,
+    counted_progress,
     exit_code,
     exit_unless,
     finish,
@@ -79,6 +78,7 @@ from estim.common import (
 
 if TYPE_CHECKING:
     from estim.campaign import Campaign
+    from estim.common import FigureChoice, PieceStore
     from estim.pipeline import Analysis
     from estim.studies.energy import Drift, EnergyRecord
 
@@ -200,7 +200,7 @@ def fit(
     reserve_output(folder, "comparison.json" if compare else "result.json", groups=groups)
     with checkpoint(folder, resume=resume) as store:
         if compare:
-            all_ok = compare_noise(
+            all_ok = compare_models_of_noise(
                 loaded, groups, folder, seed=seed, max_steps=max_steps, store=store, figures=figures
             )
         else:
@@ -446,3 +446,76 @@ def _run() -> object:
 
 if __name__ == "__main__":
     main()
+
+
+def with_causes(
+    campaign: Campaign, analysis: Analysis, group: Sequence[str], *, requested: bool
+) -> Analysis:
+    """The analysis of the runs `group`, with candidates for what may be missing."""
+    from estim.pipeline import asks_for_a_cause, explained
+
+    if not (requested or asks_for_a_cause(analysis)):
+        return analysis
+    with counted_progress(
+        phrase("{runs}: possible missing effects", runs=", ".join(group)), phrase("cause")
+    ) as progress:
+        result = explained(campaign, analysis, progress=progress)
+    if result.explanation is None:
+        say(
+            phrase(
+                "{runs}: possible missing effects cannot be tested, because the curve "
+                "alone cannot be fitted",
+                runs=", ".join(group),
+            )
+        )
+    return result
+
+
+def say_causes(analysis: Analysis) -> None:
+    from estim.reports.explanation import explanation_lines
+
+    for words in () if analysis.explanation is None else explanation_lines(analysis.explanation):
+        say(f"  {words}")
+
+
+def compare_models_of_noise(
+    campaign: Campaign,
+    groups: Sequence[tuple[str, ...]],
+    folder: Path,
+    *,
+    seed: int,
+    max_steps: int,
+    store: PieceStore,
+    figures: FigureChoice,
+) -> bool:
+    """A table of models for each group, each model's own report beside it; whether each group has a
+    model that is ok.
+    """
+    from estim.reports.analysis import analysis_report
+    from estim.reports.comparison import compare_report, folder_of
+    from estim.sampling import Target
+    from estim.studies.noise_comparison import compare_noise
+
+    all_ok = True
+    for group in groups:
+        place = folder if len(groups) == 1 else folder / group[0]
+        for candidate in campaign.noise_models(group[0]):
+            reserve_output(place / folder_of(candidate.name), "result.json", within=folder)
+        compared = compare_noise(
+            campaign,
+            group,
+            seed=seed,
+            target=Target(max_step=max_steps),
+            progress_of=progress_bar,
+            store=store,
+        )
+        for model in compared:
+            report = analysis_report(campaign, model.analysis, figures=figures, profiles=False)
+            write_report(place / folder_of(model.name), report, within=folder)
+            conclude(f"{', '.join(group)}, {model.name}", model.analysis.diagnosis.status, ())
+        write_report(
+            place, compare_report(campaign, compared, seed=seed, figures=figures), within=folder
+        )
+        report_at(place, campaign.source.files_outside())
+        all_ok = all_ok and any(model.analysis.diagnosis.ok for model in compared)
+    return all_ok

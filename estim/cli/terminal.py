@@ -17,10 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from estim.cli.formats import chosen
 from estim.cli.machine import answer, begin_answer, keep_files
-from estim.cli.origin import with_origin
-from estim.cli.origin_record import ORIGIN, written_before
+from estim.cli.options import chosen
+from estim.cli.origin import ORIGIN, with_origin, written_before
 from estim.cli.output_streams import CANNOT_SAY, NO_READER, outlets
 from estim.common import (
     EstimError,

@@ -20,8 +20,7 @@ import click
 
 from estim.cli.machine import keep_result
 from estim.cli.options import FOLDER, PATH
-from estim.cli.origin import WITHOUT_EFFECT
-from estim.cli.origin_record import ORIGIN, Origin, read_origin
+from estim.cli.origin import ORIGIN, WITHOUT_EFFECT, Origin, read_origin
 from estim.cli.terminal import NOT_OK, say
 from estim.common import (
     EstimError,
@@ -44,7 +43,6 @@ from estim.verification import (
     only_estimate,
 )
 
-_LARGEST = 2**28
 _MOST_LISTED = 12  # differences of one kind that are listed one by one
 _HEADER = 33  # bytes of a PNG: its signature and its first chunk
 _PAGE, _TIMES = "report.html", "times.csv"
@@ -235,17 +233,14 @@ class _Comparison:
             label = (folder / ORIGIN).as_posix()
             self.wrong.append(f"{label}: is that of another command: {before.line}")
         old, new = (
-            {
-                name: read_file(root / folder / name, at_most=_LARGEST, within=root)
-                for name in before.outputs
-            }
+            {name: read_file(root / folder / name, within=root) for name in before.outputs}
             for root in (self.folder, self.recomputed)
         )
         return _ReportPair(folder, before, now, {name: (old[name], new[name]) for name in old})
 
     def changed_outputs(self, folder: Path, origin: Origin) -> Iterator[str]:
         for name, digest in origin.outputs.items():
-            data = read_file(self.folder / folder / name, at_most=_LARGEST, within=self.folder)
+            data = read_file(self.folder / folder / name, within=self.folder)
             label = (folder / name).as_posix()
             if data is None:
                 yield f"changed: {label} is missing"
@@ -327,7 +322,7 @@ class _Comparison:
 
     def _page(self, part: _ReportPair) -> bytes:
         """`report.html` as it follows from the report and the figures beside it."""
-        from estim.reports.formats import with_formats
+        from estim.reports.pages import with_formats
 
         files = {
             name: old for name, (old, _) in part.files.items() if old is not None and name != _PAGE
@@ -458,7 +453,7 @@ def _result(text: str) -> Json | None:
     if not os.path.exists(text) and text.lstrip(" +-−(.")[:1].isdigit():
         return None
     file = Path(text) / "result.json" if os.path.isdir(text) else Path(text)
-    data = read_file(file, at_most=_LARGEST)
+    data = read_file(file)
     if data is None:
         raise InputError("cannot be found", field="result", value=str(file))
     try:

@@ -1,5 +1,5 @@
 """What every package may use: errors, quantities, labels and units, statuses, the one file that
-writes.  Read `statuses` and `kinds` first.
+writes.  Read `statuses` first.
 """
 
 from estim.common.errors import (
@@ -31,7 +31,6 @@ from estim.common.escaping import (
 )
 from estim.common.interruption import ended_by_signals
 from estim.common.jobs import run_parallel
-from estim.common.finding_kinds import Kind, Status
 from estim.common.labels import (
     FIGURE_CHOICES,
     FigureChoice,
@@ -77,10 +76,9 @@ from estim.common.quantity_text import (
     format_rounded,
     interval,
     p_digits,
+    per_cent,
     percentage,
     raised,
-)
-from estim.common.quantity_text import (
     read_number,
     read_quantity,
     read_with_unit,
@@ -89,7 +87,17 @@ from estim.common.quantity_text import (
     significant,
     with_unit,
 )
-from estim.common.statuses import PROBABILITIES, QUANTILES, Amount, Finding, decide, gravest, wrong
+from estim.common.statuses import (
+    PROBABILITIES,
+    QUANTILES,
+    Amount,
+    Finding,
+    Kind,
+    Status,
+    decide,
+    gravest,
+    wrong,
+)
 from estim.common.storage import (
     Files,
     held,

@@ -18,12 +18,11 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
 from importlib.resources import files
-from types import MappingProxyType
 from typing import TypeVar
 
 from estim.common.errors import InputError
 
-LANGUAGES = MappingProxyType({"en": "English", "es": "español"})
+LANGUAGES = {"en": "English", "es": "español"}
 _ENGLISH = "en"
 _LANGUAGE: ContextVar[str] = ContextVar("language", default=_ENGLISH)
 _COMMANDS: ContextVar[bool] = ContextVar("commands", default=False)
@@ -93,9 +92,7 @@ def catalogue(language: str) -> Mapping[str, str]:
         files("estim.common").joinpath("catalogue", language).iterdir(), key=lambda file: file.name
     ):
         sentences |= tomllib.loads(file.read_text(encoding="utf-8"))
-    return MappingProxyType(
-        {
-            _SPACES.sub(" ", english).strip() if "\n" in english else english: words
-            for english, words in sentences.items()
-        }
-    )
+    return {
+        _SPACES.sub(" ", english).strip() if "\n" in english else english: words
+        for english, words in sentences.items()
+    }

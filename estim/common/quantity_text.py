@@ -288,6 +288,11 @@ def percentage(share: float) -> str:
     return f"{significant(100.0 * share, max(2, 1 + math.floor(math.log10(size))))} %"
 
 
+def per_cent(probability: float) -> str:
+    """A probability as it was chosen: '95 %', '99.73 %'."""
+    return f"{100.0 * probability:g} %"
+
+
 def with_unit(text: str, unit: str) -> str:
     """A number and its unit, brackets around more than one number: '0.447 m', '(3.86 ± 0.26)°'; the
     unit 1 is not written.

@@ -87,7 +87,7 @@ def write_whole(path: Path, data: bytes, *, within: Path | None = None) -> None:
             os.close(folder)
 
 
-def read_file(path: Path, *, at_most: int, within: Path | None = None) -> bytes | None:
+def read_file(path: Path, *, at_most: int = 2**28, within: Path | None = None) -> bytes | None:
     """The bytes of the plain file at `path`, None where nothing is there.
 
     Raises EstimError for a link, a pipe, a device or a folder, for more than `at_most` bytes, and

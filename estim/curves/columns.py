@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import InputError
-from estim.given_numbers import check_size, real_numbers
+from estim.given_numbers import check_size, real_numbers, require_each
 
 
 def column(values: ArrayLike | None, field: str) -> FloatArray:
@@ -54,12 +54,8 @@ def errors_of(u: ArrayLike, n_obs: int, field: str, *, some_exact: bool = False)
         raise InputError(
             f"must be a number or have as many values as x ({n_obs})", field=field, value=sizes.size
         )
-    wrong = sizes < 0.0 if some_exact and np.any(sizes > 0.0) else sizes <= 0.0
-    if np.any(wrong):
-        bad = int(np.argmax(wrong))
-        raise InputError(
-            "must be > 0", field=field, value=float(sizes[bad]), index=bad if values.ndim else None
-        )
+    valid = sizes >= 0.0 if some_exact and np.any(sizes > 0.0) else sizes > 0.0
+    require_each(valid, sizes, "must be > 0", field, of_many=values.ndim > 0)
     check_size(sizes, field, each=True)
     return sizes
 

@@ -18,12 +18,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray
 from estim.common import InputError, later
 from estim.curves.binned import BinnedCurve
 from estim.curves.columns import column
 from estim.curves.systematic_errors import Component
-from estim.given_numbers import finite_numbers, real_number, real_numbers
+from estim.given_numbers import finite_numbers, real_number, real_numbers, require_each
 from estim.problem import (
     BINOMIAL,
     POISSON,
@@ -241,11 +241,10 @@ def counted_points(
     return _binomial(x, y, noise.trials, what)
 
 
-def first_non_count(y: FloatArray) -> int | None:
-    """Where y is first no whole number from 0; None if nowhere."""
+def _are_counts(y: FloatArray) -> BoolArray:
+    """Which y are whole numbers from 0."""
     # 1e15: a float still distinguishes it from the next
-    bad = (y < 0.0) | (y > 1e15) | (np.abs(y - np.rint(y)) > 1e-9)
-    return int(np.argmax(bad)) if np.any(bad) else None
+    return (y >= 0.0) & (y <= 1e15) & (np.abs(y - np.rint(y)) <= 1e-9)
 
 
 def _bin_centres(bins: FloatArray) -> FloatArray:
@@ -289,18 +288,9 @@ def _binomial(x: FloatArray, y: FloatArray, trials: ArrayLike, what: str) -> Cou
         raise InputError(
             f"must be a number or have as many values as y ({y.size})", field="trials"
         ) from None
-    bad = first_non_count(size)
-    if bad is not None or np.any(size < 1.0):
-        bad = int(np.argmax(size < 1.0)) if bad is None else bad
-        raise InputError(
-            "must be whole and at least 1",
-            field="trials",
-            value=float(size[bad]),
-            index=bad if counts.ndim else None,
-        )
-    if np.any(y > size):
-        bad = int(np.argmax(y > size))
-        raise InputError("must not exceed the trials", field="y", value=float(y[bad]), index=bad)
+    whole, rule = _are_counts(size) & (size >= 1.0), "must be whole and at least 1"
+    require_each(whole, size, rule, "trials", of_many=counts.ndim > 0)
+    require_each(y <= size, y, "must not exceed the trials", "y")
     if not np.any(y) or np.all(y == size):
         none = "failures" if np.any(y) else "successes"
         raise InputError(
@@ -322,10 +312,8 @@ def _events(
             field="window",
             value=f"{low:g}, {high:g}",
         )
-    outside = (times < low) | (times > high)
-    if np.any(outside):
-        rule = "must lie within the window; leave out what does not"
-        raise InputError(rule, field="x", value=float(times[int(np.argmax(outside))]))
+    rule = "must lie within the window; leave out what does not"
+    require_each((times >= low) & (times <= high), times, rule, "x")
     if times.size > MAX_OBS:
         raise InputError(
             f"must be at most {MAX_OBS} times: count them in bins", field="x", value=times.size
@@ -340,11 +328,7 @@ def _events(
 
 
 def _require_counts(y: FloatArray, meaning: str) -> None:
-    bad = first_non_count(y)
-    if bad is not None:
-        raise InputError(
-            f"must be a whole number from 0 ({meaning})", field="y", value=float(y[bad]), index=bad
-        )
+    require_each(_are_counts(y), y, f"must be a whole number from 0 ({meaning})", "y")
 
 
 def _edges(bins: ArrayLike, x: FloatArray) -> FloatArray:
@@ -366,14 +350,8 @@ def _edges(bins: ArrayLike, x: FloatArray) -> FloatArray:
             value=values.shape,
         )
     proper = np.isfinite(edges).all(axis=1) & (edges[:, 0] < edges[:, 1])
-    if not np.all(proper):
-        bad = int(np.argmin(proper))
-        raise InputError(
-            "must have its high edge above its low one, both finite",
-            field="bins",
-            value=edges[bad].tolist(),
-            index=bad,
-        )
+    rule = "must have its high edge above its low one, both finite"
+    require_each(proper, edges, rule, "bins")
     if np.any((x < edges[:, 0]) | (x > edges[:, 1])):
         bad = int(np.argmax((x < edges[:, 0]) | (x > edges[:, 1])))
         raise InputError(

@@ -8,7 +8,6 @@ import inspect
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -138,7 +137,7 @@ class CurveProblem:
             y=self.y,
             t=None,
             curve=self.curve,
-            arguments=MappingProxyType(arguments),
+            arguments=arguments,
             noise=self.noise.of_size(sigma),
             x_name=self.axes.x_name if self.places is None else phrase("number of the point"),
             x_unit=self.axes.x_unit if self.places is None else "1",
@@ -314,7 +313,7 @@ def pose_curve(
         else counted.noise,
         stated=stated,
         axes=axes,
-        fixed=MappingProxyType(exact),
+        fixed=exact,
         order=given_order,
         further=further,
         lacks=discrepancy_of(

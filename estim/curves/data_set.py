@@ -15,7 +15,7 @@ from estim.curves.columns import errors_of, share_of, skew_of
 from estim.curves.count_data import Counting
 from estim.curves.systematic_errors import Component, covariance_in_groups
 from estim.curves.units import AxisNames
-from estim.given_numbers import real_numbers
+from estim.given_numbers import real_numbers, require_each
 from estim.problem import (
     Correlated,
     Noise,
@@ -184,9 +184,8 @@ def _share_of_y(text: str, y: FloatArray) -> tuple[float, str, FloatArray]:
     words; and standard deviations (n_obs,) as the readings show them.
     """
     share, of_readings = share_of(text)
-    if not np.all(y):
-        rule = "must not be 0 where u_y is a share, which leaves it no error: state u_y as numbers"
-        raise InputError(rule, field="y", value=0.0, index=int(np.argmin(np.abs(y))))
+    rule = "must not be 0 where u_y is a share, which leaves it no error: state u_y as numbers"
+    require_each(y != 0.0, y, rule, "y")
     percent = 100.0 * share
     words = (
         phrase("standard deviations of {percent:.4g} % of each reading", percent=percent)

@@ -12,7 +12,6 @@ import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import count
-from types import MappingProxyType
 
 import numpy as np
 
@@ -85,7 +84,7 @@ class SoughtQuantity:
 
     def bound(self, others: Mapping[str, str | float]) -> SoughtQuantity:
         """The same, with the sources of the names that have a level."""
-        return replace(self, others=MappingProxyType(dict(others)))
+        return replace(self, others=others)
 
 
 def seek(
@@ -129,9 +128,7 @@ def seek(
     description = meaning or (
         normalised if len(normalised) <= _SHOWN else f"{normalised[: _SHOWN - 3]}..."
     )
-    symbols = MappingProxyType(
-        {identifier: written.get(identifier, identifier) for identifier in formula.names}
-    )
+    symbols = {identifier: written.get(identifier, identifier) for identifier in formula.names}
     return SoughtQuantity(
         name,
         unit or "1",
@@ -205,7 +202,7 @@ def seek_of_fit(
     derived: Mapping[str, str],
     units: Mapping[str, str],
     known: Collection[str],
-    of_parameters: Mapping[str, str] = MappingProxyType({}),
+    of_parameters: Mapping[str, str] = {},
 ) -> tuple[SoughtQuantity, ...]:
     """The quantities of a fit from Python: name -> formula; there is one run, and so no level.
     Raises InputError.

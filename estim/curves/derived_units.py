@@ -14,6 +14,8 @@ from fractions import Fraction
 
 from estim.common import InputError, in_unit, is_in_degrees, powers_in, raised, same_unit
 from estim.curves.dimensions import (
+    ALIKE,
+    ARCS,
     LARGEST_PURE,
     ROOTS,
     is_count_or_half,
@@ -26,25 +28,11 @@ from estim.curves.formula import CONSTANTS, TRIGONOMETRIC, names_in
 Factors = dict[str, Fraction]
 """A unit: its symbols with their powers; {} for a pure number."""
 
-_OF_OWN_ZERO = frozenset({"°C", "°F", "degC", "degF"})
+_OF_OWN_ZERO = {"°C", "°F", "degC", "degF"}
 _CELSIUS, _KELVIN, _ZERO_CELSIUS = {"°C": Fraction(1)}, {"K": Fraction(1)}, Fraction("273.15")
-_ENERGIES = frozenset({"J", "kJ", "mJ", "W", "mW", "kW", "eV", "meV", "cal", "kcal", "erg"})
-_SHARES = frozenset({"%", "‰", "ppm", "ppb"})
-_ANGLES = ("arcsin", "arccos", "arctan", "asin", "acos", "atan", "arctan2", "atan2")
-_OF_PURE = (*_ANGLES, "exp", "expm1", "log", "ln", "log10", "log2", "log1p", "sinh", "cosh", "tanh")
-_ALIKE = {
-    "abs": 0,
-    "floor": 0,
-    "ceil": 0,
-    "hypot": 0,
-    "minimum": 0,
-    "maximum": 0,
-    "min": 0,
-    "max": 0,
-    "where": 1,
-    "arctan2": 0,
-    "atan2": 0,
-}
+_ENERGIES = {"J", "kJ", "mJ", "W", "mW", "kW", "eV", "meV", "cal", "kcal", "erg"}
+_SHARES = {"%", "‰", "ppm", "ppb"}
+_OF_PURE = (*ARCS, "exp", "expm1", "log", "ln", "log10", "log2", "log1p", "sinh", "cosh", "tanh")
 LONGEST = 20  # characters of a unit that nobody stated
 
 
@@ -168,12 +156,12 @@ class _Reading:
         return product
 
     def _call(self, name: str, arguments: list[ast.expr]) -> Factors | None:
-        if name in _ALIKE:
-            first, *others = arguments[_ALIKE[name] :]
+        if name in ALIKE:
+            first, *others = arguments[name == "where" :]
             unit = self.of(first)
             for other in others:
                 unit = self._common_unit(first, other, "compares")
-            return {"rad": Fraction(1)} if name in _ANGLES else unit
+            return {"rad": Fraction(1)} if name in ARCS else unit
         units = [
             self.of(argument) for argument in arguments if not isinstance(argument, ast.Compare)
         ]
@@ -186,7 +174,7 @@ class _Reading:
                 f"takes {name} of what is in {_shown(units[0])}, but {name} needs unit 1; "
                 "nothing is converted"
             )
-        if name in _ANGLES or name == "radians":
+        if name in ARCS or name == "radians":
             return {"rad": Fraction(1)}
         return {"°": Fraction(1)} if name == "degrees" else {} if name in TRIGONOMETRIC else None
 

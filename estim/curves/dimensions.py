@@ -29,7 +29,14 @@ Dimension = tuple[float, float]
 
 # name of an unknown exponent -> its coefficient; "" is the constant (of x, of y)
 _Row = dict[str, Fraction]
-_SAME = ("abs", "hypot", "minimum", "maximum", "min", "max", "floor", "ceil")
+ARCS = ("arcsin", "arccos", "arctan", "asin", "acos", "atan", "arctan2", "atan2")
+# give what is in the unit of their arguments, an arctangent an angle
+ALIKE = {
+    *("abs", "hypot", "minimum", "maximum", "min", "max", "floor", "ceil"),
+    *("where", "arctan2", "atan2"),
+}
+_OF_ANGLES = frozenset({"radians", "degrees", "sign", "heaviside"})
+_LOGARITHMS = frozenset({"log", "ln", "log2", "log10"})
 ROOTS = {"sqrt": Fraction(1, 2), "cbrt": Fraction(1, 3)}
 _X, _Y, _TEN = "(x)", "(y)", "(10)"
 LARGEST_PURE = 10.0  # a number as large may turn mm into cm
@@ -75,9 +82,8 @@ def certain_dimensions(
     for is_density in (density, None):
         for is_pure in (_none,) if any_number else (is_count_or_half, _none):
             for axis in known:
-                system = _System(
-                    dict(axis), any_angle=True, any_logarithm=is_density is None, is_pure=is_pure
-                )
+                left_open = _OF_ANGLES | (_LOGARITHMS if is_density is None else frozenset())
+                system = _System(dict(axis), left_open=left_open, is_pure=is_pure)
                 if not _solved(formula, system, is_density).contradicted:
                     return _parameter_dimensions(system, formula)
     return {}
@@ -89,7 +95,7 @@ def pure_angles(formula: Formula) -> set[str]:
     """
     pure: set[str] = set()
     for angle in angles_in(formula.tree):
-        system = _System(any_angle=True, any_logarithm=True, is_pure=is_pure_in_angle)
+        system = _System(left_open=_OF_ANGLES | _LOGARITHMS, is_pure=is_pure_in_angle)
         system.add_equation(_dimension(angle, system), {})
         if not system.contradicted:
             names = names_in(angle) & {*formula.names}
@@ -102,22 +108,17 @@ def arc_among_terms(tree: ast.expr) -> ast.expr | None:
     number before it; None where there is none.
     """
     match tree:
-        case ast.Call(
-            func=ast.Name(
-                id="asin" | "acos" | "atan" | "atan2" | "arcsin" | "arccos" | "arctan" | "arctan2"
-            )
-        ):
+        case ast.Call(func=ast.Name(id=name)) if name in ARCS:
             return tree
         case ast.UnaryOp(operand=one):
             return arc_among_terms(one)
         case ast.BinOp(left=left, op=ast.Add() | ast.Sub(), right=right):
             return arc_among_terms(left) or arc_among_terms(right)
-        case ast.BinOp(left=ast.Constant(value=float(number)), op=ast.Mult(), right=one) if (
-            is_pure_in_angle(number)
-        ):
-            return arc_among_terms(one)
-        case ast.BinOp(
-            left=one, op=ast.Mult() | ast.Div(), right=ast.Constant(value=float(number))
+        case (
+            ast.BinOp(left=ast.Constant(value=float(number)), op=ast.Mult(), right=one)
+            | ast.BinOp(
+                left=one, op=ast.Mult() | ast.Div(), right=ast.Constant(value=float(number))
+            )
         ) if is_pure_in_angle(number):
             return arc_among_terms(one)
     return None
@@ -158,7 +159,7 @@ def angles_of(formula: Formula) -> list[tuple[str, ast.expr, Dimension]]:
     """Each sine, cosine and tangent of something that has the unit of x or of y: its name, its
     argument, and that unit.
     """
-    system = _System(any_angle=True)
+    system = _System(left_open=_OF_ANGLES)
     system.add_equation(_dimension(formula.tree, system), {_Y: Fraction(1)})
     return [
         (name, node, unit)
@@ -172,10 +173,9 @@ class _System:
     """Solved equations: unknown -> what it is in terms of others, of the unit of x and of that of
     y.
 
-    any_angle : whether the unit of what `radians` and `sign` take and of what `degrees` gives is
-        left open.
-    any_logarithm : the same of what logarithms take (ln U + ...).  is_pure : whether a number has
-        no unit of its own; None: none has.
+    left_open : functions that may take any unit, as a logarithm (ln U + ...), and `degrees` give
+        one.
+    is_pure : whether a number has no unit of its own; None: none has.
     turned : name, argument and its unit of each sine, cosine and tangent, whose argument is then
         taken to be pure.
     """
@@ -183,8 +183,7 @@ class _System:
     solved: dict[str, _Row] = field(default_factory=dict)
     n_fresh: int = 0
     contradicted: bool = False
-    any_angle: bool = False
-    any_logarithm: bool = False
+    left_open: frozenset[str] = frozenset()
     is_pure: Callable[[float], bool] | None = None
     turned: list[tuple[str, ast.expr, _Row]] = field(default_factory=list)
 
@@ -231,22 +230,12 @@ def _dimension(node: ast.expr, system: _System) -> _Row:
             return first if {*first} - {_TEN} or not second else second
         case ast.Call(func=ast.Name(id="power"), args=[base, exponent]):
             return _power(base, exponent, system)
-        case ast.Call(func=ast.Name(id="radians"), args=[angle]) if system.any_angle:
-            _dimension(angle, system)
-            return {}
-        case ast.Call(func=ast.Name(id="sign" | "heaviside"), args=[argument, *_]) if (
-            system.any_angle
-        ):
-            _dimension(argument, system)
-            return {}
-        case ast.Call(func=ast.Name(id="log" | "ln" | "log2" | "log10"), args=[argument]) if (
-            system.any_logarithm
-        ):
-            _dimension(argument, system)
-            return {}
-        case ast.Call(func=ast.Name(id="degrees"), args=[angle]) if system.any_angle:
+        case ast.Call(func=ast.Name(id="degrees"), args=[angle]) if system.left_open:
             system.add_equation(_dimension(angle, system), {})
             return system.fresh()
+        case ast.Call(func=ast.Name(id=name), args=[argument, *_]) if name in system.left_open:
+            _dimension(argument, system)
+            return {}
         case ast.Call(func=ast.Name(id="sin" | "cos" | "tan" as name), args=[angle]):
             of_angle = system.reduced(_dimension(angle, system))
             system.turned.append((name, angle, of_angle))
@@ -283,12 +272,12 @@ def _power(base: ast.expr, exponent: ast.expr, system: _System) -> _Row:
 def _call(name: str, arguments: list[_Row], system: _System) -> _Row:
     if name in ROOTS:
         return {symbol: factor * ROOTS[name] for symbol, factor in arguments[0].items()}
-    if name in _SAME or name in ("where", "arctan2", "atan2", "voigt"):
+    if name in ALIKE or name == "voigt":
         for other in arguments[1:]:
             system.add_equation(arguments[0], other)
         if name == "voigt":
             return {symbol: -factor for symbol, factor in arguments[0].items()}
-        return {} if name in ("arctan2", "atan2") else arguments[0]
+        return {} if name in ARCS else arguments[0]
     for argument in arguments:
         system.add_equation(argument, {})
     return {}

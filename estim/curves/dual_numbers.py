@@ -98,25 +98,23 @@ def _partial(value: Any, name: str) -> Any:
     return value.partials.get(name, 0.0) if isinstance(value, Dual) else 0.0
 
 
-_STEPS = frozenset(
-    {
-        np.less,
-        np.less_equal,
-        np.greater,
-        np.greater_equal,
-        np.equal,
-        np.not_equal,
-        np.isfinite,
-        np.isnan,
-        np.sign,
-        np.floor,
-        np.ceil,
-        np.rint,
-        np.logical_and,
-        np.logical_or,
-        np.logical_not,
-    }
-)  # constant between their jumps: plain values come out
+_STEPS = {
+    np.less,
+    np.less_equal,
+    np.greater,
+    np.greater_equal,
+    np.equal,
+    np.not_equal,
+    np.isfinite,
+    np.isnan,
+    np.sign,
+    np.floor,
+    np.ceil,
+    np.rint,
+    np.logical_and,
+    np.logical_or,
+    np.logical_not,
+}  # constant between their jumps: plain values come out
 
 
 _OF_COMPLEX: Mapping[Any, Callable[[Any], Any]] = {

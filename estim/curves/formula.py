@@ -18,7 +18,7 @@ import warnings
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from types import CodeType, MappingProxyType
+from types import CodeType
 from typing import Any
 
 import numpy as np
@@ -28,9 +28,10 @@ from estim.common import InputError, read_number, same_looks
 from estim.curves.dual_numbers import Dual, plain
 from estim.problem import LocalCurve
 
-CONSTANTS: Mapping[str, float] = MappingProxyType({"pi": float(np.pi), "e": float(np.e)})
-FUNCTIONS: Mapping[str, tuple[str, int]] = MappingProxyType(
-    {
+CONSTANTS: Mapping[str, float] = {"pi": float(np.pi), "e": float(np.e)}
+# name -> NumPy's or SciPy's name, number of arguments
+FUNCTIONS: Mapping[str, tuple[str, int]] = {
+    **{
         name: (name, 1)
         for name in (
             "sin",
@@ -62,18 +63,18 @@ FUNCTIONS: Mapping[str, tuple[str, int]] = MappingProxyType(
             "erf",
             "erfc",
         )
-    }
-    | {
-        "asin": ("arcsin", 1),
-        "acos": ("arccos", 1),
-        "atan": ("arctan", 1),
-        "ln": ("log", 1),
-        "where": ("where", 3),
-        "voigt": ("voigt_profile", 3),
-    }
-    | {name: (name, 2) for name in ("arctan2", "hypot", "heaviside")}
-    | {"atan2": ("arctan2", 2), "min": ("minimum", 2), "max": ("maximum", 2)}
-)  # name -> NumPy's or SciPy's name, number of arguments
+    },
+    "asin": ("arcsin", 1),
+    "acos": ("arccos", 1),
+    "atan": ("arctan", 1),
+    "ln": ("log", 1),
+    "where": ("where", 3),
+    "voigt": ("voigt_profile", 3),
+    **{name: (name, 2) for name in ("arctan2", "hypot", "heaviside")},
+    "atan2": ("arctan2", 2),
+    "min": ("minimum", 2),
+    "max": ("maximum", 2),
+}
 RESERVED = frozenset({"x", *CONSTANTS, *FUNCTIONS})
 TRIGONOMETRIC = ("sin", "cos", "tan")
 

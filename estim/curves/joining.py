@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -80,8 +79,8 @@ def join(
     *,
     own: Mapping[str, Collection[str]],
     common: Collection[str] = (),
-    derived: Mapping[str, str] = MappingProxyType({}),
-    units: Mapping[str, str] = MappingProxyType({}),
+    derived: Mapping[str, str] = {},
+    units: Mapping[str, str] = {},
     order: Iterable[str] = (),
     same_size: bool = False,
 ) -> JointProblem:
@@ -142,12 +141,7 @@ def join(
         }
     y = np.concatenate([part.y for part in parts.values()])
     return JointProblem(
-        MappingProxyType(dict(parts)),
-        MappingProxyType(sources),
-        ordered,
-        y,
-        MappingProxyType(fixed),
-        _across(derived, units, parts, sources, by_name),
+        dict(parts), sources, ordered, y, fixed, _across(derived, units, parts, sources, by_name)
     )
 
 

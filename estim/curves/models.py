@@ -13,7 +13,6 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 from estim.common import InputError
 from estim.curves.formula import Formula, check_names, read_formula
@@ -209,51 +208,49 @@ def _polynomial(degree: int) -> Model:
     return Model(f"polynomial{degree}", " + ".join(powers), names)
 
 
-MODELS: Mapping[str, Model] = MappingProxyType(
-    {
-        model.name: model
-        for model in (
-            Model("constant", "c", ("c",)),
-            Model("line", "slope*x + intercept", ("slope", "intercept")),
-            *(_polynomial(degree) for degree in range(2, 8)),
-            Model("exponential", "amplitude*exp(-x/decay)", ("amplitude", "decay")),
-            Model("power", "amplitude*x**exponent", ("amplitude", "exponent")),
-            Model(
-                "gaussian",
-                "amplitude/(sigma*sqrt(2*pi))*exp(-(x - center)**2/(2*sigma**2))",
-                ("amplitude", "center", "sigma"),
-                _PEAK,
-            ),
-            Model(
-                "lorentzian",
-                "amplitude/pi*sigma/((x - center)**2 + sigma**2)",
-                ("amplitude", "center", "sigma"),
-                _PEAK,
-            ),
-            Model(
-                "voigt",
-                "amplitude*voigt(x - center, sigma, gamma)",
-                ("amplitude", "center", "sigma", "gamma"),
-                {"sigma": _POSITIVE, "gamma": _POSITIVE},
-            ),
-            Model(
-                "oscillation",
-                "amplitude*cos(2*pi*frequency*x + phase)",
-                ("amplitude", "frequency", "phase"),
-                {"frequency": _POSITIVE},
-            ),
-            Model(
-                "damped_oscillation",
-                "amplitude*exp(-damping*x)*cos(2*pi*frequency*x + phase)",
-                ("amplitude", "frequency", "phase", "damping"),
-                {"frequency": _POSITIVE},
-            ),
-            Model(
-                "logistic",
-                "amplitude/(1 + exp(-(x - center)/sigma))",
-                ("amplitude", "center", "sigma"),
-                {},
-            ),
-        )
-    }
-)
+MODELS: Mapping[str, Model] = {
+    model.name: model
+    for model in (
+        Model("constant", "c", ("c",)),
+        Model("line", "slope*x + intercept", ("slope", "intercept")),
+        *(_polynomial(degree) for degree in range(2, 8)),
+        Model("exponential", "amplitude*exp(-x/decay)", ("amplitude", "decay")),
+        Model("power", "amplitude*x**exponent", ("amplitude", "exponent")),
+        Model(
+            "gaussian",
+            "amplitude/(sigma*sqrt(2*pi))*exp(-(x - center)**2/(2*sigma**2))",
+            ("amplitude", "center", "sigma"),
+            _PEAK,
+        ),
+        Model(
+            "lorentzian",
+            "amplitude/pi*sigma/((x - center)**2 + sigma**2)",
+            ("amplitude", "center", "sigma"),
+            _PEAK,
+        ),
+        Model(
+            "voigt",
+            "amplitude*voigt(x - center, sigma, gamma)",
+            ("amplitude", "center", "sigma", "gamma"),
+            {"sigma": _POSITIVE, "gamma": _POSITIVE},
+        ),
+        Model(
+            "oscillation",
+            "amplitude*cos(2*pi*frequency*x + phase)",
+            ("amplitude", "frequency", "phase"),
+            {"frequency": _POSITIVE},
+        ),
+        Model(
+            "damped_oscillation",
+            "amplitude*exp(-damping*x)*cos(2*pi*frequency*x + phase)",
+            ("amplitude", "frequency", "phase", "damping"),
+            {"frequency": _POSITIVE},
+        ),
+        Model(
+            "logistic",
+            "amplitude/(1 + exp(-(x - center)/sigma))",
+            ("amplitude", "center", "sigma"),
+            {},
+        ),
+    )
+}

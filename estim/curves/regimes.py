@@ -13,7 +13,19 @@ import numpy as np
 
 from estim.arrays import FloatArray, Named
 from estim.curves.rolling import body_of
-from estim.model import range_of_release, release_for_turn, release_that_rolls_on, turning_point
+from estim.model import (
+    Body,
+    range_of_release,
+    release_for_turn,
+    release_that_rolls_on,
+    turning_point,
+)
+
+
+def _rolling(arguments: Named) -> tuple[Body, FloatArray]:
+    """The body, and its coefficient of rolling resistance."""
+    body, motion = body_of(arguments)
+    return body, np.asarray(motion["rolling_resistance"], dtype=float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +46,7 @@ class Borders:
 
 def borders_of(arguments: Named, phi: FloatArray, *, ramp_end: float) -> Borders:
     """The borders at true tilts phi (n_phi,) rad.  ramp_end : m from the release."""
-    body, motion = body_of(arguments)
-    resistance = motion["rolling_resistance"]
+    body, resistance = _rolling(arguments)
     lowest, highest = range_of_release(body.gamma, phi, rolling_resistance=resistance)
     on = release_that_rolls_on(body.gamma, phi, rolling_resistance=resistance)
     at_end = release_for_turn(
@@ -49,10 +60,9 @@ def turning_contours(arguments: Named, phi: FloatArray, stops: FloatArray) -> Fl
     """(n_draw, n_stop, n_phi) rad, from where the body stops after `stops` (n_stop,) m at true
     tilts phi (n_phi,); nan where from nowhere.
     """
-    body, motion = body_of(arguments)
+    body, resistance = _rolling(arguments)
     radius, gamma, resistance = (
-        np.atleast_2d(value)[..., None]
-        for value in (body.radius, body.gamma, motion["rolling_resistance"])
+        np.atleast_2d(value)[..., None] for value in (body.radius, body.gamma, resistance)
     )
     return release_for_turn(stops[:, None] / radius, gamma, phi, rolling_resistance=resistance)
 
@@ -63,8 +73,7 @@ def steepest_tilt(arguments: Named) -> FloatArray:
 
     phi = asin(gamma/sqrt(1 + c_rr^2)) - atan(c_rr)
     """
-    body, motion = body_of(arguments)
-    resistance = np.asarray(motion["rolling_resistance"], dtype=float)
+    body, resistance = _rolling(arguments)
     return np.atleast_2d(
         np.arcsin(np.minimum(body.gamma / np.hypot(1.0, resistance), 1.0)) - np.arctan(resistance)
     )
@@ -76,8 +85,7 @@ def farthest_stop(arguments: Named, phi: FloatArray) -> FloatArray:
 
     0 where it sets off from none, inf where it may roll on for ever.
     """
-    body, motion = body_of(arguments)
-    resistance = motion["rolling_resistance"]
+    body, resistance = _rolling(arguments)
     lowest, _ = range_of_release(body.gamma, phi, rolling_resistance=resistance)
     # rad, from an angle at which it would stay
     return np.atleast_2d(

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 
@@ -56,7 +55,7 @@ def linear_derived(
     *,
     sizes: ErrorSizes = STATED,
     unknown: Sequence[str] = (),
-    intervals: Mapping[str, Mapping[float, tuple[float, float]]] = MappingProxyType({}),
+    intervals: Mapping[str, Mapping[float, tuple[float, float]]] = {},
 ) -> tuple[LinearDerived, ...]:
     """What follows from the parameters `names` of a run at values (n_par,) with covariance cov
     (n_par, n_par), but for what is exact.

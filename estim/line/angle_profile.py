@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray, sds_of
 from estim.common import InputError
-from estim.given_numbers import check_size, finite_numbers, real_numbers
+from estim.given_numbers import check_size, finite_numbers, real_numbers, require_each
 from estim.line.joint_covariance import check_joint
 
 # of the mean variance of all readings, and of a point's own: what is exact across a line has the
@@ -71,18 +71,12 @@ def line_data(
     uy = _vector((1.0 if u_x is None else 0.0) if u_y is None else u_y, "u_y", n_obs)
     r = _vector(r_xy, "r_xy", n_obs)
     for field, values in (("u_x", ux), ("u_y", uy)):
-        if np.any(values < 0.0):
-            raise InputError("must be >= 0", field=field, value=float(values.min()))
+        require_each(values >= 0.0, values, "must be >= 0", field, of_many=False)
         check_size(values, field, each=True)
-    if np.any(np.abs(r) >= 1.0):
-        raise InputError(
-            "must lie between -1 and 1", field="r_xy", value=float(r[np.argmax(np.abs(r))])
-        )
+    require_each(np.abs(r) < 1.0, r, "must lie between -1 and 1", "r_xy", of_many=False)
     if np.any(r != 0.0) and (u_x is None or u_y is None):
         raise InputError("needs both u_x and u_y", field="r_xy")
-    if np.any((ux == 0.0) & (uy == 0.0)):
-        index = int(np.argmax((ux == 0.0) & (uy == 0.0)))
-        raise InputError(f"and u_x must not both be 0 (point {index + 1})", field="u_y", value=0.0)
+    require_each((ux > 0.0) | (uy > 0.0), uy, "and u_x must not both be 0", "u_y")
     if np.ptp(x_) == 0.0 and (np.ptp(y_) == 0.0 or not np.any(ux)):
         raise InputError("must not all be equal", field="x", value=float(x_[0]))
     if np.ptp(y_) == 0.0 and not np.any(uy):

@@ -16,6 +16,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.checks import PRIOR_DOMINATED, headline, posterior_table, sampling_findings
 from estim.common import (
+    QUANTILES,
     Finding,
     Kind,
     Notation,
@@ -34,11 +35,11 @@ from estim.line.release_likelihood import (
     FACTOR,
     ReleasePosterior,
     effective_start,
+    outcomes,
     release_posterior,
     rough_gamma,
     start_angle,
 )
-from estim.line.thresholds import Threshold, thresholds
 from estim.line.trial_data import HIGH, LOW, Trials
 from estim.problem import Prior
 from estim.sampling import (
@@ -326,3 +327,51 @@ def _findings(
         numbers = {"stated": math.degrees(trials.u_theta), "factor": FACTOR}
         findings.append(Finding(Kind.TRIALS_SCATTER, size=math.degrees(typical), numbers=numbers))
     return wrong(findings)
+
+
+_N_SCATTER = 40  # values of the scatter, equally probable
+# of the grid of angles: this, or this share of u_theta where that is smaller
+_STEP, _SHARE = math.radians(0.1), 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Threshold:
+    """Where ascents begin at one tilt.
+
+    end : "min" or "max".
+    phi : rad.  n_trial, n_climbed : trials at that end.
+    quantiles : (5,) rad, at 2.5, 16, 50, 84, 97.5 %, angles from the vertical.  Where all trials
+        climbed or none did, the prior is one of the ends.
+    """
+
+    end: str
+    phi: float
+    n_trial: int
+    n_climbed: int
+    quantiles: FloatArray
+
+
+def thresholds(trials: Trials, scatter: FloatArray) -> tuple[Threshold, ...]:
+    """The threshold at each end of each tilt where there are trials, by end and tilt.
+
+    scatter : (n_draw,) rad, draws of the standard deviation from trial to trial.
+    """
+    n_angle = min(
+        math.ceil(0.5 * np.pi / min(_STEP, _SHARE * float(np.quantile(scatter, 0.01)))) + 1, 9001
+    )
+    angles = np.linspace(0.0, 0.5 * np.pi, n_angle)
+    spread = np.quantile(scatter, (np.arange(_N_SCATTER) + 0.5) / _N_SCATTER)[:, None]
+    starts = np.broadcast_to(angles, (_N_SCATTER, n_angle))
+    results = []
+    for end in (LOW, HIGH):
+        for part in trials.end(end).tilts:
+            logs = outcomes(part, end, starts, spread, None)
+            shapes = np.exp(logs - logs.max(axis=1, keepdims=True))
+            density = np.mean(shapes / shapes.sum(axis=1, keepdims=True), axis=0)
+            below = np.cumsum(density) - 0.5 * density
+            at = np.interp(QUANTILES, below / below[-1], angles)
+            at = at if end == LOW else np.pi - at[::-1]
+            results.append(
+                Threshold(end, part.phi, part.theta.size, int(np.count_nonzero(part.climbed)), at)
+            )
+    return tuple(results)

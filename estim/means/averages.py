@@ -38,6 +38,7 @@ from estim.common import (
     format_p,
     format_rounded,
     interval,
+    per_cent,
     phrase,
     read_quantity,
     significant,
@@ -141,7 +142,7 @@ class Mean(Tabled):
         return not self.p_value < CONSISTENT
 
     def shown(self) -> Shown:
-        percent = f"{100.0 * self.probability:g} %"
+        percent = per_cent(self.probability)
         head = (phrase("method"), phrase("value"), "u", "tau", "dof", "k", percent)
         rows = [(name, *cells(average)) for name, average in self.averages.items()]
         title = phrase("Mean of {n} values", n=self.data.size)

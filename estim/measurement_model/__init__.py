@@ -5,5 +5,4 @@ Read `model_file` first, then `propagating`.
 """
 
 from estim.measurement_model.model_file import model_of_formula, read_model
-from estim.measurement_model.propagating import Propagation, propagate
-from estim.measurement_model.coverage_regions import Region, ellipse
+from estim.measurement_model.propagating import Propagation, Region, ellipse, propagate

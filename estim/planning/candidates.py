@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Literal
 
 from estim.campaign import NewRun
@@ -45,7 +44,7 @@ class Change:
     words: str
     group: Group
     own: bool = False
-    u: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    u: Mapping[str, float] = field(default_factory=dict)
     frames: float = 1.0
     error: float = 1.0
     reach: float = 1.0

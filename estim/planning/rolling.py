@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 
@@ -79,7 +78,7 @@ class RollingBasis:
         }
         for new in change.runs:
             run = measured[new.like].run
-            run = replace(run, arguments=MappingProxyType(self._arguments(run, new)))
+            run = replace(run, arguments=self._arguments(run, new))
             first = replace(measured[new.like], run=run, table=tables[new.name])
             tables[new.name], remark = first.first(self.ramp)
             remarks += [remark] if remark else []
@@ -139,12 +138,7 @@ def rolling_basis(campaign: Campaign, names: Sequence[str], fit: Fit) -> Rolling
         )
     release = release_times(campaign, fit.problem, fit.values)
     return RollingBasis(
-        campaign,
-        tuple(names),
-        fit,
-        release,
-        MappingProxyType(force_sizes(fit.posterior, fit.values)),
-        MappingProxyType(ramp),
+        campaign, tuple(names), fit, release, force_sizes(fit.posterior, fit.values), ramp
     )
 
 

@@ -105,42 +105,38 @@ class Input:
             object.__setattr__(
                 self, field, real_number(getattr(self, field), f"{self.name}.{field}")
             )
-        if not math.isfinite(self.value):
-            raise InputError("must be finite", field=f"{self.name}.value", value=self.value)
-        if not (math.isfinite(self.u) and self.u >= 0.0):
-            raise InputError("must be finite and >= 0", field=f"{self.name}.u", value=self.u)
-        require_one_of(self.distribution, get_args(Distribution), field=f"{self.name}.distribution")
-        if not self.dof > 0.0:
-            raise InputError("must be > 0", field=f"{self.name}.dof", value=self.dof)
-        if self.distribution == "t" and math.isinf(self.dof):
-            raise InputError(
-                "must be finite for the t distribution", field=f"{self.name}.dof", value=self.dof
-            )
-        if self.distribution == "standardised-t" and not 2.0 < self.dof < math.inf:
-            raise InputError(
+        kind, dof, shape = self.distribution, self.dof, self.shape
+        require_one_of(kind, get_args(Distribution), field=f"{self.name}.distribution")
+        for field, valid, rule in (
+            ("value", math.isfinite(self.value), "must be finite"),
+            ("u", 0.0 <= self.u < math.inf, "must be finite and >= 0"),
+            ("dof", dof > 0.0, "must be > 0"),
+            ("dof", kind != "t" or dof < math.inf, "must be finite for the t distribution"),
+            (
+                "dof",
+                kind != "standardised-t" or 2.0 < dof < math.inf,
                 "must be finite and > 2 for the standardised t distribution",
-                field=f"{self.name}.dof",
-                value=self.dof,
-            )
-        if not 0.0 <= self.joint_dof < math.inf or (self.joint_dof and not self.group):
-            raise InputError(
+            ),
+            (
+                "joint_dof",
+                0.0 <= self.joint_dof < math.inf and (not self.joint_dof or self.group),
                 "must be a number > 0, and be left out for an input of no group",
-                field=f"{self.name}.joint_dof",
-                value=self.joint_dof,
-            )
-        if not 0.0 <= self.shape <= 1.0 or (self.shape > 0.0 and self.distribution not in SHAPED):
-            rule = (
-                "must lie between 0 and 1, and be left out for all distributions but the trapezoids"
-            )
-            raise InputError(rule, field=f"{self.name}.shape", value=self.shape)
-        if self.distribution in POSITIVE and not self.value > 0.0:
-            raise InputError(
-                f"must be > 0 for the {self.distribution} distribution",
-                field=f"{self.name}.value",
-                value=self.value,
-            )
-        if not isinstance(self.unit, str):
-            raise InputError("must be a text", field=f"{self.name}.unit", value=self.unit)
+            ),
+            (
+                "shape",
+                0.0 <= shape <= 1.0 and (shape == 0.0 or kind in SHAPED),
+                "must lie between 0 and 1, and be left out for all distributions but the "
+                "trapezoids",
+            ),
+            (
+                "value",
+                kind not in POSITIVE or self.value > 0.0,
+                f"must be > 0 for the {kind} distribution",
+            ),
+            ("unit", isinstance(self.unit, str), "must be a text"),
+        ):
+            if not valid:
+                raise InputError(rule, field=f"{self.name}.{field}", value=getattr(self, field))
 
     @classmethod
     def of(cls, name: str, stated: Input | str | float | ArrayLike) -> Input:

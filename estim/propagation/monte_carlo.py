@@ -22,7 +22,16 @@ from typing import Literal, get_args
 import numpy as np
 
 from estim.arrays import BoolArray, FloatArray
-from estim.common import Shown, Tabled, format_rounded, interval, later, phrase, require_one_of
+from estim.common import (
+    Shown,
+    Tabled,
+    format_rounded,
+    interval,
+    later,
+    per_cent,
+    phrase,
+    require_one_of,
+)
 from estim.given_numbers import check_probability, check_whole, random_generator
 from estim.propagation.copula import copula_matrix, draw_inputs
 from estim.propagation.evaluation import (
@@ -132,7 +141,7 @@ class MonteCarloResult(Tabled):
                 (name, format_rounded(mean, size), format_rounded(u, u, beside=mean), *cells)
             )
         title = phrase("Monte Carlo (JCGM 101), {n} draws", n=self.n_draw)
-        percent = f"{100.0 * self.probability:g} %"
+        percent = per_cent(self.probability)
         heads = (f"{percent}, {phrase(word)}" for word in ("symmetric", "shortest"))
         return Shown(title, ("", phrase("mean"), "u", *heads), rows, self.notes)
 

@@ -30,22 +30,21 @@ Distribution = Literal[
     "lognormal",
     "gamma",
 ]
-SHAPED = frozenset({"trapezoidal", "curvilinear-trapezoidal"})
+SHAPED = {"trapezoidal", "curvilinear-trapezoidal"}
 BOUNDED = ("rectangular", "triangular", "trapezoidal", "curvilinear-trapezoidal", "arcsine")
-POSITIVE = frozenset({"lognormal", "gamma"})
+POSITIVE = {"lognormal", "gamma"}
+_PLATEAUS = {"rectangular": 1.0, "triangular": 0.0}  # as trapezoids: of their base
 
 
 def half_width_in_u(distribution: str, shape: float) -> float:
     """Half width of a bounded distribution divided by its standard deviation (GUM 4.3.7, 4.3.9;
     JCGM 101, 6.4.2-6.4.6).
     """
-    return {
-        "rectangular": math.sqrt(3.0),
-        "triangular": math.sqrt(6.0),
-        "arcsine": math.sqrt(2.0),
-        "trapezoidal": math.sqrt(6.0 / (1.0 + shape**2)),
-        "curvilinear-trapezoidal": 1.0 / math.sqrt(1.0 / 3.0 + shape**2 / 9.0),
-    }[distribution]
+    if distribution == "arcsine":
+        return math.sqrt(2.0)
+    if distribution == "curvilinear-trapezoidal":
+        return 1.0 / math.sqrt(1.0 / 3.0 + shape**2 / 9.0)
+    return math.sqrt(6.0 / (1.0 + _PLATEAUS.get(distribution, shape) ** 2))
 
 
 def score(
@@ -81,17 +80,14 @@ def _magnitude(tail: FloatArray, distribution: str, dof: float, shape: float) ->
         scale = 1.0 if distribution == "t" else math.sqrt((dof - 2.0) / dof)
         return -scale * student_quantile(tail, dof)
     width = half_width_in_u(distribution, shape)
-    if distribution == "rectangular":
-        return width * (1.0 - 2.0 * tail)
-    if distribution == "triangular":
-        return width * (1.0 - np.sqrt(2.0 * tail))
     if distribution == "arcsine":
         return width * np.cos(math.pi * tail)
-    if distribution == "trapezoidal":
-        height = 1.0 / (1.0 + shape)
-        slope = 1.0 - np.sqrt(2.0 * tail * (1.0 - shape) / height)
-        return width * np.where(tail <= 0.5 * height * (1.0 - shape), slope, (0.5 - tail) / height)
-    return width * _curvilinear(tail, shape)
+    if distribution == "curvilinear-trapezoidal":
+        return width * _curvilinear(tail, shape)
+    plateau = _PLATEAUS.get(distribution, shape)
+    height = 1.0 / (1.0 + plateau)
+    slope = 1.0 - np.sqrt(2.0 * tail * (1.0 - plateau) / height)
+    return width * np.where(tail <= 0.5 * height * (1.0 - plateau), slope, (0.5 - tail) / height)
 
 
 def _curvilinear(tail: FloatArray, d: float) -> FloatArray:

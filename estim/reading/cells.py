@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*|,\d+)?|[.,]\d+)([eE][+-]?\d{1,4})?", re.ASCII)
 _GROUPED = re.compile(r"[+-]?\d{1,3}([., '’\u00a0\u202f]\d{3})+([.,]\d*)?", re.ASCII)
-_MISSING = frozenset({"", "nan", "na", "n/a", "-", "--", "−", "null"})
+_MISSING = {"", "nan", "na", "n/a", "-", "--", "−", "null"}
 _MARKS = re.compile(r"[\t;,|]")
 _TOO_NARROW = re.compile(r"#{3,}")  # what a spreadsheet shows of a number wider than its column
 _OF_SPREADSHEETS = (

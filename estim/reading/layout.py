@@ -52,7 +52,7 @@ _UNITS = (
     "% ° °C °F Ω kΩ MΩ Å ′ ″ 1"
 )
 _SYMBOLS = frozenset(_UNITS.split()) - {"1"}
-_NO_UNIT = frozenset({"1", "-", "--", "–", "—", "dimensionless", "unitless", "none", "n/a"})
+_NO_UNIT = {"1", "-", "--", "–", "—", "dimensionless", "unitless", "none", "n/a"}
 _NUMBER_FIRST = re.compile(r"(?!1\s*/|10\s*[\^⁻⁰¹²³⁴⁵⁶⁷⁸⁹])[+-]?[.,]?\d")  # but 1/s, 10^-3 N
 _BEGINS_WITH_A_NUMBER = re.compile(r"\W{0,3}\d")
 _BEGINS_WITH_A_WORD = re.compile(r'\s*"?[^\W\d_]{2}')

@@ -16,8 +16,7 @@ from estim.common import FigureChoice, Files, as_csv, as_json, phrase
 from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, grid, whole_ticks
 from estim.pipeline import Analysis
 from estim.reports.analysis import analysis_report
-from estim.reports.formats import with_formats
-from estim.reports.pages import page
+from estim.reports.pages import page, with_formats
 from estim.reports.result import Subject, result_of
 
 _LISTED = 100  # rows of a table that people read
@@ -145,7 +144,7 @@ def overview_figure(rows: Sequence[RunRow], shown: Sequence[RunScatter]) -> Figu
         at = np.array(spread.rows) + 1
         outlying = np.isin(np.array(spread.rows), spread.apart)
         factor = spread.label.factor
-        ax.axhline(spread.median * factor, color=GREY, linewidth=0.8)
+        ax.axhline(spread.median * factor, color=GREY)
         for chosen, colour, mark in ((~outlying, BLUE, "o"), (outlying, ORANGE, "D")):
             bars = len(rows) <= 200  # of more, error bars would be one black band
             ax.errorbar(
@@ -156,28 +155,14 @@ def overview_figure(rows: Sequence[RunRow], shown: Sequence[RunScatter]) -> Figu
                 color=colour,
                 markersize=3.5 if bars else 2.0,
                 markeredgewidth=None if bars else 0.0,
-                linewidth=0.8,
             )
         for i in spread.apart[:_NAMED]:
             name = rows[i].run or PurePath(rows[i].campaign).name
             value = spread.mean[spread.rows.index(i)] * factor
-            ax.annotate(
-                name,
-                (i + 1, value),
-                xytext=(4, 3),
-                textcoords="offset points",
-                fontsize=7,
-                color=INK,
-            )
+            ax.annotate(name, (i + 1, value), xytext=(4, 3), textcoords="offset points", color=INK)
         if bad.size:
             ax.plot(
-                bad,
-                np.full(bad.size, 0.04),
-                "x",
-                color=INK,
-                markersize=3.5,
-                markeredgewidth=0.8,
-                transform=ax.get_xaxis_transform(),
+                bad, np.full(bad.size, 0.04), "x", color=INK, transform=ax.get_xaxis_transform()
             )
         ax.set_ylabel(spread.label.axis)
         ax.margins(y=0.15)

@@ -154,7 +154,7 @@ def rank_figure(calibration: Calibration) -> Figure:
     figure, axes = grid(len(names), height=1.75, columns=3, sharey=True)
     for ax, name in zip(axes, names, strict=True):
         ranks = calibration.ranks_of(name)
-        ax.axhline(0.0, color=GREY, lw=0.6)
+        ax.axhline(0.0, color=GREY)
         ax.set_title(calibration.labels[name].tex)
         if ranks.size == 0:
             continue
@@ -169,10 +169,8 @@ def rank_figure(calibration: Calibration) -> Figure:
             color=BLUE if inside else ORANGE,
             lw=1.2 if inside else 1.8,
         )
-    figure.supxlabel(
-        phrase("rank of the true value among posterior draws, as a fraction"), fontsize=8
-    )
-    figure.supylabel(phrase("ECDF − uniform"), fontsize=8)
+    figure.supxlabel(phrase("rank of the true value among posterior draws, as a fraction"))
+    figure.supylabel(phrase("ECDF − uniform"))
     return figure
 
 
@@ -187,17 +185,13 @@ def coverage_figure(calibration: Calibration) -> Figure:
     for i, (ax, p, sd) in enumerate(zip(axes, PROBABILITIES, calibration.share_sd(), strict=True)):
         for width, shade in ((1.0, 0.35), (calibration.off_sds, 0.18)):
             ax.axvspan(
-                100 * (p - width * sd),
-                min(100 * (p + width * sd), 100.0),
-                color=GREY,
-                alpha=shade,
-                lw=0,
+                100 * (p - width * sd), min(100 * (p + width * sd), 100.0), color=GREY, alpha=shade
             )
-        ax.axvline(100 * p, color=INK, lw=0.8)
+        ax.axvline(100 * p, color=INK)
         shares = np.array([calibration.share(name)[i] for name in names])
         outside = np.abs(shares - p) > calibration.off_sds * sd
-        ax.plot(100 * shares[~outside], rows[~outside], "o", color=BLUE, ms=4)
-        ax.plot(100 * shares[outside], rows[outside], "D", color=ORANGE, ms=5)
+        ax.plot(100 * shares[~outside], rows[~outside], "o", color=BLUE)
+        ax.plot(100 * shares[outside], rows[outside], "D", color=ORANGE)
         ax.set_xlabel(phrase("covered by the {p} interval (%)", p=percentage(p)))
     name_ticks(axes[0].yaxis, rows, [calibration.labels[name].tex for name in names])
     return figure

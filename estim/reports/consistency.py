@@ -5,8 +5,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
@@ -47,7 +45,7 @@ def forest_figure(
     consistency: Consistency,
     *,
     on_edge: Collection[str] = (),
-    edges: Mapping[str, tuple[float, float]] = MappingProxyType({}),
+    edges: Mapping[str, tuple[float, float]] = {},
 ) -> Figure:
     """One panel a shared parameter, one line a run; bars are one standard uncertainty, the shaded
     band is the joint fit.
@@ -66,25 +64,21 @@ def forest_figure(
         sd = consistency.joint.sd[i] * label.factor
         if name not in on_edge:  # there all runs together give a limit
             left, right = max(centre - sd, low), min(centre + sd, high)
-            ax.axvspan(left, right, color=GREY, alpha=0.25, lw=0, label=phrase("all"))
-            ax.axvline(centre, color=GREY, lw=0.8)
+            ax.axvspan(left, right, color=GREY, alpha=0.25, label=phrase("all"))
+            ax.axvline(centre, color=GREY)
         for place, run in enumerate(runs):
-            colour = VERMILION if run in consistency.suspects else BLUE
-            others_style: dict[str, Any] = {"mfc": "white", "color": INK, "lw": 0.9}
-            alone_style: dict[str, Any] = {"color": colour, "lw": 1.4}
-            for estimate, offset, style, words in (
-                (consistency.others[run], 0.17, others_style, phrase("all but this run")),
-                (
-                    consistency.alone[run],
-                    -0.17,
-                    alone_style,
-                    phrase("this run and the stated values"),
-                ),
+            own = VERMILION if run in consistency.suspects else BLUE
+            alone = phrase("this run and the stated values")
+            for estimate, offset, colour, face, words in (
+                (consistency.others[run], 0.17, INK, "white", phrase("all but this run")),
+                (consistency.alone[run], -0.17, own, own, alone),
             ):
                 value, bar = _within(
                     estimate.mean[i] * label.factor, estimate.sd[i] * label.factor, low, high
                 )
-                ax.errorbar(value, place + offset, xerr=bar, fmt="o", ms=3.5, label=words, **style)
+                ax.errorbar(
+                    value, place + offset, None, bar, "o", color=colour, mfc=face, label=words
+                )
         name_ticks(ax.yaxis, range(len(runs)), runs)
         for tick, run in zip(ax.get_yticklabels(), runs, strict=True):
             tick.set_fontweight("bold" if run in consistency.suspects else "normal")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -72,7 +71,7 @@ class DrawDensity:
     levels: FloatArray
 
 
-def corner_figure(analysis: Analysis, truth: Mapping[str, float] = MappingProxyType({})) -> Figure:
+def corner_figure(analysis: Analysis, truth: Mapping[str, float] = {}) -> Figure:
     """Marginal and joint posteriors of `corner_parameters`, with the prior (orange) beside each
     marginal.
 
@@ -118,9 +117,7 @@ def corner_figure(analysis: Analysis, truth: Mapping[str, float] = MappingProxyT
     return figure
 
 
-def columns_of(
-    analysis: Analysis, truth: Mapping[str, float] = MappingProxyType({})
-) -> list[Column]:
+def columns_of(analysis: Analysis, truth: Mapping[str, float] = {}) -> list[Column]:
     """What a corner figure shows, one entry a parameter.  truth : parameter -> true value."""
     single = len(analysis.problem.runs) == 1
     parameters = [analysis.problem.parameters[i] for i in corner_parameters(analysis.problem)]
@@ -203,14 +200,14 @@ def _draw_marginal(ax: Axes, column: Column) -> None:
     if column.prior is not None and np.isfinite(column.prior.sd):
         x = np.linspace(column.low, column.high, 200)
         y = np.exp(column.prior.log_density(x / column.label.factor)) / column.label.factor
-        ax.plot(x, y, color=ORANGE, lw=1.4)
+        ax.plot(x, y, color=ORANGE)
         top = max(top, min(1.08 * float(y.max()), 2.0 * top))
     ax.set_ylim(0.0, top)
 
 
 def _mark_true(line: Callable[..., Line2D], column: Column) -> None:
     if column.true is not None and column.low <= column.true <= column.high:
-        line(column.true, color=INK, lw=0.9, ls=(0, (3, 2)))
+        line(column.true, color=INK, ls=(0, (3, 2)))
 
 
 def _name(axis: Axis, column: Column | None, *, fontsize: float, rotation: float = 0.0) -> None:
@@ -291,8 +288,8 @@ def trace_figure(analysis: Analysis) -> Figure:
         for k, ensemble in enumerate(mine):
             colour = _COLOURS[k % len(_COLOURS)]
             ax.plot(steps, ensemble[:, 0], color=colour, lw=0.4, alpha=0.35)
-            ax.plot(steps, ensemble.mean(axis=1), color=colour, lw=1.0)
-        ax.set_ylabel(label.axis, fontsize=8, rotation=0, ha="right", va="center")
+            ax.plot(steps, ensemble.mean(axis=1), color=colour)
+        ax.set_ylabel(label.axis, rotation=0, ha="right", va="center")
         ax.locator_params(axis="y", nbins=3)
     for ax in axes[-columns:]:
         ax.set_xlabel(phrase("step"))

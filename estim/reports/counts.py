@@ -61,7 +61,7 @@ def counts_figure(fit: Fit, goodness: Sequence[Goodness]) -> Figure:
         top.legend(loc="best")
         top.tick_params(labelbottom=False)
         draw_pulls(below, good.whitened)
-        below.vlines(run.x, 0.0, good.whitened, color=INK, lw=0.8)
+        below.vlines(run.x, 0.0, good.whitened, color=INK)
         below.plot(run.x, good.whitened, "o", color=INK, ms=2.5)
         below.set(xlabel=run.x_label, ylabel=phrase("pull"))
         below.sharex(top)
@@ -87,18 +87,16 @@ def _draw_counts(ax: Axes, run: Observations, mean: FloatArray, counted: Counted
         ax.plot(
             run.x, mean, "_", color=BLUE, ms=9, mew=1.6, label=phrase("expectation of the curve")
         )
-        ax.plot(
-            run.x, run.y, "o", color=INK, ms=3.5, label=phrase(law.word), zorder=5, clip_on=False
-        )
+        ax.plot(run.x, run.y, "o", color=INK, label=phrase(law.word), zorder=5, clip_on=False)
         return
     for low, high, height in zip(edges[:, 0], edges[:, 1], run.y, strict=True):
-        ax.fill_between([low, high], 0.0, height, color=GREY, alpha=0.3, lw=0)
-    ax.fill_between([], [], [], color=GREY, alpha=0.3, lw=0, label=phrase("observed counts"))
+        ax.fill_between([low, high], 0.0, height, color=GREY, alpha=0.3)
+    ax.fill_between([], [], [], color=GREY, alpha=0.3, label=phrase("observed counts"))
     x = edges.ravel()
     for level, shade in zip(PROBABILITIES[::-1], (0.18, 0.38), strict=True):
         low, high = (np.repeat(end, 2) for end in ends[level])
         fill(ax, x, low, high, BLUE, shade, label=phrase(lies, p=100 * level))
-    ax.plot(x, np.repeat(mean, 2), color=BLUE, lw=1.2, label=phrase("expectation of the curve"))
+    ax.plot(x, np.repeat(mean, 2), color=BLUE, label=phrase("expectation of the curve"))
     ax.plot(run.x, run.y, "o", color=INK, ms=2.5, zorder=5, clip_on=False)
 
 

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -57,7 +56,7 @@ def curve_report(
             [fit.text, *(f"{name} = {value!r}" for name, value in fit.fixed.items())]
         ).encode()
     ).hexdigest()
-    subject = CurveSubject(title, kind, fit.text, "fit_curve", text, MappingProxyType(tables))
+    subject = CurveSubject(title, kind, fit.text, "fit_curve", text, tables)
     return analysis_report(subject, analysis, figures=figures)
 
 
@@ -107,6 +106,6 @@ def _table_of(run: Observations) -> Run:
         name=run.name,
         file="(arrays)",
         sha256=digest,
-        columns=MappingProxyType(columns),
+        columns=columns,
         lines=np.arange(1, run.n_obs + 1),
     )

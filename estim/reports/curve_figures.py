@@ -70,7 +70,7 @@ def phase_figure(analysis: Analysis) -> Figure:
                 if bands.completed
                 else "most probable curve"
             )
-        ax.plot(x, curve, color=BLUE, lw=1.2, label=label)
+        ax.plot(x, curve, color=BLUE, label=label)
         _draw_points(ax, run, residuals)
         _draw_outliers(ax, run, analysis.outliers, residuals.far)
         _draw_bad_frames(ax, run, analysis.fit.forces)
@@ -147,7 +147,7 @@ def phase_plane_figure(
             for p, alpha in ((0.95, 0.30), (0.68, 0.55)):
                 low, high = bands.credible[p]
                 fill(ax, bands.x, low, high, colour, alpha)
-        ax.plot(bands.x, _curve(analysis, run, bands, bands.x), color=colour, lw=1.2)
+        ax.plot(bands.x, _curve(analysis, run, bands, bands.x), color=colour)
         name, rest = names[run.name], residuals[run.name]
         draw_points_with_bars(ax, rest, label=name, colour=colour, mark=mark)
         _draw_outliers(ax, run, analysis.outliers, rest.far)
@@ -231,14 +231,13 @@ def _draw_points(ax: Axes, run: Observations, residuals: DrawnResiduals) -> None
                 excluded[near, 1],
                 "x",
                 color=GREY,
-                ms=4,
                 label=phrase("excluded data"),
                 zorder=3,
                 clip_on=not run.words.from_release,
             )
         if hidden := way_back(run.excluded):
             text = phrase("{n} frames of the way back (v < 0) are not shown", n=hidden)
-            ax.text(0.99, 0.97, text, transform=ax.transAxes, ha="right", va="top", fontsize=7.5)
+            ax.text(0.99, 0.97, text, transform=ax.transAxes, ha="right", va="top")
 
 
 def _draw_outliers(
@@ -261,7 +260,6 @@ def _draw_outliers(
             (0, up),
             xycoords=place,
             textcoords="offset points",
-            fontsize=7.5,
             ha="center",
             va=side,
         )
@@ -379,7 +377,7 @@ def draw_points_with_bars(
         ax.plot(run.x[near], run.y[near], mark, color=colour, ms=1.5, label=label, zorder=1.9)
     else:
         style = {**_BAR, "fmt": mark, "color": colour}
-        ax.errorbar(run.x[near], run.y[near], residuals.sd[near], ms=3, label=label, **style)
+        ax.errorbar(run.x[near], run.y[near], residuals.sd[near], label=label, **style)
 
 
 def draw_residuals(ax: Axes, residuals: DrawnResiduals, bands: Bands | None) -> None:
@@ -390,7 +388,7 @@ def draw_residuals(ax: Axes, residuals: DrawnResiduals, bands: Bands | None) -> 
     rest, sd = residuals.rest[near], residuals.sd[near]
     if bands is not None:
         _draw_bands(ax, bands, less=bands.median)
-    ax.axhline(0.0, color=BLUE, lw=1.0)
+    ax.axhline(0.0, color=BLUE)
     if run.n_obs > MOST_BARS:
         ax.plot(run.x[near], rest, "o", color=INK, ms=1.2, alpha=0.6, zorder=1.9)
     else:
@@ -429,9 +427,7 @@ def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness]) 
         edges = np.linspace(-reach, reach, 15)
         right.hist(good.whitened, bins=edges, orientation="horizontal", color=BLUE, alpha=0.55)
         z = np.linspace(-reach, reach, 200)
-        right.plot(
-            run.n_obs * (edges[1] - edges[0]) * np.exp(normal_log_density(z)), z, color=INK, lw=1
-        )
+        right.plot(run.n_obs * (edges[1] - edges[0]) * np.exp(normal_log_density(z)), z, color=INK)
         left.set(xlabel=run.x_label, ylabel=phrase("residual in standard deviations"))
         left.set_title(run.name)
         right.set(xlabel=phrase(run.words.rows))
@@ -498,7 +494,7 @@ def _overlay(ax: Axes, runs: Sequence[Observations], residuals: Sequence[FloatAr
     ax.errorbar(
         x,
         mean,
-        yerr=error,
+        error,
         fmt="-",
         color=INK,
         lw=1.8,
@@ -506,5 +502,5 @@ def _overlay(ax: Axes, runs: Sequence[Observations], residuals: Sequence[FloatAr
         label=phrase("mean of the runs"),
         zorder=5,
     )
-    ax.axhline(0.0, color=GREY, lw=0.8)
+    ax.axhline(0.0, color=GREY)
     ax.set_xlabel(runs[0].x_label)

@@ -210,7 +210,7 @@ def energy_figure(
             ax.plot(t, y, mark, color=colour, ms=2.5, label=record.run)
             if record.run not in bad:
                 fill(ax, t, y - u, y + u, colour, 0.25)
-        change.axhline(0.0, color=GREY, lw=0.8)
+        change.axhline(0.0, color=GREY)
         for ax in (strip, change):
             ax.set_title(record.run, fontsize=7, loc="right", pad=2)
     along = f"{phrase('time t')} (s)" if timed else f"{phrase('position x')} (m)"
@@ -221,7 +221,7 @@ def energy_figure(
         (changes, "(d) (E − E₀)/E₀ (%)"),
     ):
         strips[-1].set_xlabel(along)
-        strips[0].set_title(name, fontsize=9, loc="left", pad=2)
+        strips[0].set_title(name, loc="left", pad=2)
     legend_below(figure, ncols=min(n, 6))
     figure.suptitle(title)
     return figure

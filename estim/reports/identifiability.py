@@ -188,7 +188,7 @@ def direction_figure(problem: Problem, identifiability: Identifiability) -> Figu
         color=colours,
         height=0.62,
     )
-    left.axvline(1.0, color=INK, lw=1)
+    left.axvline(1.0, color=INK)
     left.set(
         xscale="log",
         xlim=(_FLOOR, top),
@@ -205,19 +205,12 @@ def direction_figure(problem: Problem, identifiability: Identifiability) -> Figu
         left.xaxis, [10.0**power for power in powers], ["10" + raised(power) for power in powers]
     )
     name_ticks(left.yaxis, places, [f"{k + 1}" for k in places])
-    left.text(
-        0.8, -0.6, phrase("only the prior"), color=ORANGE, ha="right", va="bottom", fontsize=8
-    )
-    left.text(1.25, -0.6, phrase("the data"), color=BLUE, ha="left", va="bottom", fontsize=8)
+    left.text(0.8, -0.6, phrase("only the prior"), color=ORANGE, ha="right", va="bottom")
+    left.text(1.25, -0.6, phrase("the data"), color=BLUE, ha="left", va="bottom")
     for place, value in zip(places, information, strict=True):
         if value < _FLOOR:
             left.text(
-                3.0 * _FLOOR,
-                place,
-                f"< {_FLOOR:.0e}".replace("e-0", "e-"),
-                va="center",
-                fontsize=7,
-                color=INK,
+                3.0 * _FLOOR, place, f"< {_FLOOR:.0e}".replace("e-0", "e-"), va="center", color=INK
             )
     _components(
         right,
@@ -283,14 +276,13 @@ def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor
         x < interval.value * factor, -1.0, 1.0
     )
     fine = np.linspace(x[0], x[-1], 300)
-    ax.plot(fine, np.interp(fine, x, root) ** 2, color=BLUE, lw=1.4, label=phrase("profile"))
+    ax.plot(fine, np.interp(fine, x, root) ** 2, color=BLUE, label=phrase("profile"))
     levels = {p: float(chi2_quantile(p, 1)) for p in interval.low}
     ax.hlines(
         list(levels.values()),
         0.0,
         1.0,
         color=GREY,
-        lw=0.7,
         ls="--",
         zorder=1,
         transform=ax.get_yaxis_transform(),
@@ -303,16 +295,11 @@ def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor
         if not opened[p]
     ]
     ax.vlines(
-        [end for end, _ in closed],
-        0.0,
-        [level for _, level in closed],
-        color=BLUE,
-        lw=0.7,
-        alpha=0.6,
+        [end for end, _ in closed], 0.0, [level for _, level in closed], color=BLUE, alpha=0.6
     )
     for (opened, ends), anchor in zip(sides, ("left", "right"), strict=True):
         for place in {ends[p] * factor for p in opened if opened[p]}:
-            ax.axvline(place, color=ORANGE, lw=1.6)
+            ax.axvline(place, color=ORANGE)
             ax.annotate(
                 phrase("unbounded"),
                 (place, 0.97),
@@ -321,18 +308,12 @@ def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor
                 textcoords="offset points",
                 ha=anchor,
                 va="top",
-                fontsize=6.5,
                 color=ORANGE,
             )
     q025, q16, median, q84, q975 = np.quantile(draws, QUANTILES)
-    ax.plot([q025, q975], [-0.55, -0.55], color=INK, lw=1, solid_capstyle="butt")
+    ax.plot([q025, q975], [-0.55, -0.55], color=INK)
     ax.plot(
-        [q16, q84],
-        [-0.55, -0.55],
-        color=INK,
-        lw=3,
-        solid_capstyle="butt",
-        label=phrase("posterior: median, 68 and 95 %"),
+        [q16, q84], [-0.55, -0.55], color=INK, lw=3, label=phrase("posterior: median, 68 and 95 %")
     )
     ax.plot(median, -0.55, "|", color=INK, ms=7)
     extent = np.concatenate([x[np.square(root) <= _TOP_RISE], [q025, q975]])

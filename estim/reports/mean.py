@@ -14,6 +14,7 @@ from estim.common import (
     bracketed,
     format_rounded,
     interval,
+    per_cent,
     phrase,
     significant,
     table,
@@ -60,7 +61,7 @@ def mean_statement(table_mean: TableMean) -> str:
         "{name} = {value}, {percent} interval {ends}, with a dark uncertainty of {tau}.",
         name=name,
         value=shown,
-        percent=f"{100.0 * table_mean.mean.probability:g} %",
+        percent=per_cent(table_mean.mean.probability),
         ends=interval(best.low, best.high, size, 2) + unit,
         tau=significant(best.tau, 2) + unit,
     )
@@ -135,19 +136,16 @@ def mean_figure(table_mean: TableMean) -> Figure:
             a.high,
             color=colour,
             alpha=0.2,
-            lw=0,
-            label=f"{name}, {100.0 * mean.probability:g} %"
+            label=f"{name}, {per_cent(mean.probability)}"
             + (f" ({phrase('recommended')})" if name == quoted else ""),
         )
-        ax.axhline(a.value, color=colour, lw=1.2)
+        ax.axhline(a.value, color=colour)
     ax.errorbar(
         places,
         mean.data,
         mean.u_data,
         fmt="o",
         color=INK,
-        ms=4,
-        lw=1,
         label=phrase("readings" if mean.u_data is None else "values, ± 1 standard uncertainty"),
     )
     if mean.groups is not None and len(mean.groups.names) <= 40:

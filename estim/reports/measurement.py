@@ -20,6 +20,7 @@ from estim.common import (
     format_rounded,
     gravest,
     interval,
+    per_cent,
     phrase,
 )
 from estim.distributions import student_log_density, student_quantile
@@ -188,7 +189,7 @@ def statement(propagation: Propagation, i: int) -> str:
     output, quoted = propagation.model.outputs[i], _quoted(propagation, i)
     unit = behind(output.unit)
     what = f"{output.name}, {output.meaning}" if output.meaning else output.name
-    percent = f"{100.0 * budget.probability:g} %"
+    percent = per_cent(budget.probability)
     if quoted == "GUM":
         if budget.u == 0.0:
             return phrase(
@@ -279,7 +280,7 @@ def expanded_statement(
         else phrase("the t distribution with 1 effective degree of freedom")
         if f"{dof:.3g}" == "1"
         else phrase("the t distribution with {dof:.3g} effective degrees of freedom", dof=dof),
-        percent=f"{100.0 * probability:g} %",
+        percent=per_cent(probability),
     )
 
 
@@ -343,7 +344,7 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
     gum, sampled = propagation.budgets[i], propagation.sampled
     draws = sampled.draws[:, i]
     draws = draws[np.isfinite(draws)]
-    percent = f"{100.0 * sampled.probability:g} %"
+    percent = per_cent(sampled.probability)
     if draws.size:
         tail = 0.1 * (1.0 - sampled.probability)
         low, high = np.quantile(draws, [tail, 1.0 - tail])
@@ -360,7 +361,7 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
         interval = propagation.interval
         label = _INTERVALS_DRAWN[propagation.model.interval].format(percent=percent)
         for end in (interval.low[i], interval.high[i]):
-            ax.axvline(float(end), color=BLUE, lw=1.4, label=label)
+            ax.axvline(float(end), color=BLUE, label=label)
     if gum.u > 0.0 and math.isfinite(gum.value):
         left, right = ax.get_xlim()
         room = 0.25 * (gum.high - gum.low)
@@ -370,12 +371,11 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
             # normal for very many degrees of freedom
             np.exp(student_log_density((x - gum.value) / gum.u, min(gum.dof, 1e6))) / gum.u,
             color=ORANGE,
-            lw=1.6,
             label=phrase("the GUM's normal or t distribution"),
         )
         label = phrase("{percent} interval of the GUM", percent=percent)
         for end in (gum.low, gum.high):
-            ax.axvline(end, color=ORANGE, lw=1.4, ls="--", label=label)
+            ax.axvline(end, color=ORANGE, ls="--", label=label)
     ax.set_ylim(bottom=0.0)
 
 
@@ -416,7 +416,7 @@ def region_figure(propagation: Propagation) -> Figure:
 
 def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
     draws = propagation.sampled.draws[:400_000, list(region.pair)]
-    percent = f"{100.0 * region.probability:g} %"
+    percent = per_cent(region.probability)
     of_gum = ellipse(region.value, region.covariance, region.k_ellipse)
     of_draws = ellipse(region.mean, region.drawn, region.k_drawn)
     rings = np.hstack([of_gum, of_draws])
@@ -451,7 +451,6 @@ def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
         [],
         [],
         color=INK,
-        lw=0.9,
         ls=":",
         label=phrase(
             "smallest region containing {percent} of the draws, approximate", percent=percent
@@ -460,23 +459,16 @@ def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
     ax.plot(
         *of_gum,
         color=ORANGE,
-        lw=1.8,
         ls="--",
         label=phrase("{percent} ellipse of the GUM", percent=percent),
     )
-    ax.plot(
-        *of_draws,
-        color=BLUE,
-        lw=1.5,
-        label=phrase("{percent} ellipse of the draws", percent=percent),
-    )
+    ax.plot(*of_draws, color=BLUE, label=phrase("{percent} ellipse of the draws", percent=percent))
     half = region.k_rectangle_drawn * sds_of(region.drawn)
     (a, b), (c, d) = region.mean - half, region.mean + half
     ax.plot(
         [a, c, c, a, a],
         [b, b, d, d, b],
         color=GREEN,
-        lw=1.4,
         ls="-.",
         label=phrase("{percent} rectangle of the draws", percent=percent),
     )

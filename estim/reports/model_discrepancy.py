@@ -120,23 +120,16 @@ def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations]) -> 
     for ax, estimate in zip(axes, forces, strict=True):
         several, force = [by_name[name] for name in estimate.runs], estimate.force
         draw_bands(ax, force.x, 100.0 * force.quantiles, median=phrase("median"))
-        ax.axhline(0.0, color=GREY, lw=0.8)
+        ax.axhline(0.0, color=GREY)
         if force.back is not None:
             ax.plot(
                 force.x,
                 100.0 * force.back[2],
                 color=ORANGE,
-                lw=1.4,
                 ls="--",
                 label=phrase("way back, median and 68 %"),
             )
-            ax.plot(
-                np.tile(force.x, (2, 1)).T,
-                100.0 * force.back[[1, 3]].T,
-                color=ORANGE,
-                lw=0.7,
-                ls=":",
-            )
+            ax.plot(np.tile(force.x, (2, 1)).T, 100.0 * force.back[[1, 3]].T, color=ORANGE, ls=":")
         for addition, colour in zip(
             estimate.own, RUN_COLOURS[1:] * len(estimate.own), strict=False
         ):
@@ -144,7 +137,6 @@ def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations]) -> 
                 addition.x,
                 100.0 * addition.mean,
                 color=colour,
-                lw=0.8,
                 label=phrase("{run} adds", run=addition.run),
             )
         place = np.concatenate([run.position for run in several])
@@ -154,7 +146,6 @@ def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations]) -> 
             0.0 * place + 0.025,
             "|",
             color=INK,
-            ms=6,
             transform=ax.get_xaxis_transform(),
             label=phrase("fitted points"),
         )
@@ -254,8 +245,8 @@ def discrepancy_figure(
     for ax, deviation in zip(axes, deviations, strict=True):
         run, visible = by_name[deviation.run], deviation.residual_part
         draw_bands(ax, visible.x, visible.quantiles, median=phrase("median"))
-        ax.plot(visible.x, visible.residuals, ".", color=INK, ms=3.5, label=phrase("residuals"))
-        ax.axhline(0.0, color=GREY, lw=0.8)
+        ax.plot(visible.x, visible.residuals, ".", color=INK, label=phrase("residuals"))
+        ax.axhline(0.0, color=GREY)
         ax.set(
             xlabel=run.x_label,
             ylabel=phrase("deviation of {y}", y=run.y_label),

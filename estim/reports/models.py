@@ -362,7 +362,7 @@ def _interval(
         return
     low, lower, middle, upper, high = (float(q) * factor for q in quantiles if q is not None)
     colour = ORANGE if recommended else BLUE if ok else GREY
-    ax.plot([low, high], [place, place], color=colour, lw=1.0, ls="-" if ok else (0, (3, 2)))
+    ax.plot([low, high], [place, place], color=colour, ls="-" if ok else (0, (3, 2)))
     ax.plot([lower, upper], [place, place], color=colour, lw=2.6 if ok else 1.6)
     ax.plot(
         middle,
@@ -424,6 +424,5 @@ def _histogram(ax: Axes, statistic: Predicted) -> None:
     ax.set_xlabel(short + bracketed(statistic.label.unit), fontsize=7.5)
     ax.set_title(
         f"p {statistic.p_words}" if "<" in statistic.p_words else f"p = {statistic.p_words}",
-        fontsize=8,
         color=INK,
     )

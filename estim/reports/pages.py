@@ -6,8 +6,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Callable, Collection, Mapping
-from types import MappingProxyType
+from collections.abc import Callable, Collection, Iterable, Mapping
 from urllib.parse import unquote
 
 from estim.common import (
@@ -95,7 +94,7 @@ def marked(figure: Figure) -> Figure:
 def page(
     drawers: Drawers,
     template: str,
-    records: Mapping[str, object] = MappingProxyType({}),
+    records: Mapping[str, object] = {},
     *,
     figure_choice: FigureChoice,
     further: Drawers | None = None,
@@ -218,3 +217,16 @@ def _list(block: str, path: str, files: Files) -> str:
         + phrase("All {n} points: `{path}`.", n=len(points), path=path)
         + "\n"
     )
+
+
+def with_formats(files: Files, formats: Iterable[str]) -> Files:
+    """`files` of a report (path -> bytes) and, in each of `formats` ("html", "pdf"), `report.html`
+    or `report.pdf` of its `report.md`.
+    """
+    outputs = dict(files)
+    for name in formats if "report.md" in files else ():
+        # what makes one is loaded when it is requested
+        from estim.reports.html_page import html_page, pdf_page
+
+        outputs[f"report.{name}"] = {"html": html_page, "pdf": pdf_page}[name](files)
+    return outputs

@@ -260,8 +260,8 @@ def ratio_figure(plan: Plan, options: Sequence[Option]) -> Figure:
     places = -np.arange(len(names), dtype=float)
     figure = new_figure(0.2 * len(names) + 1.1)
     ax = figure.subplots()
-    ax.axvline(1.0, color=INK, lw=0.8)
-    ax.axvline(0.5, color=INK, lw=0.8, ls="--")
+    ax.axvline(1.0, color=INK)
+    ax.axvline(0.5, color=INK, ls="--")
     ax.hlines(places, 0.0, 1.0, color=GREY, lw=0.4, alpha=0.5)
     for k, target in enumerate(plan.targets[:_MOST]):
         ratios = [option.ratio[k] for option in options]
@@ -270,7 +270,6 @@ def ratio_figure(plan: Plan, options: Sequence[Option]) -> Figure:
             places,
             MARKS[k],
             color=COLOURS[k],
-            ms=5,
             ls="none",
             label=phrase("u of {quantity}", quantity=target.label.tex),
             mec="white",
@@ -296,19 +295,18 @@ def along_figure(plan: Plan) -> Figure:
     figure, axes = grid(len(plan.along), height=2.4, columns=1)
     for ax, along in zip(axes, plan.along, strict=True):
         run = next(run for run in runs if run.name == along.run)
-        ax.axvspan(*along.inside, color=GREY, alpha=0.18, lw=0)
-        ax.axhline(1.0, color=INK, lw=0.8)
+        ax.axvspan(*along.inside, color=GREY, alpha=0.18)
+        ax.axhline(1.0, color=INK)
         for k, target in enumerate(plan.targets[:_MOST]):
             ax.plot(
                 along.x,
                 along.ratio[k],
                 color=COLOURS[k],
-                lw=1.4,
                 label=phrase("u of {quantity}", quantity=target.label.tex),
             )
             best = int(np.argmin(along.ratio[k]))
-            ax.plot(along.x[best], along.ratio[k][best], MARKS[k], color=COLOURS[k], ms=6)
-        ax.plot(run.x, np.full(run.n_obs, 1.0), "|", color=INK, ms=5, mew=0.6)
+            ax.plot(along.x[best], along.ratio[k][best], MARKS[k], color=COLOURS[k])
+        ax.plot(run.x, np.full(run.n_obs, 1.0), "|", color=INK)
         ax.set(xlabel=run.x_label, ylabel=phrase("u / present u"))
         if len(plan.along) > 1:
             ax.set_title(along.run)

@@ -559,7 +559,6 @@ def narrowing_figure(tables: Sequence[Narrowing]) -> Figure:
                 narrowing.u_prior[i],
                 ls=":",
                 color=ORANGE,
-                lw=1.8,
                 label=phrase("uncertainty of the stated value"),
             )
         uncertainties = np.array(

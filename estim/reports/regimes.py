@@ -284,7 +284,6 @@ def _zones(ax: Axes, body_map: BodyMap) -> None:
             high,
             where=high > low,
             color=colour,
-            lw=0,
             zorder=0.5,
             interpolate=True,
             label=phrase(words) if np.any(high > low) else None,
@@ -317,7 +316,7 @@ def _band(ax: Axes, phi: FloatArray, border: FloatArray, colour: str, name: str 
     # of a body without a heavy side, which sets off from every angle or from none
     jump = np.flatnonzero(np.abs(np.diff(border[2])) > 2.0)
     for at in jump:
-        ax.axvline(phi[at] * _DEGREES, color=colour, lw=1.8, zorder=2.5)
+        ax.axvline(phi[at] * _DEGREES, color=colour, zorder=2.5)
     # it is nowhere
     flat = np.isclose(np.abs(degrees[2] - 90.0), 0.0) | np.isclose(np.abs(degrees[2] - 90.0), 180.0)
     degrees[2, flat] = np.nan
@@ -345,7 +344,6 @@ def _distances(ax: Axes, body_map: BodyMap) -> None:
                 phi[at],
                 release[at] * _DEGREES,
                 f"{stop:.3g}",
-                fontsize=8,
                 color=BLUE,
                 ha="center",
                 va="center",
@@ -359,13 +357,11 @@ def _line_points(ax: Axes, line: ThetaMinSeries) -> None:
     ax.errorbar(
         line.phi * _DEGREES,
         line.theta_min * _DEGREES,
-        xerr=line.u_phi * _DEGREES,
-        yerr=line.u_theta_min * _DEGREES,
-        fmt="s",
+        line.u_theta_min * _DEGREES,
+        line.u_phi * _DEGREES,
+        "s",
         color=_DARK_VERMILION,
         mfc="white",
-        ms=4.5,
-        lw=0.9,
         zorder=4,
         label=phrase("{theta_min} as measured", theta_min=_THETA_MIN),
     )
@@ -382,12 +378,10 @@ def _runs(ax: Axes, body_map: BodyMap) -> None:
         ax.errorbar(
             phi,
             theta0,
-            xerr=u_phi,
-            yerr=u_theta0,
-            fmt=MARKS[i % len(MARKS)],
+            u_theta0,
+            u_phi,
+            MARKS[i % len(MARKS)],
             color=INK,
-            ms=5,
-            lw=1.2,
             zorder=5,
             label=phrase("runs, with one standard uncertainty"),
         )

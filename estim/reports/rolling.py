@@ -100,5 +100,5 @@ def _grip(ax: Axes, motion: Motion) -> None:
     if grip is None:
         return
     centre, sd = (grip, 0.0) if isinstance(grip, float) else (grip.expectation, grip.sd)
-    ax.axhline(centre, color=ORANGE, lw=1.4, ls="--", label=phrase("stated friction"))
-    ax.axhspan(centre - sd, centre + sd, color=ORANGE, alpha=0.2, lw=0)
+    ax.axhline(centre, color=ORANGE, ls="--", label=phrase("stated friction"))
+    ax.axhspan(centre - sd, centre + sd, color=ORANGE, alpha=0.2)

@@ -23,6 +23,7 @@ from estim.common import (
     format_rounded,
     interval,
     one_line,
+    per_cent,
     phrase,
     significant,
     with_unit,
@@ -229,7 +230,7 @@ def straight_line_lines(line: StraightLine) -> list[str]:
                     "{given}: {found}, {percent} interval {ends}",
                     given=f"{given} = {with_unit(value, given_unit)}",
                     found=f"{found} = {with_unit(_pair(p.value, p.u), unit)}",
-                    percent=f"{100.0 * line.probability:g} %",
+                    percent=per_cent(line.probability),
                     ends=_ends(p.low, p.high, p.u, unit),
                 )
             )
@@ -271,28 +272,23 @@ def straight_line_figure(line: StraightLine) -> Figure:
     low = min(float(data.x.min()), *marks, math.inf)
     high = max(float(data.x.max()), *marks, -math.inf)
     x = np.linspace(low - 0.05 * (high - low), high + 0.05 * (high - low), 200)
-    percent = f"{100.0 * line.probability:g} %"
-    bars = [u if np.any(u > 0.0) and fit.method != "ols" else None for u in (data.u_x, data.u_y)]
+    percent = per_cent(line.probability)
+    bars = [u if np.any(u > 0.0) and fit.method != "ols" else None for u in (data.u_y, data.u_x)]
     if math.isfinite(fit.slope):
         if line.status.ok:
             band = confidence_band(fit, x, probability=line.probability)
             label = phrase("{percent} band of the line, point by point", percent=percent)
             fill(upper, x, band.low, band.high, BLUE, 0.25, label=label)
-        upper.plot(x, fit.intercept + fit.slope * x, color=BLUE, lw=1.5, label=_METHODS[fit.method])
+        upper.plot(x, fit.intercept + fit.slope * x, color=BLUE, label=_METHODS[fit.method])
         residuals = data.y - fit.intercept - fit.slope * data.x
-        lower.axhline(0.0, color=BLUE, lw=1.2)
-        lower.errorbar(
-            data.x, residuals, xerr=bars[0], yerr=bars[1], fmt="o", color=INK, ms=3.5, lw=0.9
-        )
+        lower.axhline(0.0, color=BLUE)
+        lower.errorbar(data.x, residuals, *bars, "o", color=INK)
     upper.errorbar(
         data.x,
         data.y,
-        xerr=bars[0],
-        yerr=bars[1],
-        fmt="o",
+        *bars,
+        "o",
         color=INK,
-        ms=4,
-        lw=1,
         label=phrase("points, ± 1 standard uncertainty" if fit.method != "ols" else "points"),
     )
     if line.status.ok:

@@ -278,7 +278,6 @@ def line_figure(analysis: LineAnalysis) -> Figure:
             x,
             x / gamma.value,
             color=ORANGE,
-            lw=1.8,
             label=phrase(
                 "theory, with the stated γ = {gamma}", gamma=format_quantity(gamma.value, gamma.u)
             ),
@@ -287,20 +286,17 @@ def line_figure(analysis: LineAnalysis) -> Figure:
         x,
         analysis.ols.intercept + analysis.ols.slope * x,
         color=INK,
-        lw=1.2,
         ls="--",
         label=phrase("ordinary least squares"),
     )
-    ax.plot(x, analysis.york.intercept + analysis.york.slope * x, color=BLUE, lw=1.6, label="York")
+    ax.plot(x, analysis.york.intercept + analysis.york.slope * x, color=BLUE, label="York")
     ax.errorbar(
         series.x,
         series.y,
-        xerr=series.u_x,
-        yerr=series.u_y,
-        fmt="o",
+        series.u_y,
+        series.u_x,
+        "o",
         color=INK,
-        ms=4,
-        lw=1,
         label=phrase("measured, ± 1 standard uncertainty"),
     )
     ax.set(

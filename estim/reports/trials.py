@@ -244,7 +244,6 @@ def _draw_starts(ax: Axes, analysis: TrialsAnalysis, end: str, phi: FloatArray) 
             np.degrees(phi),
             smallest if end == LOW else 180.0 - smallest,
             color=ORANGE,
-            lw=1.8,
             label=phrase(
                 "theory, with the stated γ = {gamma}", gamma=format_quantity(gamma.value, gamma.u)
             ),
@@ -253,13 +252,7 @@ def _draw_starts(ax: Axes, analysis: TrialsAnalysis, end: str, phi: FloatArray) 
     for threshold in (candidate for candidate in analysis.thresholds if candidate.end == end):
         low, high = np.degrees(threshold.quantiles[[0, -1]])
         ax.plot(
-            [np.degrees(threshold.phi)] * 2,
-            [low, high],
-            color=GREY,
-            lw=2.5,
-            solid_capstyle="butt",
-            zorder=3,
-            label=label,
+            [np.degrees(threshold.phi)] * 2, [low, high], color=GREY, lw=2.5, zorder=3, label=label
         )
 
 
@@ -281,7 +274,7 @@ def _draw_trials(ax: Axes, analysis: TrialsAnalysis, end: str, width: float) -> 
                     + (1.0 if climbed else -1.0) * (place + 1.0) * 0.011 * width
                 )
                 y.append(angle)
-        ax.plot(x, y, mark, ms=5, mfc=face, mec=INK, mew=0.8, ls="", label=label, zorder=4)
+        ax.plot(x, y, mark, mfc=face, mec=INK, ls="", label=label, zorder=4)
 
 
 def _side_by_side(angles: FloatArray, counts: Counter[float]) -> list[tuple[int, float]]:
@@ -321,12 +314,7 @@ def chances_figure(analysis: TrialsAnalysis) -> Figure:
         if len(trials.ends) > 1 and trials.u_zero_theta > 0.0:  # else the two ends have one curve
             middle = np.median(_chances(analysis, tilt.phi, angles, HIGH), axis=0)
             ax.plot(
-                np.degrees(angles),
-                middle,
-                color=ORANGE,
-                lw=1.4,
-                ls="--",
-                label=phrase("median above 90°"),
+                np.degrees(angles), middle, color=ORANGE, ls="--", label=phrase("median above 90°")
             )
         for climbed, level, step in ((True, 1.0, -0.07), (False, 0.0, 0.07)):
             counts: Counter[float] = Counter()
@@ -343,10 +331,8 @@ def chances_figure(analysis: TrialsAnalysis) -> Figure:
                     [angle for _, angle in placed],
                     heights,
                     mark,
-                    ms=5,
                     mfc=face,
                     mec=INK,
-                    mew=0.8,
                     ls="",
                     label=label,
                     clip_on=False,

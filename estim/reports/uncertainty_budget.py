@@ -219,9 +219,8 @@ def budget_figure(quantities: Sequence[str], sources: Sequence[str], shares: Flo
             # %, from which a share has its number beside it
             [signed(f"{width:.1f}") if abs(width) >= 0.5 else "" for width in widths],
             padding=3,
-            fontsize=7.5,
         )
-        ax.axvline(0.0, color=INK, lw=0.8)
+        ax.axvline(0.0, color=INK)
         ax.margins(x=0.28 if np.all(widths >= 0.0) else 0.45)
         ax.set_title(f"u²({name})")
         ax.set_xlabel(phrase("contribution (%)"))

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from estim.curve_fitting import TableColumns
     from estim.drawing import Figure
 
-_LARGEST = 2**28  # bytes of a part of a report
-
 
 def preview(lang: str, file: str, *arguments: str) -> None:
     """Writes what was read of `file`, or the message why it cannot be read, in the language
@@ -69,10 +67,7 @@ def paper(lang: str) -> None:
 
     root = Path("report")
     paths = [path for path in root.rglob("*") if path.suffix in (".md", ".png")]
-    files = {
-        path.relative_to(root).as_posix(): read_file(path, at_most=_LARGEST) or b""
-        for path in paths
-    }
+    files = {path.relative_to(root).as_posix(): read_file(path) or b"" for path in paths}
     with spoken(lang):
         write_whole(Path("report.pdf"), pdf_page(files))
 
@@ -179,7 +174,7 @@ def _points(
     for i, (name, table) in enumerate(tables.items()):
         if {x, y} <= table.columns.keys():
             colour = COLOURS[i % len(COLOURS)]
-            ax.plot(table.columns[x], table.columns[y], "o", ms=3.5, color=colour, label=name)
+            ax.plot(table.columns[x], table.columns[y], "o", color=colour, label=name)
     if 1 < len(tables) <= len(COLOURS):
         ax.legend()
     if curve is not None:

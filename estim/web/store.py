@@ -40,7 +40,6 @@ MOST_BYTES = 20 * 1024**2  # of one request
 MOST_FILES = 20  # in one request
 MOST_KEPT = 2000  # files handed in, and answers
 _FOR_READERS = (".html", ".md", ".csv", ".tex", ".json", ".png", ".nc")
-_LARGEST = 2**28  # bytes of anything that a command writes
 _PLAIN = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,79}")
 _RESERVED = re.compile(r"|con|prn|aux|nul|com\d|lpt\d|report")  # on Windows; the last is ours
 _RECORD = "record.json"
@@ -136,7 +135,7 @@ class Shelf(Generic[Kept]):
 
     def read(self, at: str, name: str) -> bytes | None:
         """The file `name` of the folder of an id, None where there is none."""
-        return read_file(self.folder / at / name, at_most=_LARGEST, within=self.root)
+        return read_file(self.folder / at / name, within=self.root)
 
     def new_id(self) -> str:
         """Raises InputError where the shelf is full."""

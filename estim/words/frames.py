@@ -1,4 +1,6 @@
-"""Bad frames in words: which, by how much, and the line of a campaign that leaves them out."""
+"""Frames in words: those that are not fit and why; bad ones, by how much, and the line of a
+campaign that leaves them out.
+"""
 
 from __future__ import annotations
 
@@ -76,5 +78,21 @@ WORDS: Table = {
     Kind.FRAMES_CROWD: (
         "run {run}: more than {n:.0f} frames are displaced: these are not "
         "isolated errors; the readings scatter more than stated"
+    ),
+    Kind.NO_DERIVATIVE: (
+        "{n:.0f} at the ends or next to a missing frame, where the {test} "
+        "derivative cannot be computed"
+    ),
+    Kind.ROWS_BETWEEN: "{n:.0f} in between: one in every {every:.0f} is fitted",
+    Kind.OUTSIDE_TIMES: "{n:.0f} outside the time window",
+    Kind.OUTSIDE_POSITIONS: "{n:.0f} outside the position window",
+    Kind.OUTSIDE_WINDOW: "{n:.0f} outside the stated window",
+    Kind.LEFT_OUT: "{n:.0f} excluded by leave_out_s",
+    Kind.WAY_BACK: "{n:.0f} after the farthest point (the way back is another motion)",
+    Kind.BESIDE_RELEASE: (
+        "{n:.0f} less than five standard deviations of a reading away from the release"
+    ),
+    Kind.BESIDE_TURNING: (
+        "{n:.0f} less than five standard deviations of a reading away from the turning point"
     ),
 }

@@ -1,10 +1,12 @@
-"""Trials of release in words: what is wrong with them, and what they distinguish."""
+"""A theta_min line and trials of release in words: what is wrong with them, and what they
+distinguish.
+"""
 
 from __future__ import annotations
 
 import math
 
-from estim.common import Finding, Kind, later, phrase, signed
+from estim.common import Finding, Kind, later, percentage, phrase, signed
 from estim.words.table import Table, worded
 
 _LEARNT, _SILENT = 0.5, 0.9  # posterior sd / prior sd
@@ -111,5 +113,27 @@ WORDS: Table = {
         "γ from θ_min minus γ from θ_max is {apart}, {sds:+.1f} standard deviations (E_n = "
         "{size:+.1f}): a zero error of the angle (the plumb line), or an effect of the release "
         "on the angle that differs at θ_max, would explain it"
+    ),
+    Kind.LINE_NOT_RISING: lambda f: worded(
+        f,
+        "the points do not determine a rising line: the exact {probability} interval of its "
+        "slope is [{low:.3g}, {high:.3g}]",
+        probability=percentage(f.numbers["probability"]),
+    ),
+    Kind.SLOPES_DIFFER: (
+        "York's slope {york:.3g} and the Bayesian one {bayes:.3g} differ by more "
+        "than their combined uncertainty {u:.2g}"
+    ),
+    Kind.GAMMA_TOO_LARGE: (
+        "gamma = 1/slope would be {size:.2g}, but a centre of mass inside the "
+        "body has gamma below 1"
+    ),
+    Kind.POINTS_SCATTER: (
+        "the points scatter more than their uncertainties allow (S = {size:.1f}, "
+        "{dof:.0f} degrees of freedom, {p})"
+    ),
+    Kind.GAMMA_DISAGREES: (
+        "γ of the line, {line}, and γ as stated, {stated}, disagree: E_n = {size:+.1f}; the "
+        "line does not use the stated value"
     ),
 }

@@ -1,4 +1,6 @@
-"""Rolling without slipping in words: how sure it is, or what friction it takes."""
+"""Rolling in words: how sure it is that the body does not slip, or what friction it takes; what a
+run should do on the map of motions, and what its recording shows.
+"""
 
 from __future__ import annotations
 
@@ -36,6 +38,35 @@ def _with_friction(f: Finding, words: str) -> str:
     )
 
 
+def sure(p: float) -> str:
+    """A probability in words: 'P > 0.999', 'P = 0.87'."""
+    return (
+        "P > 0.999"
+        if p > 0.999
+        else "P < 0.001"
+        if p < 0.001
+        else f"P = {p:.3f}"
+        if p > 0.99 or p < 0.01
+        else f"P = {p:.2f}"
+    )
+
+
+def _off(f: Finding) -> str:
+    n = f.numbers
+    return worded(
+        f,
+        "run {run}: with these values it should not start in this direction, but its "
+        "recording extends to {farthest:.3g} m ({sure})"
+        if n["sets_off"] < 0.5
+        else "run {run}: with these values it should keep rolling, but its recording extends only "
+        "to {farthest:.3g} m ({sure})"
+        if math.isnan(n["expected"])
+        else "run {run}: with these values it should turn back at {expected:.3g} m, but its "
+        "recording extends to {farthest:.3g} m ({sure})",
+        sure=sure(f.p),
+    )
+
+
 WORDS: Table = {
     Kind.FRICTION_NEEDED: lambda f: phrase("run {run}: ", run=f.run) + _needs(f),
     Kind.ROLLING_SURE: lambda f: _with_friction(
@@ -56,4 +87,5 @@ WORDS: Table = {
         "run {run}: on the fitted curve the body would leave the ramp with "
         "probability {hops:.2f}, while the curve assumes that it does not"
     ),
+    Kind.RUN_OFF_MAP: _off,
 }

@@ -12,19 +12,14 @@ from dataclasses import dataclass, replace
 from estim.common import Finding, Kind, at_commands, later, phrase
 from estim.words import (
     agreement,
-    candidate_causes,
     draws,
     frames,
     model_discrepancy,
     parameters,
-    regimes,
     releases,
     residuals,
     rolling,
-    rows,
-    theta_min_line,
     trials,
-    unmodelled_force,
 )
 from estim.words.table import Table, filled
 
@@ -101,16 +96,11 @@ WORDS: Table = {
     **parameters.WORDS,
     **draws.WORDS,
     **residuals.WORDS,
-    **unmodelled_force.WORDS,
     **model_discrepancy.WORDS,
-    **candidate_causes.WORDS,
     **frames.WORDS,
     **agreement.WORDS,
-    **theta_min_line.WORDS,
     **trials.WORDS,
-    **rows.WORDS,
     **rolling.WORDS,
-    **regimes.WORDS,
     **releases.WORDS,
 }
 
