@@ -46,7 +46,7 @@ def test_a_verdict_does_not_depend_on_how_the_curve_is_written() -> None:
 @pytest.mark.statistics
 def test_intervals_of_few_points_without_stated_errors_hold_what_they_say() -> None:
     """Hardly one is refused, so that those that are not are no choice by small residuals."""
-    n, x, truth = 150, np.linspace(0.0, 6.0, 8), {"a": 3.0, "tau": 1.5, "c": 0.5}
+    n, x, truth = 75, np.linspace(0.0, 6.0, 8), {"a": 3.0, "tau": 1.5, "c": 0.5}
     held = {(name, p): 0 for name in truth for p in (0.68, 0.95)}
     for seed in range(n):
         y = 3.0 * np.exp(-x / 1.5) + 0.5 + 0.12 * np.random.default_rng(seed).standard_normal(8)
