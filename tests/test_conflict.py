@@ -89,19 +89,18 @@ def test_priors_that_bound_only_say_nothing_to_disagree_with(rng: np.random.Gene
 
 
 @pytest.mark.statistics
-@pytest.mark.parametrize("sd", [0.3, 1.0])
 def test_probability_is_uniform_where_truths_come_from_log_normal_priors(
-    sd: float, rng: np.random.Generator
+    rng: np.random.Generator,
 ) -> None:
-    """The mode of a log-normal prior lies below its median; that must not count as a
-    disagreement.
+    """The mode of a log-normal prior lies below its median, here by one standard deviation of the
+    logarithm; that must not count as a disagreement.
     """
     p_values = []
-    for _ in range(200):
-        a = 2.0 * np.exp(sd * rng.standard_normal())
+    for _ in range(150):
+        a = 2.0 * np.exp(rng.standard_normal())
         y = a * X + 1.0 + U * rng.standard_normal(X.size)
         fit = fit_curve(
-            "a*x + b", X, y, start={"a": a, "b": 1.0}, u_y=U, priors={"a": LogNormal(2.0, sd)}
+            "a*x + b", X, y, start={"a": a, "b": 1.0}, u_y=U, priors={"a": LogNormal(2.0, 1.0)}
         ).fit
         p_values.append(check_stated_values(fit).p_value)
     assert stats.kstest(p_values, "uniform").pvalue > 0.001
@@ -117,7 +116,7 @@ def test_probability_is_uniform_for_disks_from_their_priors_and_not_where_stated
         campaign_design(campaign, ["heavy-04"], fitted=fit.values), "sbc", fit.values, (), ESS, 1
     )
     right, wrong = [], []
-    for i in range(150):
+    for i in range(100):
         values, problem, _ = _experiment(plan, np.random.default_rng([5, i]))
         narrow = [
             replace(p, prior=Normal(p.prior.centre, 0.3 * p.prior.sd)) if p.prior.measured else p
@@ -280,12 +279,12 @@ def test_probability_errs_towards_agreement_where_a_free_parameter_is_often_on_i
     """
     design = np.vander(X, 3)
     at_edge, right, wrong = 0, [], []
-    for seed in range(220):
+    for seed in range(120):
         rng = np.random.default_rng([7, seed])
         truth = np.array([rng.uniform(0.0, 0.02), rng.normal(2.0, 0.2), rng.normal(1.0, 0.2)])
         y = design @ truth + U * rng.standard_normal(X.size)
         for found, sd in ((right, 0.2), (wrong, 0.06)):
-            if found is wrong and seed >= 80:
+            if found is wrong and seed >= 30:
                 continue
             priors = {"c": Uniform(0.0, 0.02), "a": Normal(2.0, sd), "b": Normal(1.0, sd)}
             posed = curve_problem(
@@ -299,7 +298,7 @@ def test_probability_errs_towards_agreement_where_a_free_parameter_is_often_on_i
             fit = fit_least_squares(posed)
             found.append(check_stated_values(fit).p_value)
             at_edge += bool(fit.at_bound) and found is right
-    assert at_edge > 60
+    assert at_edge > 30
     for level in (0.01, 0.05, 0.2):
         sd = np.sqrt(level * (1.0 - level))
         assert np.mean(np.array(right) < level) < level + 3.0 * sd / np.sqrt(len(right))

@@ -682,7 +682,7 @@ def holds(fit, p: float) -> bool:
 
 @pytest.mark.statistics
 def test_intervals_of_counted_decays_hold_what_they_say_and_those_of_square_roots_do_not() -> None:
-    rng, n_trial, held = np.random.default_rng(3), 150, {"single": 0, "bins": 0, "roots": 0}
+    rng, n_trial, held = np.random.default_rng(3), 75, {"single": 0, "bins": 0, "roots": 0}
     for _ in range(n_trial):
         times = decays(300, rng)
         counts = np.histogram(times, EDGES)[0].astype(float)

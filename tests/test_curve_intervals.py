@@ -46,7 +46,7 @@ def test_a_verdict_does_not_depend_on_how_the_curve_is_written() -> None:
 @pytest.mark.statistics
 def test_intervals_of_few_points_without_stated_errors_hold_what_they_say() -> None:
     """Hardly one is refused, so that those that are not are no choice by small residuals."""
-    n, x, truth = 150, np.linspace(0.0, 6.0, 8), {"a": 3.0, "tau": 1.5, "c": 0.5}
+    n, x, truth = 75, np.linspace(0.0, 6.0, 8), {"a": 3.0, "tau": 1.5, "c": 0.5}
     held = {(name, p): 0 for name in truth for p in (0.68, 0.95)}
     for seed in range(n):
         y = 3.0 * np.exp(-x / 1.5) + 0.5 + 0.12 * np.random.default_rng(seed).standard_normal(8)
@@ -555,13 +555,13 @@ def test_a_swing_of_which_a_line_is_left_has_no_amplitude(seed: int) -> None:
 @pytest.mark.statistics
 def test_amplitudes_of_slow_swings_are_held_by_their_intervals_or_refused() -> None:
     missed = 0
-    for seed in range(2000, 2024):
+    for seed in range(2000, 2012):
         x, y, sd = slow_swing(seed)
         fit = fit_curve("oscillation", x, y, u_y=sd)
         if fit.status == "ok":
             low, high = fit.intervals["amplitude"][0.95]
             missed += not low <= 3.0 <= high
-    assert missed <= 2  # of 60 intervals that end at the valley of the fit, 22 missed
+    assert missed <= 1  # of 60 intervals that end at the valley of the fit, 22 missed
 
 
 @pytest.mark.slow
@@ -604,6 +604,7 @@ def test_an_amplitude_known_by_its_size_has_no_end_at_a_jump_decades_away() -> N
 RISING = np.linspace(0.2, 8.0, 20)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 6])
 def test_a_factor_without_bound_is_not_left_alone_at_the_limit_of_the_other(seed: int) -> None:
     """a = 1e14 and k = 2e-16: put onto the limit of k, the curve lost its term (chi2 of 1880)."""
