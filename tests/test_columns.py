@@ -14,6 +14,8 @@ from command_runner import runner
 
 from estim.cli.commands import cli
 from estim.common.errors import InputError
+from estim.line.table_line import LineColumns, straight_line
+from estim.means.table_mean import mean_of_table
 from estim.reading.dialect import Dialect, name_and_unit
 from estim.reading.layout import read_layout
 from estim.reading.named_columns import line_numbers, read_columns
@@ -131,6 +133,11 @@ def test_a_table_is_read_as_it_is_written(
             "a.csv:2: 'row' must be a row of numbers.* names, which begin with a letter",
         ),
         ("t,y\n0.1,1\n0.2,2x\n0.3,2\n", {}, "a.csv:3: 'y' must be a number: 2x"),
+        (
+            "t,y\n0.1,1\n0.2,2x10^3\n0.3,2\n",
+            {},
+            r"a.csv:3: 'y' must be a number \(a power of ten is written as in 2e3\): 2x10\^3",
+        ),
         ("t,y\n0,1\n% 1,2\n1,3\n2,3\n", {}, "a.csv:3: 't' must be a number: % 1"),
         (
             "t,y\n0,inf\n1,3\n2,3\n",
@@ -510,3 +517,24 @@ def test_a_unit_of_several_symbols_stands_behind_a_slash() -> None:
         assert name_and_unit(text) == ("v", "m/s")
     assert name_and_unit("k in 1/(m s)") == ("k", "1/(m s)")
     assert name_and_unit("ratio / reading of day 2") == ("ratio / reading of day 2", "")
+
+
+@pytest.mark.parametrize(
+    "cell", ["1/2", "~1", "2x10^3", "<0.1", "2.0*", "2E 3", "1.5-1.6", "1.2.3", "12:30", "$1.20"]
+)
+def test_no_other_column_takes_the_place_of_one_that_cannot_be_read(cell, tmp_path):
+    (tmp_path / "a.csv").write_text("t,v,w\n" + "".join(f"{i},{cell},{2 * i}\n" for i in range(5)))
+    for read in (
+        lambda: mean_of_table(tmp_path / "a.csv"),
+        lambda: straight_line(tmp_path / "a.csv", LineColumns()),
+    ):
+        with pytest.raises(InputError, match=r"'column' must be named .* \(there are t, v, w\)"):
+            read()
+    with pytest.raises(InputError, match=r"a\.csv:2: 'v' must be a number"):
+        mean_of_table(tmp_path / "a.csv", y="v")
+
+
+@pytest.mark.parametrize("cell", ["1a", "A1", "run 1"])
+def test_a_column_of_labels_is_no_column_of_numbers(cell, tmp_path):
+    (tmp_path / "a.csv").write_text("v,w\n" + "".join(f"{cell},{2 * i}\n" for i in range(5)))
+    assert mean_of_table(tmp_path / "a.csv").name == "w"

@@ -222,9 +222,10 @@ def uncertainty_of(column: str, names: Sequence[str]) -> str | None:
     return next((name for name in matches if name in named), matches[0] if matches else None)
 
 
-def shown_delimiter(*lines: str) -> str:
+def shown_delimiter(*lines: str, head: str = "") -> str:
     """What separates the cells of rows of data, by these alone: tabs, semicolons and bars always
-    do, commas unless in numbers of the last.
+    do, commas unless in numbers of the last.  head : the first line; where it has commas, those in
+    "run 1,5" part cells.
     """
     if delimiter := next(
         (mark for line in reversed(lines) for mark in ("\t", ";", "|") if mark in line), None
@@ -238,7 +239,7 @@ def shown_delimiter(*lines: str) -> str:
         or (
             len(words) > 1
             and not {"±", "+/-", "+-"} & {*words}  # these stand inside a cell
-            and all(looks_like_a_number(word) for word in words if "," in word)
+            and all(looks_like_a_number(word) for word in words if "," in word or "," in head)
         )
         else ","
     )

@@ -15,7 +15,6 @@ from estim.common import InputError, in_its_file, is_unit, phrase
 from estim.reading.cell_formats import holds_a_value, in_plain_numbers
 from estim.reading.cells import (
     Row,
-    has_thousands,
     is_comment,
     is_missing,
     is_spreadsheet_error,
@@ -55,6 +54,7 @@ _SYMBOLS = frozenset(_UNITS.split()) - {"1"}
 _NO_UNIT = frozenset({"1", "-", "--", "–", "—", "dimensionless", "unitless", "none", "n/a"})
 _NUMBER_FIRST = re.compile(r"(?!1\s*/|10\s*[\^⁻⁰¹²³⁴⁵⁶⁷⁸⁹])[+-]?[.,]?\d")  # but 1/s, 10^-3 N
 _BEGINS_WITH_A_NUMBER = re.compile(r"\W{0,3}\d")
+_MEANT_AS_A_NUMBER = re.compile(r"[^\w#]{0,3}\d[\W\dxXeE]*")  # ~1, 1/2, 2x10^3, 1 234
 _BEGINS_WITH_A_WORD = re.compile(r'\s*"?[^\W\d_]{2}')
 _COMMENT = re.compile(r"comments?", re.IGNORECASE)  # LabVIEW names a column that has no cells
 _OF_SUMS = (
@@ -110,7 +110,7 @@ def read_layout(path: Path, dialect: Dialect, *, needed: Sequence[str] = ()) -> 
         or (
             _ONE_COLUMN
             if _is_one_column(table_lines, dialect)
-            else shown_delimiter(*(line for _, line in table_lines[-2:]))
+            else shown_delimiter(*(line for _, line in table_lines[-2:]), head=table_lines[0][1])
         )
     )
     split, ends = (
@@ -353,15 +353,16 @@ def _no_names(first: Row, delimiter: str) -> InputError:
 
 def numeric_columns(layout: Layout) -> tuple[str, ...]:
     """Names of the columns that hold numbers, in the first or the last row, or in at least half of
-    their cells; those that begin with _ left out.
+    their cells; those that begin with _ left out.  What is meant as a number counts as one: where
+    the column is read, it is refused, and no other column takes its place.
     """
     named = [(i, name) for i, name in enumerate(layout.names) if name and not name.startswith("_")]
     return tuple(name for i, name in named if _is_numeric(layout.rows, i))
 
 
 def _is_numeric(rows: Sequence[Row], column: int) -> bool:
-    def number(cell: str) -> bool:  # thousands are reported where the column is read
-        return looks_like_a_number(cell) or has_thousands(cell)
+    def number(cell: str) -> bool:
+        return _MEANT_AS_A_NUMBER.fullmatch(cell) is not None or holds_a_value(cell)
 
     ends = [row.cells[column : column + 1] for row in (*rows[:1], *rows[-1:])]
     if any(number(cell) for cells in ends for cell in cells):
