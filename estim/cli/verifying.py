@@ -32,6 +32,7 @@ from estim.common import (
     json_of,
     names_in,
     read_file,
+    signed,
     spoken,
 )
 from estim.verification import (
@@ -419,12 +420,12 @@ def diff(first: str, second: str, r: float | None) -> None:
         say(line)
     for row in far:
         values = " -> ".join(
-            f"{format_rounded(mean, 0.1 * sd)} +- {format_rounded(sd, 0.1 * sd)}"
+            f"{format_rounded(mean, 0.1 * sd)} ± {format_rounded(sd, 0.1 * sd)}"
             for mean, sd in (row.first, row.second)
         )
         moved = f"moved by {_shift(row)}"
         if math.isfinite(row.ratio):
-            moved += f", sd x {row.ratio:.2f}"
+            moved += f", sd × {row.ratio:.2f}"
         say(f"{row.name}: {values}{behind(row.unit)}, {moved}")
     if len(pair.estimates) > len(far):
         say(
@@ -441,8 +442,8 @@ def diff(first: str, second: str, r: float | None) -> None:
 def _shift(row: Moved) -> str:
     """In standard deviations of the first result, or in its unit where that has none."""
     if math.isfinite(row.shift):
-        return f"{row.shift:+.2f} sd"
-    return f"{row.second[0] - row.first[0]:+.3g}{behind(row.unit)}"
+        return f"{signed(f'{row.shift:+.2f}')} sd"
+    return f"{signed(f'{row.second[0] - row.first[0]:+.3g}')}{behind(row.unit)}"
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -75,6 +75,7 @@ from estim.common.quantity_text import (
     format_p,
     format_quantity,
     format_rounded,
+    in_ascii,
     interval,
     p_digits,
     percentage,
