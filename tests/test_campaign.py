@@ -738,6 +738,8 @@ def test_the_table_of_a_run_is_checked_with_its_own_lines(load, folder):
 def test_a_file_name_that_cannot_be_is_refused_in_words(load):
     with pytest.raises(InputError, match=r"'file' cannot be found .*h4.*\.csv"):
         load(('file = "h4.csv"', 'file = "h4\\u0000.csv"'))
+    with pytest.raises(InputError, match=r"hhh.*: cannot be read \(file name too long\)"):
+        load(('file = "h4.csv"', f'file = "{"h" * 300}.csv"'))
 
 
 def test_a_campaign_needs_something_to_do(load):

@@ -14,12 +14,13 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from stat import S_ISDIR
 from typing import Any
 
 import click
 
 from estim.cli.machine import keep_result
-from estim.cli.options import FOLDER, PATH
+from estim.cli.options import FOLDER, PATH, Real
 from estim.cli.origin import WITHOUT_EFFECT
 from estim.cli.origin_record import ORIGIN, Origin, read_origin
 from estim.cli.terminal import NOT_OK, say
@@ -67,9 +68,11 @@ def verify(report: Path, root: Path | None) -> None:
     the tolerances (docs/verifying.md), and what was not compared.  Exit code 0: everything that was
     compared agrees; 3: something does not.
     """
-    if not os.path.exists(report):
-        raise InputError("cannot be found", field="report", value=str(report))
-    folder = report if os.path.isdir(report) else report.parent
+    try:
+        folder = report if S_ISDIR(report.stat().st_mode) else report.parent
+    except OSError as error:
+        rule = f"cannot be read ({(error.strerror or str(error)).lower()})"
+        raise InputError(rule, field="report", value=str(report)) from None
     origin = read_origin(folder)
     options = _options_of(origin, folder)
     place = root or _root_of(folder, origin)
@@ -372,9 +375,7 @@ def _same_picture(before: bytes, now: bytes) -> bool:
 @click.argument("first", metavar="FIRST|VALUE")
 @click.argument("second", metavar="SECOND|VALUE")
 @click.option(
-    "--r",
-    type=click.FloatRange(-1.0, 1.0),
-    help="Correlation of the errors of two values.  [default: 0]",
+    "--r", type=Real(-1.0, 1.0), help="Correlation of the errors of two values.  [default: 0]"
 )
 def diff(first: str, second: str, r: float | None) -> None:
     """Compare two values, "9.81(2)" and "9.79(3)", or the results of two analyses, FIRST and SECOND
