@@ -68,6 +68,7 @@ from estim.curves import (
 from estim.distributions import student_quantile
 from estim.fitting import (
     N_START,
+    PERFECT,
     Ends,
     ErrorSizes,
     Fit,
@@ -96,7 +97,6 @@ from estim.words import describe
 _ROUNDS = 60  # of the size of the errors, where priors make it matter
 _INFLUENTIAL = 0.3  # standard deviations by which effects must move a spread to be reported
 _SETTLED = 1e-7  # standard deviations, between two rounds with the slopes of the curve
-_PERFECT = 3e-14  # residuals below this share of y are rounding errors
 # the same where terms of the curve cancel, which leaves it fewer digits; beyond, the curve has too
 # few to be one
 _NO_SCATTER = 1e-6
@@ -516,7 +516,7 @@ def _residual_sd(posed: CurveProblem | JointProblem, problem: Problem, best: Opt
 
 
 def _floor(posed: CurveProblem | JointProblem) -> float:
-    return _PERFECT * (max_abs(posed.y) or 1.0)
+    return PERFECT * (max_abs(posed.y) or 1.0)
 
 
 def _concluded(
