@@ -13,7 +13,7 @@ from estim import pipeline
 from estim.arrays import log_sum_exp
 from estim.calibration import posterior_draws
 from estim.campaign import load_campaign
-from estim.common import NumericalError, Status
+from estim.common import Kind, NumericalError, Status
 from estim.curve_fitting.joint_fit import fit_curves
 from estim.curve_fitting.single import fit_curve
 from estim.curves import DataSet
@@ -347,3 +347,25 @@ def test_a_spread_beside_the_end_of_its_range_is_named_without_a_warning(width: 
     )
     assert fit.status == Status.METHODS_DISAGREE
     assert np.isnan(fit.sds["s"])
+
+
+def test_no_note_refers_to_an_interval_that_is_not_there() -> None:
+    """Of a spread that its limit of 0 cuts off, and of the values beside it."""
+    rng = np.random.default_rng(1)
+    x = np.linspace(0.0, 5.0, 12)
+    sets = {
+        f"d{i}": DataSet(x, 2.0 * x + 1.0 + 0.1 * rng.standard_normal(12), u_y=0.1)
+        for i in range(4)
+    }
+    fit = fit_curves(
+        "a*x + m + s*z",
+        sets,
+        shared=["a", "m", "s"],
+        priors={"z": "0(1)"},
+        bounds={"s": (0.0, 1.0)},
+        start={"s": 0.1},
+    )
+    assert {finding.kind for finding in fit.seen} & {Kind.AT_LIMIT, Kind.CUT_BY_LIMIT}
+    shown = str(fit)
+    assert "use its interval" not in shown
+    assert "-0.0" not in shown
