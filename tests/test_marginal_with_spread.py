@@ -8,11 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_runner import runner
 
 from estim import pipeline
 from estim.arrays import log_sum_exp
 from estim.calibration import posterior_draws
 from estim.campaign import load_campaign
+from estim.cli.commands import cli
 from estim.common import Kind, NumericalError, Status
 from estim.curve_fitting.joint_fit import fit_curves
 from estim.curve_fitting.single import fit_curve
@@ -232,6 +234,17 @@ def test_where_a_chain_does_not_converge_the_marginal_takes_its_place(tmp_path: 
     few = Target(ess=1000.0, max_step=5000)  # which are enough where a chain converges
     chain = analyse_fit(fit, seed=1, target=few, marginal=False)
     assert chain.diagnosis.status is Status.NOT_CONVERGED
+
+
+@pytest.mark.slow
+def test_a_report_says_which_value_of_a_spread_counts(tmp_path: Path) -> None:
+    """Beside the draws stands the mode together with all z, where s is far too large."""
+    levels(tmp_path, 1, 6, 10)
+    place = str(tmp_path / "campaign.toml")
+    arguments = ["fit", place, "--joint", "--out", str(tmp_path / "out"), "--figures", "none"]
+    assert runner().invoke(cli, arguments).exit_code == 0
+    report = (tmp_path / "out" / "report.md").read_text()
+    assert "Least squares fit s together with the values of z, which" in report
 
 
 def decays(seed: int) -> tuple[Fit, list[np.ndarray], np.ndarray]:

@@ -95,7 +95,6 @@ from estim.problem import Problem
 from estim.words import describe
 
 _ROUNDS = 60  # of the size of the errors, where priors make it matter
-_INFLUENTIAL = 0.3  # standard deviations by which effects must move a spread to be reported
 _SETTLED = 1e-7  # standard deviations, between two rounds with the slopes of the curve
 # the same where terms of the curve cancel, which leaves it fewer digits; beyond, the curve has too
 # few to be one
@@ -258,13 +257,11 @@ def without_fitted_effects(result: CurveFit) -> CurveFit:
     effects that are stated as 0 within an uncertainty are integrated out.
     """
     fit = result.fit
-    shifts = (
+    influenced = (
         {}
         if fit.singular or not fit.success
         else moved_by_integration(fit.posterior, fit.values, fit.cov)
     )
-    # nan of a spread at its limit, where nothing shows that it does not matter
-    influenced = {name: shift for name, shift in shifts.items() if not abs(shift) <= _INFLUENTIAL}
     if not influenced:
         return result
     effects = tuple(sorted({split_level(name)[0] for name in result.problem.effects}))
