@@ -18,6 +18,7 @@ from estim.common.quantity_text import (
     in_ascii,
     read_quantity,
     read_with_unit,
+    with_unit,
 )
 
 
@@ -264,3 +265,10 @@ def test_messages_hold_nothing_that_moves_a_cursor():
 
 def test_no_unit_leaves_no_blank_behind_a_number() -> None:
     assert (behind(""), behind("1"), behind("m")) == ("", "", " m")
+
+
+def test_a_unit_that_begins_with_a_number_is_a_factor() -> None:
+    assert with_unit("5.3", "10³ V") == "5.3 × 10³ V"
+    assert with_unit("5.3 ± 0.2", "100 g") == "(5.3 ± 0.2) × 100 g"
+    assert with_unit("5.3", "1/s") == "5.3 1/s"
+    assert with_unit("5.3", "(100 g)/s") == "5.3 (100 g)/s"

@@ -39,7 +39,6 @@ from estim.common.labels import (
     OF_BODY,
     Label,
     Notation,
-    behind,
     bracketed,
     kind_words,
     split_level,
@@ -67,6 +66,7 @@ from estim.common.phrases import (
 from estim.common.checkpoints import PieceStore, key_of
 from estim.common.ownership import REPORT_FILES, remove_own, replace_own, require_own, require_room
 from estim.common.quantity_text import (
+    behind,
     EXTREME,
     Quantity,
     difference,

@@ -33,6 +33,7 @@ _WITH_UNIT = re.compile(
     re.ASCII,
 )
 _NO_UNIT = re.compile(r"[(\s]+(?!1\s*/)[\d.,]")  # (30) and (30 m), but (1/s) is one
+_NUMBER_FIRST = re.compile(r"(?!1\s*/)\d")
 _UNCLEAR = re.compile(
     rf"\(?\s*({_PLAIN}{_POWER})\s*(?:\+/-|\+-|±)\s*({_PLAIN}{_POWER})\s*(%|‰|pp[mb]\b).{{0,20}}",
     re.ASCII,
@@ -318,11 +319,15 @@ def with_unit(text: str, unit: str) -> str:
     """
     if unit in ("", "1") or text == "n/a":
         return text
-    return (
-        (f"({text})" if " " in text and not text.startswith("(") else text)
-        + ("" if unit == "°" else " ")
-        + unit
-    )
+    number = f"({text})" if " " in text and not text.startswith("(") else text
+    return number + (unit if unit == "°" else behind(unit))
+
+
+def behind(unit: str) -> str:
+    """A unit as it stands behind a number; one that begins with a number, "10³ V", as a factor."""
+    if unit in ("", "1"):
+        return ""
+    return f" × {unit}" if _NUMBER_FIRST.match(unit) else f" {unit}"
 
 
 def signed(text: str) -> str:
