@@ -105,6 +105,17 @@ def check_size(values: FloatArray, field: str, *, each: bool = False) -> None:
             raise InputError(EXTREME, field=field, value=float(size))
 
 
+def check_lengths(x: FloatArray, y: FloatArray) -> None:
+    """Raises InputError naming y where it has not a value for each x."""
+    if y.size != x.size:
+        edges = (
+            "; edges of bins are no x: give the middles of the bins, and noise=Poisson(bins=edges) "
+            "for counts"
+        )
+        rule = f"must have as many values as x ({x.size})"
+        raise InputError(rule + edges * (x.size == y.size + 1), field="y", value=y.size)
+
+
 def check_whole(value: Any, field: str, least: int) -> None:
     """Raises InputError naming `field` for what is no whole number from `least` on."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
