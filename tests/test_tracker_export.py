@@ -219,7 +219,7 @@ REFUSED = {
     "nothing below the names": ("t,x,a\n", "a.txt: 'track unnamed' must hold at least 5 points: 0"),
     "decimal commas between commas": (
         text(",", comma=True),
-        "(decimal commas? write decimal points, or separate the cells by semicolons): 7",
+        "(decimal commas? write decimal points, or separate the cells by semicolons): 0,000E+00",
     ),
     "a date": (text(";").replace("8.000E-02;", "12.mai;"), "a.txt:5: 't' must be a number: 12.mai"),
     "another date": (
@@ -248,7 +248,7 @@ REFUSED = {
     "infinite": (text().replace("1.300E-01", "1e999"), "a.txt:5: 'x' must be finite: 1e999"),
     "too many cells": (
         text(";").replace(";7.500E-01", ";7.500E-01;1"),
-        "a.txt:5: 'row' must have 4 cells: 5",
+        "a.txt:5: 'row' must have 4 cells, not 5: ",
     ),
     "backward": (
         text(rows=[*ROWS[:3], ROWS[1], *ROWS[3:]]),
