@@ -17,7 +17,9 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import EXTREME, InputError, extreme
 
+_UNITS = ", not quantities with units: take their magnitudes, all in one unit"
 _REFUSED = {
+    "q": _UNITS,
     "M": ", not dates: count them from one of them, (t - t[0])/numpy.timedelta64(1, 's')",
     "m": ", not differences of times: divide them by a unit, t/numpy.timedelta64(1, 's')",
     "c": ", real ones: of complex ones take the real part, the imaginary part or the size",
@@ -52,9 +54,7 @@ def real_numbers(values: Any, field: str, rule: str = "must be numbers") -> Floa
     if hasattr(values, "to_base_units") or (
         hasattr(values, "unit") and hasattr(values, "to_value")
     ):
-        raise InputError(
-            "must be plain numbers here, not quantities with units", field=field, value=str(values)
-        )
+        raise InputError(f"must be plain numbers here{_UNITS}", field=field, value=str(values))
     if masked := _masked(values):
         cure = (
             "must not be masked: leave those points out of all arrays, as x[~y.mask] and y[~y.mask]"
@@ -68,7 +68,7 @@ def real_numbers(values: Any, field: str, rule: str = "must be numbers") -> Floa
         if values is not None and not why:
             return np.array(array, dtype=float)
     except (TypeError, ValueError, OverflowError):
-        pass
+        why = _UNITS if "q" in _kinds(values) else why
     raise InputError(rule + why, field=field, value=values)
 
 
@@ -127,7 +127,8 @@ def are_complex(values: Any) -> bool:
     """Whether `values`, an array, a column, a list of numbers or one of them, are complex."""
     if isinstance(values, list | tuple):
         return any(map(are_complex, values)) and all(isinstance(one, Number) for one in values)
-    return not hasattr(values, "nominal_value") and bool(np.iscomplexobj(values))
+    numbers = getattr(values, "magnitude", values)  # pint has no `iscomplexobj` of its own
+    return not hasattr(values, "nominal_value") and bool(np.iscomplexobj(numbers))
 
 
 def check_probability(probability: Any, field: str = "probability") -> None:
@@ -162,6 +163,8 @@ def _kinds(values: Any) -> set[str]:
 def _kind(made_of: type) -> str:
     if issubclass(made_of, np.generic):
         return np.dtype(made_of).kind
+    if hasattr(made_of, "to_base_units"):  # of pint
+        return "q"
     if hasattr(made_of, "nominal_value"):  # of the package uncertainties
         return "±"
     return next((kind for known, kind in _KINDS if issubclass(made_of, known)), "f")
