@@ -19,7 +19,6 @@ from estim.common import EXTREME, InputError, extreme
 
 _UNITS = ", not quantities with units: take their magnitudes, all in one unit"
 _REFUSED = {
-    "q": _UNITS,
     "M": ", not dates: count them from one of them, (t - t[0])/numpy.timedelta64(1, 's')",
     "m": ", not differences of times: divide them by a unit, t/numpy.timedelta64(1, 's')",
     "c": ", real ones: of complex ones take the real part, the imaginary part or the size",
@@ -60,15 +59,17 @@ def real_numbers(values: Any, field: str, rule: str = "must be numbers") -> Floa
             "must not be masked: leave those points out of all arrays, as x[~y.mask] and y[~y.mask]"
         )
         raise InputError(cure, field=field, value=f"{masked} masked")
-    why = ""
+    why, kinds = "", _kinds(values)
+    if "q" in kinds:  # NumPy would warn, and take their numbers in whatever unit
+        raise InputError(rule + _UNITS, field=field, value=values)
     try:
         array = np.asarray(values)
-        kinds = {array.dtype.kind, *_kinds(array if array.dtype.kind == "O" else values)}
+        kinds |= {array.dtype.kind, *(_kinds(array) if array.dtype.kind == "O" else ())}
         why = next((words for kind, words in _REFUSED.items() if kind in kinds), "")
         if values is not None and not why:
             return np.array(array, dtype=float)
     except (TypeError, ValueError, OverflowError):
-        why = _UNITS if "q" in _kinds(values) else why
+        pass
     raise InputError(rule + why, field=field, value=values)
 
 
