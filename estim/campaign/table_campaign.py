@@ -550,6 +550,9 @@ def pairs(texts: Sequence[str], option: str) -> dict[str, str]:
         name, mark, value = (part.strip() for part in text.partition("="))
         if not (mark and name and value):
             raise InputError("must be written NAME=VALUE", field=option, value=shorten(text))
+        if "=" in value and not value.startswith("{"):
+            rule = "must be one NAME=VALUE: give several one by one"
+            raise InputError(rule, field=option, value=shorten(text))
         if name in values:
             raise InputError("is given twice", field=option, value=name)
         values[name] = value
