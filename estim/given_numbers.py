@@ -17,6 +17,7 @@ import numpy as np
 from estim.arrays import BoolArray, FloatArray
 from estim.common import EXTREME, InputError, extreme
 
+_UNITS = ", not quantities with units: take their magnitudes, all in one unit"
 _REFUSED = {
     "M": ", not dates: count them from one of them, (t - t[0])/numpy.timedelta64(1, 's')",
     "m": ", not differences of times: divide them by a unit, t/numpy.timedelta64(1, 's')",
@@ -52,18 +53,18 @@ def real_numbers(values: Any, field: str, rule: str = "must be numbers") -> Floa
     if hasattr(values, "to_base_units") or (
         hasattr(values, "unit") and hasattr(values, "to_value")
     ):
-        raise InputError(
-            "must be plain numbers here, not quantities with units", field=field, value=str(values)
-        )
+        raise InputError(f"must be plain numbers here{_UNITS}", field=field, value=str(values))
     if masked := _masked(values):
         cure = (
             "must not be masked: leave those points out of all arrays, as x[~y.mask] and y[~y.mask]"
         )
         raise InputError(cure, field=field, value=f"{masked} masked")
-    why = ""
+    why, kinds = "", _kinds(values)
+    if "q" in kinds:  # NumPy would warn, and take their numbers in whatever unit
+        raise InputError(rule + _UNITS, field=field, value=values)
     try:
         array = np.asarray(values)
-        kinds = {array.dtype.kind, *_kinds(array if array.dtype.kind == "O" else values)}
+        kinds |= {array.dtype.kind, *(_kinds(array) if array.dtype.kind == "O" else ())}
         why = next((words for kind, words in _REFUSED.items() if kind in kinds), "")
         if values is not None and not why:
             return np.array(array, dtype=float)
@@ -120,6 +121,17 @@ def check_size(values: FloatArray, field: str, *, each: bool = False) -> None:
             raise InputError(EXTREME, field=field, value=float(size))
 
 
+def check_lengths(x: FloatArray, y: FloatArray) -> None:
+    """Raises InputError naming y where it has not a value for each x."""
+    if y.size != x.size:
+        edges = (
+            "; edges of bins are no x: give the middles of the bins, and noise=Poisson(bins=edges) "
+            "for counts"
+        )
+        rule = f"must have as many values as x ({x.size})"
+        raise InputError(rule + edges * (x.size == y.size + 1), field="y", value=y.size)
+
+
 def check_whole(value: Any, field: str, least: int) -> None:
     """Raises InputError naming `field` for what is no whole number from `least` on."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
@@ -131,7 +143,8 @@ def are_complex(values: Any) -> bool:
     """Whether `values`, an array, a column, a list of numbers or one of them, are complex."""
     if isinstance(values, list | tuple):
         return any(map(are_complex, values)) and all(isinstance(one, Number) for one in values)
-    return not hasattr(values, "nominal_value") and bool(np.iscomplexobj(values))
+    numbers = getattr(values, "magnitude", values)  # pint has no `iscomplexobj` of its own
+    return not hasattr(values, "nominal_value") and bool(np.iscomplexobj(numbers))
 
 
 def check_probability(probability: Any, field: str = "probability") -> None:
@@ -166,6 +179,8 @@ def _kinds(values: Any) -> set[str]:
 def _kind(made_of: type) -> str:
     if issubclass(made_of, np.generic):
         return np.dtype(made_of).kind
+    if hasattr(made_of, "to_base_units"):  # of pint
+        return "q"
     if hasattr(made_of, "nominal_value"):  # of the package uncertainties
         return "±"
     return next((kind for known, kind in _KINDS if issubclass(made_of, known)), "f")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
-from importlib.machinery import PathFinder
+from importlib.machinery import PathFinder, all_suffixes
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -72,6 +72,8 @@ def _in_the_way(file: str) -> bool:
     """Whether a file takes the place of another module."""
     standard = os.path.dirname(os.path.abspath(os.__file__))
     if _own(file) or file.startswith(os.path.join(standard, "")):
+        return False
+    if not file.endswith(tuple(all_suffixes())):  # a random.toml takes the place of nothing
         return False
     folder = os.path.dirname(_folder(file)) if _is_package(file) else _folder(file)
     name = _module(file)

@@ -738,6 +738,8 @@ def test_the_table_of_a_run_is_checked_with_its_own_lines(load, folder):
 def test_a_file_name_that_cannot_be_is_refused_in_words(load):
     with pytest.raises(InputError, match=r"'file' cannot be found .*h4.*\.csv"):
         load(('file = "h4.csv"', 'file = "h4\\u0000.csv"'))
+    with pytest.raises(InputError, match=r"hhh.*: cannot be read \(file name too long\)"):
+        load(('file = "h4.csv"', f'file = "{"h" * 300}.csv"'))
 
 
 def test_a_campaign_needs_something_to_do(load):
@@ -869,6 +871,25 @@ def test_units_that_energy_forbids_are_asked_about(load, folder, case, model):
     assert str(caught.value).endswith(question)
 
 
+@pytest.mark.parametrize("radius", ["15.00(5)", "150.0(5)"])
+@pytest.mark.parametrize("model", ["differentiated", "positions"])
+def test_a_radius_in_cm_or_mm_is_asked_about(load, radius, model):
+    with pytest.raises(InputError) as caught:
+        load(
+            ('radius_m = "0.1500(5)"', f'radius_m = "{radius}"'),
+            (NOISE, f'noise = {{sigma_x_m = 0.001, model = "{model}"}}'),
+        )
+    told = str(caught.value)
+    assert re.search(
+        r"campaign\.toml:\d+: 'radius_m' must be in m: with this radius the body", told
+    )
+    assert told.endswith(f"(is it in cm or mm?): {radius}")
+
+
+def test_a_large_wheel_that_turns_is_not_asked_about(load):
+    load(('radius_m = "0.1500(5)"', 'radius_m = "1.500(5)"'))
+
+
 def test_angles_in_degrees_and_speeds_in_cm_are_asked_about(load, folder):
     noise = (NOISE, "noise = {sigma_theta_rad = 0.01}")
     text = motion_table(columns="t_s,theta_rad")
@@ -884,7 +905,7 @@ def test_angles_in_degrees_and_speeds_in_cm_are_asked_about(load, folder):
 
 
 @pytest.mark.parametrize(
-    ("radius", "phi"), [(0.01, -20.0), (0.15, -0.01), (0.01, -89.0), (5.0, -0.1)]
+    ("radius", "phi"), [(0.01, -20.0), (0.15, -0.01), (0.01, -89.0), (1.0, -0.1)]
 )
 def test_a_wheel_that_rolls_down_is_never_asked_about(load, folder, radius, phi):
     """x = a t²/2 with a = g sin|phi|/(1 + kappa), for a point-like (kappa = 0) body: the fastest

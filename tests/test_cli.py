@@ -13,7 +13,8 @@ import jsonschema
 import pytest
 from troubles import Disk
 
-from estim.cli.commands import main
+from estim.cli.commands import cli, main
+from estim.common.errors import InputError
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -362,19 +363,30 @@ def test_two_campaigns_of_one_folder_have_folders_of_their_own(
     assert out_folder(tmp_path / file, "line") == Path(folder)
 
 
-@pytest.mark.parametrize(
-    ("command", "words"),
-    [
-        ("verify", "'report' cannot be found"),
-        *((name, "(file name too long)") for name in ("new", "diff", "batch", "fit", "line")),
-    ],
-)
+@pytest.mark.parametrize("command", ["verify", "new", "diff", "batch", "fit", "line"])
 def test_a_name_that_is_too_long_for_a_file_is_one_line(
-    estim: Command, command: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    estim: Command, command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     done = estim(command, *["a" * 300] * (2 if command == "diff" else 1))
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
     assert "aaa" in done.stderr
-    assert words in done.stderr
+    assert "(file name too long)" in done.stderr
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["serve", "--port", "abc"], "'--port' must be a whole number of at least 1 and at most"),
+        (["serve", "--port", "65536"], "'--port' must be a whole number of at least 1 and at most"),
+        (["line", "a.csv", "--seed", "-1"], "'--seed' must be a whole number of at least 0 and"),
+        (["fit", "a.csv", "--every", "0"], "'--every' must be a whole number of at least 1: 0"),
+        (["fit", "a.csv", "--deviation", "1,5"], "'--deviation' must be a number: 1,5"),
+        (["diff", "1", "2", "--r", "2"], "'--r' must be a number between -1 and 1: 2"),
+    ],
+)
+def test_a_number_of_an_option_is_refused_with_its_rule(arguments: list[str], told: str) -> None:
+    with pytest.raises(InputError) as refused:
+        cli.main(arguments, standalone_mode=False)
+    assert str(refused.value).startswith(told)

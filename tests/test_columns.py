@@ -14,6 +14,8 @@ from command_runner import runner
 
 from estim.cli.commands import cli
 from estim.common.errors import InputError
+from estim.line.table_line import LineColumns, straight_line
+from estim.means.table_mean import mean_of_table
 from estim.reading.dialect import Dialect, name_and_unit
 from estim.reading.layout import read_layout
 from estim.reading.named_columns import line_numbers, read_columns
@@ -91,13 +93,17 @@ def test_a_table_is_read_as_it_is_written(
             {"decimal": "comma"},
             "a.csv:3: 't' must be a number with a decimal comma, not a point: 2.5",
         ),
-        ("t;y\n1.234,5;1\n2.345,5;2\n", {}, "a.csv:3: 'row' must hold numbers|a.csv:2: "),
+        (
+            "t;y\n1.234,5;1\n2.345,5;2\n",
+            {},
+            "a.csv:3: 'row' must hold cells that are numbers|a.csv:2: ",
+        ),
         (
             "t;y\n1;2\n1 000;3\n1;2\n",
             {},
             "a.csv:3: 't' must be a number without marks between thousands: 1 000",
         ),
-        ("t,y\n0,5,1,2\n1,0,2,0\n", {}, r"a.csv:2: 'row' must have 2 cells \(decimal commas\?"),
+        ("t,y\n0,5,1,2\n1,0,2,0\n", {}, r"a.csv:2: 'row' must have 2 cells, not 4 \(decimal"),
         ("t,y,n\n1,2,3\n4,5,6\n", {}, "a.csv:2: 'row' may hold decimal commas: .* --decimal point"),
         (
             "0.1\t0.2\t3\n0.1\t0.2\t3\n",
@@ -116,14 +122,14 @@ def test_a_table_is_read_as_it_is_written(
             "a.csv:1: 't' occurs twice in the header: name all columns",
         ),
         ("t,u\n0.5,1\n1,3\n", {}, r"a.csv:1: 'y' is missing \(the header has t, u\)"),
-        ("t,y\n0.1,1\n0.2\n0.3,2\n", {}, "a.csv:3: 'row' must have 2 cells: 1"),
+        ("t,y\n0.1,1\n0.2\n0.3,2\n", {}, "a.csv:3: 'row' must have 2 cells, not 1: 0.2"),
         (
             "t,y\n0.0,1.0,3\n0.2,2\n0.3,2\n",
             {},
             "a.csv:2: 'row' is a row with another number of cells .*--skip-rows",
         ),
         ("t,y\n13:00,1\n13:01,2\n", {}, r"a.csv:2: 't' must be a number .*, as 13:05:00\): 13:00"),
-        ("t,y\n0.1,1\n0.2,2\n0.3,3\n0.4,4,1\n", {}, "a.csv:5: 'row' must have 2 cells.*: 3"),
+        ("t,y\n0.1,1\n0.2,2\n0.3,3\n0.4,4,1\n", {}, "a.csv:5: 'row' must have 2 cells, not 3: 0.4"),
         ("t,y\n0.1,1x\n0.2,2\n0.3,2\n", {}, "a.csv:2: 'row' must be a row of numbers"),
         (
             "t,y\n10 s (or so),1\n0.2,2\n0.3,2\n",
@@ -131,13 +137,18 @@ def test_a_table_is_read_as_it_is_written(
             "a.csv:2: 'row' must be a row of numbers.* names, which begin with a letter",
         ),
         ("t,y\n0.1,1\n0.2,2x\n0.3,2\n", {}, "a.csv:3: 'y' must be a number: 2x"),
+        (
+            "t,y\n0.1,1\n0.2,2x10^3\n0.3,2\n",
+            {},
+            r"a.csv:3: 'y' must be a number \(a power of ten is written as in 2e3\): 2x10\^3",
+        ),
         ("t,y\n0,1\n% 1,2\n1,3\n2,3\n", {}, "a.csv:3: 't' must be a number: % 1"),
         (
             "t,y\n0,inf\n1,3\n2,3\n",
             {},
             "a.csv:2: 'row' must be a row of numbers|'y' must be a number: inf",
         ),
-        ("t,y\n", {}, "a.csv:1: 'row' must hold numbers"),
+        ("t,y\n", {}, "a.csv:1: 'row' must hold cells that are numbers"),
         (b"PK\x03\x04 and so on", {}, "a.csv: cannot be read as an archive"),
         (b"t,y\n1,2\n\xff\n", {"encoding": "utf-8"}, "'encoding' cannot be read as utf-8"),
         ("t,y\n1,2\n2,3\n", {"header": True, "skip_rows": 3}, "a.csv: has no rows of numbers"),
@@ -499,7 +510,7 @@ def test_an_uncertainty_in_a_cell_does_not_part_cells(tmp_path: Path, mark: str)
 
 
 def test_the_cells_of_a_range_without_any_are_told(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"a\.csv:3: 'row' must hold numbers"):
+    with pytest.raises(InputError, match=r"a\.csv:3: 'row' must hold cells that are numbers"):
         read(tmp_path / "a.csv", "t,y\n1,2\n3,4\n", range="Z1:ZZ9")
 
 
@@ -510,3 +521,24 @@ def test_a_unit_of_several_symbols_stands_behind_a_slash() -> None:
         assert name_and_unit(text) == ("v", "m/s")
     assert name_and_unit("k in 1/(m s)") == ("k", "1/(m s)")
     assert name_and_unit("ratio / reading of day 2") == ("ratio / reading of day 2", "")
+
+
+@pytest.mark.parametrize(
+    "cell", ["1/2", "~1", "2x10^3", "<0.1", "2.0*", "2E 3", "1.5-1.6", "1.2.3", "12:30", "$1.20"]
+)
+def test_no_other_column_takes_the_place_of_one_that_cannot_be_read(cell, tmp_path):
+    (tmp_path / "a.csv").write_text("t,v,w\n" + "".join(f"{i},{cell},{2 * i}\n" for i in range(5)))
+    for read in (
+        lambda: mean_of_table(tmp_path / "a.csv"),
+        lambda: straight_line(tmp_path / "a.csv", LineColumns()),
+    ):
+        with pytest.raises(InputError, match=r"'column' must be named .* \(there are t, v, w\)"):
+            read()
+    with pytest.raises(InputError, match=r"a\.csv:2: 'v' must be a number"):
+        mean_of_table(tmp_path / "a.csv", y="v")
+
+
+@pytest.mark.parametrize("cell", ["1a", "A1", "run 1"])
+def test_a_column_of_labels_is_no_column_of_numbers(cell, tmp_path):
+    (tmp_path / "a.csv").write_text("v,w\n" + "".join(f"{cell},{2 * i}\n" for i in range(5)))
+    assert mean_of_table(tmp_path / "a.csv").name == "w"

@@ -1007,3 +1007,12 @@ def test_a_best_probability_of_1_has_a_lower_end(
     for level, rise in ((0.68, 0.9889), (0.95, 3.8415)):
         low = float(np.min(a[profile < np.min(profile) + rise]))
         assert fit.intervals["a"][level] == pytest.approx((low, 1.0), abs=0.002)
+
+
+@pytest.mark.parametrize("noise", ["poisson", None])
+def test_edges_of_bins_in_place_of_x_are_refused_with_the_cure(noise: str | None) -> None:
+    counts, edges = np.histogram(np.random.default_rng(1).normal(5.0, 1.0, 500), 20)
+    with pytest.raises(InputError, match=r"as many values as x \(21\); edges of bins"):
+        fit_curve("gaussian", edges, counts, noise=noise)
+    with pytest.raises(InputError, match=r"'y' must have as many values as x \(21\): 5$"):
+        fit_curve("gaussian", edges, counts[:5], noise=noise)

@@ -147,3 +147,27 @@ def test_the_first_set_may_lie_on_a_limit_of_zero() -> None:
     assert np.all(fits.status[1:] == "ok")
     slope, intercept = np.polyfit(x, y[1:].T, 1)
     np.testing.assert_allclose(fits.values[1:], np.column_stack([slope, intercept]), rtol=1e-5)
+
+
+@pytest.mark.parametrize("u_y", [0.1, None])
+@pytest.mark.parametrize("offset", [1e7, 1e9, 1e12])
+def test_a_large_constant_of_y_changes_nothing_but_that_constant(
+    offset: float, u_y: float | None
+) -> None:
+    y = decays(40) + offset
+    far = fit_many(DECAY, X, y, u_y=u_y)
+    near = fit_many(DECAY, X, y - offset, u_y=u_y)
+    assert far.status.tolist() == near.status.tolist()
+    shift = far.values - near.values - np.array([name == "c" for name in far.names]) * offset
+    # of 1e12 a double has 1e-4: two digits less than the noise
+    np.testing.assert_array_less(np.abs(shift) / near.sds, 0.02)
+    np.testing.assert_allclose(far.sds, near.sds, rtol=0.02)
+
+
+@pytest.mark.parametrize("u_y", [1.0, None])
+def test_the_scatter_of_large_numbers_is_not_their_rounding(u_y: float | None) -> None:
+    y = 10.0 * (decays(1)[0]) + 1e12
+    far, near = (fit_curve(DECAY, X, y - zero, u_y=u_y) for zero in (0.0, 1e12))
+    assert (far.status, near.status) == ("ok", "ok")
+    for name in ("a", "tau"):
+        assert abs(far.values[name] - near.values[name]) < 0.1 * near.sds[name]

@@ -77,8 +77,8 @@ def test_a_stated_gamma_that_the_line_contradicts_is_said_at_once(
 ) -> None:
     done, report, result = line(tmp_path, PHI, RISING, u=(0.1, 0.5), gamma="0.400(1)")
     assert (done.exit_code, result["status"]) == (0, "ok")
-    assert "disagree: E_n = -" in done.output
-    assert report.index("disagree: E_n = -") < report.index("## Result")
+    assert "disagree: E_n = −" in done.output
+    assert report.index("disagree: E_n = −") < report.index("## Result")
     agreeing, report, _ = good
     assert "disagree" not in agreeing.output + report
 

@@ -8,12 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_runner import runner
 
 from estim import pipeline
 from estim.arrays import log_sum_exp
 from estim.calibration import posterior_draws
 from estim.campaign import load_campaign
-from estim.common import NumericalError, Status
+from estim.cli.commands import cli
+from estim.common import Kind, NumericalError, Status
 from estim.curve_fitting.joint_fit import fit_curves
 from estim.curve_fitting.single import fit_curve
 from estim.curves import DataSet
@@ -234,6 +236,17 @@ def test_where_a_chain_does_not_converge_the_marginal_takes_its_place(tmp_path: 
     assert chain.diagnosis.status is Status.NOT_CONVERGED
 
 
+@pytest.mark.slow
+def test_a_report_says_which_value_of_a_spread_counts(tmp_path: Path) -> None:
+    """Beside the draws stands the mode together with all z, where s is far too large."""
+    levels(tmp_path, 1, 6, 10)
+    place = str(tmp_path / "campaign.toml")
+    arguments = ["fit", place, "--joint", "--out", str(tmp_path / "out"), "--figures", "none"]
+    assert runner().invoke(cli, arguments).exit_code == 0
+    report = (tmp_path / "out" / "report.md").read_text()
+    assert "Least squares fit s together with the values of z, which" in report
+
+
 def decays(seed: int) -> tuple[Fit, list[np.ndarray], np.ndarray]:
     """Decays of eight runs whose lifetimes scatter; tau + s z may be negative."""
     rng, x = np.random.default_rng(seed), np.linspace(0.0, 6.0, 10)
@@ -349,3 +362,25 @@ def test_a_spread_beside_the_end_of_its_range_is_named_without_a_warning(width: 
     )
     assert fit.status == Status.METHODS_DISAGREE
     assert np.isnan(fit.sds["s"])
+
+
+def test_no_note_refers_to_an_interval_that_is_not_there() -> None:
+    """Of a spread that its limit of 0 cuts off, and of the values beside it."""
+    rng = np.random.default_rng(1)
+    x = np.linspace(0.0, 5.0, 12)
+    sets = {
+        f"d{i}": DataSet(x, 2.0 * x + 1.0 + 0.1 * rng.standard_normal(12), u_y=0.1)
+        for i in range(4)
+    }
+    fit = fit_curves(
+        "a*x + m + s*z",
+        sets,
+        shared=["a", "m", "s"],
+        priors={"z": "0(1)"},
+        bounds={"s": (0.0, 1.0)},
+        start={"s": 0.1},
+    )
+    assert {finding.kind for finding in fit.seen} & {Kind.AT_LIMIT, Kind.CUT_BY_LIMIT}
+    shown = str(fit)
+    assert "use its interval" not in shown
+    assert "-0.0" not in shown

@@ -197,7 +197,7 @@ def test_the_command_writes_what_python_says(tmp_path):
     assert not record["consistent"]
     assert (tmp_path / "out/figures/mean.png").read_bytes()[:4] == b"\x89PNG"
     told = runner().invoke(cli, ["diff", str(tmp_path / "out"), "493.677(13) MeV"])
-    assert "E_n = -0.24: the two values agree" in told.output
+    assert "E_n = −0.24: the two values agree" in told.output
     stated = runner().invoke(
         cli, ["mean", str(file), "--u-y", "0.1", "--out", str(tmp_path / "b"), "--figures", "none"]
     )
@@ -268,7 +268,7 @@ def test_a_result_of_few_readings_is_compared_by_its_own_coverage_factor(tmp_pat
     runner().invoke(cli, ["mean", str(tmp_path / "g.csv"), *choices])
     exact = runner().invoke(cli, ["diff", str(tmp_path / "out"), "9.76"]).output
     assert "U = k u = 0.050 with k = 4.30 for 2 degrees of freedom" in exact
-    assert "E_n = -0.81: the two values agree" in exact  # -0.04/(4.303*0.02/sqrt(3))
+    assert "E_n = −0.81: the two values agree" in exact  # -0.04/(4.303*0.02/sqrt(3))
     u, k = 0.02 / math.sqrt(3.0), stats.t.ppf(0.975, 2.0 * 4.0)  # dof = 2 (1 + 1)^2 for equal u
     two = estim.compare_values((Quantity(9.72, u), "1", 2.0), (Quantity(9.76, u), "1", math.inf))
     assert two.dof == pytest.approx(8.0)
@@ -373,3 +373,17 @@ def test_a_mean_of_two_readings_has_one_degree_of_freedom(tmp_path) -> None:
     told = mean_statement(mean_of_table(tmp_path / "a.csv"))
     assert told.startswith("mean: g = 9.80 ± 0.13, where"), told
     assert "with 1 effective degree of freedom for" in told
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "told"),
+    [
+        ("9.81", "9.79", "0.02"),
+        ("9.79 m/s²", "9.81 m/s²", "−0.02 m/s²"),
+        ("1000000.1", "1", "999999.1"),
+        ("1.73×10⁻⁵", "1.70×10⁻⁵", "3e-7"),
+    ],
+)
+def test_exact_values_are_subtracted_to_the_decimals_given(first, second, told):
+    with pytest.raises(InputError, match=f"has no uncertainty, .*: {told}$"):
+        estim.compare_values(first, second)

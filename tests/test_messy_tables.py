@@ -16,6 +16,9 @@ from workbooks import xlsx
 from estim import InputError, fit_curve
 from estim.cli.commands import cli
 from estim.curve_fitting.tables import read_table
+from estim.reading.dialect import Dialect, name_and_unit
+from estim.reading.layout import read_layout
+from estim.reading.named_columns import read_columns
 from estim.reading.workbook import _uncomputed_of_ods
 
 
@@ -206,3 +209,50 @@ def test_cells_of_an_ods_without_a_value_stand_wherever_they_are_repeated() -> N
     )
     places = {(row, column): "=NA()" for row in (1, 2) for column in (1, 2)}
     assert _uncomputed_of_ods(content) == {"A": places}
+
+
+AXES = "time,seconds_elapsed,z,y,x\n" + "".join(
+    f"{i + 1},0.{i},9.{i},0.0{i},0.1{i}\n" for i in range(9)
+)
+
+
+@pytest.mark.parametrize("command", [["line"], ["fit", "--formula", "a*x + b"]])
+def test_the_axes_of_a_sensor_are_no_abscissa_and_ordinate(
+    command: list[str], tmp_path: Path
+) -> None:
+    (tmp_path / "Accelerometer.csv").write_text(AXES)
+    arguments = [command[0], str(tmp_path / "Accelerometer.csv"), *command[1:]]
+    refused = runner().invoke(cli, arguments, standalone_mode=False)
+    assert isinstance(refused.exception, InputError)
+    assert "'column' must be named by --x and --y (there are time, " in str(refused.exception)
+    refused = runner().invoke(
+        cli, ["fit", arguments[1], "--formula", "a*time + b"], standalone_mode=False
+    )
+    assert "'column' must be named by --y (there are time, " in str(refused.exception)
+
+
+@pytest.mark.parametrize(
+    "end",
+    [
+        ">>>>>End Spectral Data<<<<<\n",
+        "\n\nDate and Time:\tMon Mar 04 10:11:12 2024\nTemperature (C):\t-70\n",
+    ],
+)
+def test_what_a_spectrometer_writes_below_its_table_is_not_read(end: str, tmp_path: Path) -> None:
+    rows = "".join(f"{500 + i}.5\t{40 + i}\n" for i in range(9))
+    (tmp_path / "a.asc").write_text(rows + end)
+    layout = read_layout(tmp_path / "a.asc", Dialect(columns=("nm", "counts")))
+    assert len(layout.rows) == 9
+    assert "what stands below the table was not read" in layout.assumed[0]
+
+
+def test_a_remark_among_the_rows_is_shown_with_the_cure(tmp_path: Path) -> None:
+    (tmp_path / "a.log").write_text("t_ms,d_cm\n0,1.5\nWARN: timeout\n20,1.7\n30,1.8\n")
+    with pytest.raises(InputError, match=r"a\.log:3: .* not 1 \(a remark\?.*#.*\): WARN: timeout"):
+        read_columns(tmp_path / "a.log", needed=["t_ms", "d_cm"], min_rows=3)
+
+
+def test_the_unit_stands_before_the_number_of_a_run() -> None:
+    assert name_and_unit("Position (m) Run #1") == ("Position Run #1", "m")
+    assert name_and_unit("Time (s) #2") == ("Time #2", "s")
+    assert name_and_unit("f(x) Run #1") == ("f(x) Run #1", "")

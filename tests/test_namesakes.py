@@ -161,3 +161,15 @@ def test_one_thread_of_linear_algebra_unless_said(
     )
     main()
     assert seen == [threads]
+
+
+def test_a_file_of_data_is_in_the_way_of_no_module(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from estim.shadowed_modules import namesake_behind
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    for name in ("random.toml", f"{'a' * 300}.csv.toml", "csv"):
+        assert namesake_behind(OSError(13, "Permission denied", name)) == ""
+    assert namesake_behind(OSError(13, "Permission denied", "random.py")) == "random.py"

@@ -1286,3 +1286,14 @@ def test_correlated_inputs_that_cancel_have_slopes_all_the_same() -> None:
     found = propagate_linear("a - b/2", inputs, correlation={("a", "b"): 1.0})
     assert float(found.u) == pytest.approx(0.0, abs=1e-9)
     assert not any("slope" in note or "derivatives" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("function", [lambda length, time: length / time, lambda: 1.0])
+def test_a_function_of_other_arguments_is_refused_with_an_example(function) -> None:
+    inputs = [Input("L", 0.85, 0.01), Input("T", 1.85, 0.003)]
+    rule = r"'function' must take one argument, .* as lambda q: 2\*q\[\"L\"\]: \("
+    with pytest.raises(InputError, match=rule):
+        propagate_linear(function, inputs)
+    with pytest.raises(InputError, match=rule):
+        propagate_monte_carlo(function, inputs, rng=1)
+    assert propagate_linear(lambda q, scale=2.0: scale * q["L"] / q["T"], inputs).u > 0.0

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from estim import AxisNames, DataSet, InputError, fit_curve, fit_curves
+from estim import AxisNames, DataSet, InputError, fit_curve, fit_curves, fit_line, mean
 
 BASE = {
     "min": (60.0, "s"),
@@ -40,6 +40,9 @@ class Quantity:
     @property
     def units(self) -> Unit:
         return Unit(self.unit)
+
+    def __array_function__(self, *_: object) -> Any:
+        return NotImplemented  # as of pint for functions of NumPy that it does not know
 
     def to_base_units(self) -> Quantity:
         factor, name = BASE[self.unit]
@@ -181,6 +184,16 @@ def test_results_are_quantities_of_a_registry() -> None:
         odd.quantities(Registry())
     with pytest.raises(InputError, match="poor-fit"):
         fit_curve("v*x + c", x, x**3, u_y=0.01).quantities(Registry())
+
+
+def test_where_no_quantities_are_taken_they_are_refused_with_the_cure() -> None:
+    lengths, list_of_lengths = Quantity(np.ones(3), "m"), [Quantity(1.0, "m"), Quantity(2.0, "m")]
+    for given in (lengths, list_of_lengths):
+        with pytest.raises(InputError, match=r"not quantities with units: take their magnitudes"):
+            mean(given, 0.1)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"not quantities with units: take their magnitudes"):
+        fit_line(lengths, [1.0, 2.0, 3.0])  # type: ignore[arg-type]
+    assert mean(np.array([1, 2, 3], dtype=np.uint8), 0.1).best.value == 2.0
 
 
 def test_results_are_quantities_of_pint() -> None:

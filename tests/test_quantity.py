@@ -15,8 +15,10 @@ from estim.common.quantity_text import (
     Quantity,
     format_quantity,
     format_rounded,
+    in_ascii,
     read_quantity,
     read_with_unit,
+    with_unit,
 )
 
 
@@ -42,6 +44,12 @@ from estim.common.quantity_text import (
         ("5.0e3(1)", 5000.0, 100.0),
         ("1.0e-3(2)", 1e-3, 2e-4),
         ("(5.0(1))e3", 5000.0, 100.0),
+        ("1.73×10⁻⁵", 1.73e-5, 0.0),
+        ("−1.73 x 10^-5", -1.73e-5, 0.0),
+        ("2*10^3", 2000.0, 0.0),
+        ("1.73(2)×10⁻⁵", 1.73e-5, 2e-7),
+        ("(1.73 ± 0.02)×10^(-5)", 1.73e-5, 2e-7),
+        ("2.40×10⁻⁷ ± 0.12×10⁻⁷", 2.4e-7, 1.2e-8),
         ("4", 4.0, 0.0),
         ("4e-3", 0.004, 0.0),
         (4, 4.0, 0.0),
@@ -56,6 +64,14 @@ def test_reads_value_and_uncertainty(text, value, u):
     if isinstance(text, str):
         assert read_with_unit(text, field="phi_deg") == (quantity, "1")
         assert read_with_unit(f"{text.strip()} V", field="phi_deg") == (quantity, "V")
+
+
+def test_what_is_written_for_a_keyboard_is_read_back():
+    text = "(−1.73 ± 0.02)×10⁻⁵ m/s²"
+    assert in_ascii(text) == "(-1.73 +/- 0.02)x10^-5 m/s^2"
+    quantity, unit = read_with_unit(in_ascii(text), field="a")
+    assert (quantity, unit) == (read_with_unit(text, field="a")[0], "m/s^2")
+    assert in_ascii("γ, 3.7 µm at 20 °C") == "γ, 3.7 um at 20 degC"
 
 
 @pytest.mark.parametrize(
@@ -86,6 +102,9 @@ NONSENSE = [
     "4.0 4",
     "0x10",
     "4.0(4",
+    "×10⁻⁵",
+    "2×10",
+    "2×11³",
     "4.0 degrees",
     "__import__('os')",
     "1_000",
@@ -246,3 +265,10 @@ def test_messages_hold_nothing_that_moves_a_cursor():
 
 def test_no_unit_leaves_no_blank_behind_a_number() -> None:
     assert (behind(""), behind("1"), behind("m")) == ("", "", " m")
+
+
+def test_a_unit_that_begins_with_a_number_is_a_factor() -> None:
+    assert with_unit("5.3", "10³ V") == "5.3 × 10³ V"
+    assert with_unit("5.3 ± 0.2", "100 g") == "(5.3 ± 0.2) × 100 g"
+    assert with_unit("5.3", "1/s") == "5.3 1/s"
+    assert with_unit("5.3", "(100 g)/s") == "5.3 (100 g)/s"

@@ -289,8 +289,11 @@ REFUSED = {
     "nan": (_changed(4, (1, "nan")), "a.csv:6: 'x_m' must be a number: nan"),
     "inf": (_changed(5, (1, "-inf")), "a.csv:7: 'x_m' must be a number: -inf"),
     "too large": (_changed(0, (1, "1e999")), "a.csv:2: 'x_m' must be finite: 1e999"),
-    "cell too many": (_changed(1, (1, "0.004,9")), "a.csv:3: 'row' must have 2 cells: 3"),
-    "cell too few": (table().replace("0.2,0.009", "0.2"), "a.csv:4: 'row' must have 2 cells: 1"),
+    "cell too many": (_changed(1, (1, "0.004,9")), "a.csv:3: 'row' must have 2 cells, not 3: "),
+    "cell too few": (
+        table().replace("0.2,0.009", "0.2"),
+        "a.csv:4: 'row' must have 2 cells, not 1: 0.2",
+    ),
     "time back": (_changed(3, (0, 0.15)), "a.csv:5: 't_s' must increase from row to row: 0.15"),
     "time again": (_changed(2, (0, 0.1)), "a.csv:4: 't_s' must increase from row to row: 0.1"),
     "times of a nanosecond's parts": (

@@ -200,3 +200,17 @@ def test_neither_a_terminal_without_greek_nor_a_users_matplotlib_reaches_the_rep
         assert figure.read_bytes() == (tmp_path / "out" / "figures" / figure.name).read_bytes(), (
             figure.name
         )
+
+
+@pytest.mark.parametrize(
+    ("encoding", "shown"),
+    [("utf-8", "−3.0×10⁻⁷ µm²"), ("cp1252", "-3.0x10^-7 um^2"), ("ascii", "-3.0x10^-7 um^2")],
+)
+def test_marks_of_numbers_that_a_stream_lacks_are_those_of_a_keyboard(
+    encoding: str, shown: str, tmp_path: Path
+) -> None:
+    done = shell(
+        "$E diff '1.70(2)×10⁻⁵ µm²' '1.73(3)×10⁻⁵ µm²'", cwd=tmp_path, PYTHONIOENCODING=encoding
+    )
+    assert done.stdout.startswith(f"difference: {shown}, u = "), done
+    assert "\\" not in done.stdout

@@ -238,6 +238,10 @@ def test_a_formula_may_be_one_in_t(table: Path) -> None:
             r"'--start' names no parameter of the formula \(a\): b",
         ),
         (["--formula", "a*x", "--start", "a"], "'--start' must be written NAME=VALUE: a"),
+        (
+            ["--formula", "a*x + b", "--start", "a=1,b=2"],
+            "'--start' must be one NAME=VALUE: give several one by one: a=1,b=2",
+        ),
         (["--formula", "a*x", "--start", "a=one"], "'--start a' must be a number: one"),
         (
             ["--formula", "a*x", "--value", "a=1", "--low", "a=0"],

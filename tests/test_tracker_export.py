@@ -219,7 +219,7 @@ REFUSED = {
     "nothing below the names": ("t,x,a\n", "a.txt: 'track unnamed' must hold at least 5 points: 0"),
     "decimal commas between commas": (
         text(",", comma=True),
-        "(decimal commas? write decimal points, or separate the cells by semicolons): 7",
+        "(decimal commas? write decimal points, or separate the cells by semicolons): 0,000E+00",
     ),
     "a date": (text(";").replace("8.000E-02;", "12.mai;"), "a.txt:5: 't' must be a number: 12.mai"),
     "another date": (
@@ -248,7 +248,7 @@ REFUSED = {
     "infinite": (text().replace("1.300E-01", "1e999"), "a.txt:5: 'x' must be finite: 1e999"),
     "too many cells": (
         text(";").replace(";7.500E-01", ";7.500E-01;1"),
-        "a.txt:5: 'row' must have 4 cells: 5",
+        "a.txt:5: 'row' must have 4 cells, not 5: ",
     ),
     "backward": (
         text(rows=[*ROWS[:3], ROWS[1], *ROWS[3:]]),
@@ -263,7 +263,7 @@ REFUSED = {
         "t;x\n" + "1" * 200_000,
         "a.txt:2: 'row' must have at most 100000 characters: 200000",
     ),
-    "binary": (b"\x00\x01\xff\xfe", "a.txt:1: 'byte' must be UTF-8 text"),
+    "binary": (b"\x00\x01\xff\xfe", "a.txt:1: 'text' must not hold a null character"),
 }
 
 
@@ -441,3 +441,14 @@ def test_stand_ins_are_read_as_they_were_made(stand_ins: Path, file: str) -> Non
 def test_number_of_lines_is_limited() -> None:
     with pytest.raises(InputError, match=r"'number of lines' must be at most 1000000: 1000001"):
         numbered_lines("1\n" * 1_000_001)
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "cp1252", "utf-16", "utf-8-sig"])
+def test_an_export_may_be_in_any_encoding_that_a_table_may(encoding: str, tmp_path: Path) -> None:
+    rows = "".join(f"{0.04 * i:.2f};{0.1 * i:.1f};{0.2 * i:.1f}\n" for i in range(6))
+    (tmp_path / "a.txt").write_bytes(f"boule d'été\nt;x;y\n{rows}".encode(encoding))
+    track = read_export(tmp_path / "a.txt")
+    assert track.name == "boule d'été"
+    assert track.t.size == 6
+    told = "was read as Windows-1252" in " ".join(track.calibration)
+    assert told == (encoding in ("latin-1", "cp1252"))

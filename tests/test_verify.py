@@ -588,7 +588,7 @@ def test_every_kind_of_result_is_compared(model: Path) -> None:
     assert run("propagate", "model.toml", "--out", "other", "--figures", "none").exit_code == 0
     told = run("diff", "out", "other").output
     assert re.match(r"2 of 3 estimates differ, inputs.b most, by \+15.00 sd\n", told), told
-    assert re.search(r"\ny: .* m, moved by \+13\.\d\d sd, sd x 1\.0", told), told
+    assert re.search(r"\ny: .* m, moved by \+13\.\d\d sd, sd × 1\.0", told), told
     assert "the same" not in told
 
 

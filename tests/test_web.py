@@ -141,7 +141,12 @@ def test_from_a_file_to_a_report_and_the_command_that_repeats_it(
         ("by --release T (in a campaign: release)", "by “Release” T"),
         # what is no field of the page, and names of others that only look like it
         ("command line: 'gamma' is not determined", "'gamma' is not determined"),
-        ("say --frame-ms or x--y", "say --frame-ms or x--y"),
+        ("say --frame-ms or x--y", "say --frame-ms (at the command line) or x--y"),
+        ("repeat with another seed (--seed), and", "repeat with another seed (“Seed of the random"),
+        (
+            "UTF-16 without its mark: --encoding utf-16; encoding = ... in a campaign)",
+            "UTF-16 without its mark: “Encoding of the letters” utf-16)",
+        ),
         ("'--start a' must be a number: b", "“Starting values” a must be a number: b"),
         ("Invalid value for '--uy' / '--u-y': 3", "Invalid value for “Uncertainty of y (u_y)”: 3"),
         ("'--u-y' (or --uy) must", "“Uncertainty of y (u_y)” must"),
@@ -437,6 +442,7 @@ def test_the_start_that_is_drawn_is_that_of_the_command() -> None:
         "columns": "t, U",
         "skip-rows": "2",
         "decimal": "comma",
+        "encoding": "latin-1",
     }
     command = arguments_of(fields, "data.csv", "data")
     said = fit.make_context("fit", command[1:]).params

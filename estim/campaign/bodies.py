@@ -30,7 +30,7 @@ from estim.campaign.curve_models import ADDED, CurveModel, outlines
 from estim.campaign.effects import setting_of, stated_place, with_full_curves
 from estim.campaign.lookup_levels import Levels, run_levels, stated_noise
 from estim.campaign.noise_models import NoiseModel, noise_candidates
-from estim.campaign.plausible import check_speeds
+from estim.campaign.plausible import check_radius, check_speeds
 from estim.campaign.points import Observed, observe
 from estim.campaign.unmodelled_force import (
     Circumstances,
@@ -239,6 +239,7 @@ class RollingCampaign(Campaign):
         observed = self._posed([name]).runs[0]
         bound = bind_quantities(self.levels(name))
         sources = {quantity: b.source for quantity, b in bound.items()}
+        check_radius(self.tables[name], sources, self.levels(name))
         check_speeds(
             observed,
             sources,

@@ -278,13 +278,17 @@ class CampaignFile:
         """
         written = self.files[self.names[index]]
         refuse_outside(self.path.parent / written)
-        if not os.path.exists(self.path.parent / written):
+        try:
+            (self.path.parent / written).stat()
+        except (FileNotFoundError, ValueError):
             raise self.error(
                 "cannot be found (no such file; names are relative to the folder of the "
                 "campaign file)",
                 ("runs", index, "file"),
                 value=written,
-            )
+            ) from None
+        except OSError:  # too long a name, for instance: its reader says so
+            pass
         return self.path.parent / written
 
     def with_levels(self, change: Callable[[Any], Any]) -> CampaignFile:

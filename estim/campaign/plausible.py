@@ -1,5 +1,5 @@
-"""Numbers that are surely a slip of the unit: errors of reading as large as the path, speeds that
-gravity cannot give.
+"""Numbers that are surely a slip of the unit: errors of reading as large as the path, a radius
+beside which nothing rolls, speeds that gravity cannot give.
 """
 
 from __future__ import annotations
@@ -10,12 +10,16 @@ from collections.abc import Mapping
 import numpy as np
 
 from estim.arrays import FloatArray, max_abs
-from estim.campaign.lookup_levels import StatedNoise
+from estim.campaign.lookup_levels import Levels, StatedNoise
 from estim.common import InputError
 from estim.problem import Observations, Prior, Scale, centre_of
 from estim.reading import Run
 
 _SDS = 5.0  # how far a quantity may lie above its centre
+_LARGE = 1.0  # m, a radius that few bodies have which roll on a ramp
+# radians by which a body turns that rolls at all, and how long it takes for more, in units of
+# sqrt(R/g): that of a slow rocking is longer
+_HARDLY, _BRIEFLY = 0.1, 3.0
 
 
 def check_reading_error(sigma: Scale, run: Run, noise: StatedNoise) -> None:
@@ -36,6 +40,33 @@ def check_reading_error(sigma: Scale, run: Run, noise: StatedNoise) -> None:
             f"in {unit})",
             key,
             value=sigma.value,
+        )
+
+
+def check_radius(run: Run, quantities: Mapping[str, float | Prior], levels: Levels) -> None:
+    """The stated radius against the whole run.
+
+    Raises InputError at its line where so large a body hardly turns, and is recorded for so short a
+    time that gravity has hardly begun to turn it: a radius in cm is a hundred times too large.
+    """
+    level = levels.first("radius_m")
+    if level is None or run.coordinate != "x_m":
+        return
+    radius, g = (centre_of(quantities[name]) for name in ("radius", "g"))
+    reach = float(np.ptp(run.position))
+    # from rest it takes about twice as long as at the last speed
+    columns = run.columns
+    time = (
+        float(np.ptp(columns["t_s"]))
+        if "t_s" in columns
+        else 2.0 * reach / (max_abs(columns[run.rate]) or math.inf)
+    )
+    if radius > _LARGE and reach < _HARDLY * radius and time < _BRIEFLY * math.sqrt(radius / g):
+        raise levels.error(
+            f"must be in m: with this radius the body turns by {reach / radius:.2g} rad on the "
+            f"{reach:.3g} m of run '{levels.run.name}' (is it in cm or mm?)",
+            (*level.path, "radius_m"),
+            value=level.table.radius_m,
         )
 
 

@@ -39,6 +39,7 @@ from estim.reading import (
     UNITS,
     Dialect,
     Layout,
+    are_components,
     bare_name,
     dialect_of_options,
     first_and_second,
@@ -357,6 +358,9 @@ def _axes(
         for name in values
         if y_name not in (name, bare_name(name)) and _names(formula, name, stated)
     ]
+    vector = are_components(values)
+    if vector:
+        called = [name for name in called if bare_name(name).lower() not in ("x", "y", "z")]
     # a parameter may be called like a column too
     called = [name for name in called if bare_name(name).lower() in _ABSCISSAS] or called
     if x_name is None and y_name is None and len(values) == 2:
@@ -370,7 +374,7 @@ def _axes(
     if y_name is None:
         y_name = (
             "y"
-            if "y" in map(bare_name, others)
+            if "y" in map(bare_name, others) and not vector
             else others[-1]
             if len(others) == 1 and (further or len(values) == 2)
             else None
@@ -546,6 +550,9 @@ def pairs(texts: Sequence[str], option: str) -> dict[str, str]:
         name, mark, value = (part.strip() for part in text.partition("="))
         if not (mark and name and value):
             raise InputError("must be written NAME=VALUE", field=option, value=shorten(text))
+        if "=" in value and not value.startswith("{"):
+            rule = "must be one NAME=VALUE: give several one by one"
+            raise InputError(rule, field=option, value=shorten(text))
         if name in values:
             raise InputError("is given twice", field=option, value=name)
         values[name] = value

@@ -9,7 +9,17 @@ from typing import Literal
 
 import click
 
-from estim.cli.options import CAMPAIGN, JOBS, JOINT, OUT, RESUME, RUNS, out_folder, report_options
+from estim.cli.options import (
+    CAMPAIGN,
+    JOBS,
+    JOINT,
+    OUT,
+    RESUME,
+    RUNS,
+    Whole,
+    out_folder,
+    report_options,
+)
 from estim.cli.terminal import (
     checkpoint,
     conclude,
@@ -29,7 +39,7 @@ from estim.common import FigureChoice, Stream, decide, phrase, stream
 @JOINT
 @click.option(
     "--simulations",
-    type=click.IntRange(min=20),
+    type=Whole(20),
     default=200,
     show_default=True,
     help="Simulated campaigns for each question.",

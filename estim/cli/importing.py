@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from estim.cli.options import PATH
+from estim.cli.options import PATH, Real
 from estim.cli.terminal import say, write_files
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--frame-ms",
-    type=float,
+    type=Real(),
     metavar="MS",
     help="Duration of a frame of a .trk, instead of that stated in the file (high-speed film).",
 )

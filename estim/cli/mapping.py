@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from estim.cli.options import CAMPAIGN, OUT_MAP, PATH, out_folder, report_options
+from estim.cli.options import CAMPAIGN, OUT_MAP, PATH, Real, out_folder, report_options
 from estim.cli.terminal import conclude, finish, reserve_output, say, write_report
 from estim.common import FigureChoice, decide
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--ramp-length",
-    type=float,
+    type=Real(),
     metavar="M",
     help="From the release to the end of the ramp, m.  [default: stated, else the longest run]",
 )

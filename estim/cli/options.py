@@ -12,6 +12,38 @@ import click
 
 from estim.common import FIGURE_CHOICES, LANGUAGES, InputError, spoken
 
+
+class _WithRule(click.ParamType[Any]):
+    """A number; its rule is shown where the text is no such number."""
+
+    rule = ""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        try:
+            return super().convert(value, param, ctx)
+        except click.BadParameter:
+            option = param.opts[0] if param else None
+            raise InputError(self.rule, field=option, value=value) from None
+
+
+class Whole(_WithRule, click.IntRange):
+    """A whole number from `least` to `most`."""
+
+    def __init__(self, least: int, most: int | None = None) -> None:
+        super().__init__(least, most)
+        upper = "" if most is None else f" and at most {most}"
+        self.rule = f"must be a whole number of at least {least}{upper}"
+
+
+class Real(_WithRule, click.FloatRange):
+    """A number, from `low` to `high` where these are given."""
+
+    def __init__(self, low: float | None = None, high: float | None = None) -> None:
+        super().__init__(low, high)
+        within = "" if low is None else f" between {low:g} and {high:g}"
+        self.rule = f"must be a number{within}"
+
+
 PATH = click.Path(path_type=Path)
 FOLDER = click.Path(path_type=Path, file_okay=False)
 
@@ -28,7 +60,7 @@ JOINT = click.option(
 )
 STEPS = click.option(
     "--max-steps",
-    type=click.IntRange(min=50),
+    type=Whole(50),
     default=20_000,
     show_default=True,
     help="Hard cap on the sampler's steps.",
@@ -50,7 +82,7 @@ OUT_MODELS, OUT_PLAN, OUT_MAP = (
 )
 SEED = click.option(
     "--seed",
-    type=click.IntRange(min=0, max=2**63 - 1),
+    type=Whole(0, 2**63 - 1),
     default=1,
     show_default=True,
     help="Seed of every random number.",
@@ -67,7 +99,7 @@ Command = Callable[..., Any]
 
 JOBS = click.option(
     "--jobs",
-    type=click.IntRange(min=1),
+    type=Whole(1),
     callback=lambda _context, _option, jobs: jobs or os.cpu_count() or 1,
     help="Processes.  [default: one for each core]",
 )

@@ -15,6 +15,8 @@ import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, TextIO
 
+from estim.common import in_ascii
+
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
@@ -51,10 +53,22 @@ class Outlet(io.RawIOBase):
         return True
 
 
+class _Legible(io.TextIOWrapper):
+    """Text of an encoding that may lack the marks of numbers and units."""
+
+    def write(self, text: str, /) -> int:
+        try:
+            text.encode(self.encoding)
+        except UnicodeEncodeError:
+            text = in_ascii(text)
+        return super().write(text)
+
+
 @contextlib.contextmanager
 def outlets() -> Iterator[Outlet]:
     """`sys.stdout` and `sys.stderr` through outlets while the block runs; that of the first is
-    given.  A letter that they cannot show is written like '\\u03b3'.
+    given.  Marks of numbers and units that they cannot show are written as on a keyboard, other
+    letters like '\\u03b3'.
     """
     # a closed one must not become the number of a file that is written
     while (handle := os.open(os.devnull, os.O_RDWR)) <= 2:
@@ -78,6 +92,4 @@ def _through(stream: TextIO) -> tuple[Outlet, TextIO]:
         return Outlet(None), stream
     outlet = Outlet(getattr(stream.buffer, "raw", stream.buffer))
     buffer = io.BufferedWriter(outlet)
-    return outlet, io.TextIOWrapper(
-        buffer, stream.encoding, "backslashreplace", line_buffering=True
-    )
+    return outlet, _Legible(buffer, stream.encoding, "backslashreplace", line_buffering=True)

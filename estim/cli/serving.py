@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from estim.cli.options import FOLDER
+from estim.cli.options import FOLDER, Whole
 from estim.cli.terminal import say
 from estim.common import InputError, phrase
 
@@ -17,7 +17,7 @@ from estim.common import InputError, phrase
 @click.argument("place", metavar="[FOLDER]", required=False, type=FOLDER)
 @click.option(
     "--port",
-    type=click.IntRange(1, 65535),
+    type=Whole(1, 65535),
     help="Port of the page.  [default: 8765, or a free one where that is taken]",
 )
 @click.option(

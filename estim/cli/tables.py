@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from estim.cli.options import Command, out_folder
+from estim.cli.options import Command, Real, Whole, out_folder
 from estim.common import KINDS, InputError
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ _DIALECT = (
     ),
     click.option(
         "--skip-rows",
-        type=click.IntRange(min=0),
+        type=Whole(0),
         metavar="N",
         help="Lines at the top of FILE that are not read.",
     ),
@@ -142,14 +142,11 @@ _CURVE = (
         "--window", metavar="MIN:MAX", help="Range of x that is fit; either end may be left out."
     ),
     click.option(
-        "--every",
-        type=click.IntRange(min=1),
-        metavar="N",
-        help="Fit one of every N points, in order of x.",
+        "--every", type=Whole(1), metavar="N", help="Fit one of every N points, in order of x."
     ),
     click.option(
         "--deviation",
-        type=float,
+        type=Real(),
         metavar="D",
         help="Plausible size of a smooth deviation of y from the curve.",
     ),

@@ -14,12 +14,13 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from stat import S_ISDIR
 from typing import Any
 
 import click
 
 from estim.cli.machine import keep_result
-from estim.cli.options import FOLDER, PATH
+from estim.cli.options import FOLDER, PATH, Real
 from estim.cli.origin import ORIGIN, WITHOUT_EFFECT, Origin, read_origin
 from estim.cli.terminal import NOT_OK, say
 from estim.common import (
@@ -31,6 +32,7 @@ from estim.common import (
     json_of,
     names_in,
     read_file,
+    signed,
     spoken,
 )
 from estim.verification import (
@@ -64,9 +66,11 @@ def verify(report: Path, root: Path | None) -> None:
     the tolerances (docs/verifying.md), and what was not compared.  Exit code 0: everything that was
     compared agrees; 3: something does not.
     """
-    if not os.path.exists(report):
-        raise InputError("cannot be found", field="report", value=str(report))
-    folder = report if os.path.isdir(report) else report.parent
+    try:
+        folder = report if S_ISDIR(report.stat().st_mode) else report.parent
+    except OSError as error:
+        rule = f"cannot be read ({(error.strerror or str(error)).lower()})"
+        raise InputError(rule, field="report", value=str(report)) from None
     origin = read_origin(folder)
     options = _options_of(origin, folder)
     place = root or _root_of(folder, origin)
@@ -366,9 +370,7 @@ def _same_picture(before: bytes, now: bytes) -> bool:
 @click.argument("first", metavar="FIRST|VALUE")
 @click.argument("second", metavar="SECOND|VALUE")
 @click.option(
-    "--r",
-    type=click.FloatRange(-1.0, 1.0),
-    help="Correlation of the errors of two values.  [default: 0]",
+    "--r", type=Real(-1.0, 1.0), help="Correlation of the errors of two values.  [default: 0]"
 )
 def diff(first: str, second: str, r: float | None) -> None:
     """Compare two values, "9.81(2)" and "9.79(3)", or the results of two analyses, FIRST and SECOND
@@ -414,12 +416,12 @@ def diff(first: str, second: str, r: float | None) -> None:
         say(line)
     for row in far:
         values = " -> ".join(
-            f"{format_rounded(mean, 0.1 * sd)} +- {format_rounded(sd, 0.1 * sd)}"
+            f"{format_rounded(mean, 0.1 * sd)} ± {format_rounded(sd, 0.1 * sd)}"
             for mean, sd in (row.first, row.second)
         )
         moved = f"moved by {_shift(row)}"
         if math.isfinite(row.ratio):
-            moved += f", sd x {row.ratio:.2f}"
+            moved += f", sd × {row.ratio:.2f}"
         say(f"{row.name}: {values}{behind(row.unit)}, {moved}")
     if len(pair.estimates) > len(far):
         say(
@@ -436,8 +438,8 @@ def diff(first: str, second: str, r: float | None) -> None:
 def _shift(row: Moved) -> str:
     """In standard deviations of the first result, or in its unit where that has none."""
     if math.isfinite(row.shift):
-        return f"{row.shift:+.2f} sd"
-    return f"{row.second[0] - row.first[0]:+.3g}{behind(row.unit)}"
+        return f"{signed(f'{row.shift:+.2f}')} sd"
+    return f"{signed(f'{row.second[0] - row.first[0]:+.3g}')}{behind(row.unit)}"
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -38,7 +38,6 @@ from estim.common.labels import (
     OF_BODY,
     Label,
     Notation,
-    behind,
     bracketed,
     kind_words,
     split_level,
@@ -66,6 +65,7 @@ from estim.common.phrases import (
 from estim.common.checkpoints import PieceStore, key_of
 from estim.common.ownership import REPORT_FILES, remove_own, replace_own, require_own, require_room
 from estim.common.quantity_text import (
+    behind,
     EXTREME,
     Quantity,
     difference,
@@ -74,6 +74,7 @@ from estim.common.quantity_text import (
     format_p,
     format_quantity,
     format_rounded,
+    in_ascii,
     interval,
     p_digits,
     per_cent,

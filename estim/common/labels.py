@@ -76,11 +76,6 @@ def bracketed(unit: str) -> str:
     return "" if unit == "1" else f" ({unit})"
 
 
-def behind(unit: str) -> str:
-    """A unit as it stands behind a number."""
-    return "" if unit in ("", "1") else f" {unit}"
-
-
 def subscripted(symbol: str) -> str:
     """A symbol as a figure shows it: what follows an underscore is a subscript, where mathematics
     has the letters.

@@ -33,6 +33,7 @@ _WITH_UNIT = re.compile(
     re.ASCII,
 )
 _NO_UNIT = re.compile(r"[(\s]+(?!1\s*/)[\d.,]")  # (30) and (30 m), but (1/s) is one
+_NUMBER_FIRST = re.compile(r"(?!1\s*/)\d")
 _UNCLEAR = re.compile(
     rf"\(?\s*({_PLAIN}{_POWER})\s*(?:\+/-|\+-|±)\s*({_PLAIN}{_POWER})\s*(%|‰|pp[mb]\b).{{0,20}}",
     re.ASCII,
@@ -41,6 +42,14 @@ _SHARES = {"%": 1e-2, "‰": 1e-3, "ppm": 1e-6, "ppb": 1e-9}
 _WORD = re.compile(r"[^\W\d_][^\d,;]{0,20}")
 _LEAST_POWER = -4  # of ten, of a number that is written without
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_LOWERED = str.maketrans("⁺⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+-0123456789")
+_IN_ASCII = str.maketrans(
+    {"−": "-", "±": "+/-", "×": "x", "·": "*", "°": "deg", "µ": "u", "μ": "u", "Ω": "Ohm"}
+)
+_TIMES_TEN = re.compile(
+    r"(?<=[\d.)])\s*[×x*·⋅]\s*10\s*(?:\^\s*([+-]?\d+)|\^\(([+-]?\d+)\)|([⁺⁻]?[⁰¹²³⁴⁵⁶⁷⁸⁹]+))",
+    re.ASCII,
+)
 # characters of a quantity; the library's pattern takes time as the square of a row of blanks
 _LONGEST = 200
 EXTREME = "must be 0 or between 1e-100 and 1e100 in size"
@@ -118,7 +127,7 @@ def read_with_unit(source: str | float, *, field: str) -> tuple[Quantity, str]:
     match = None
     if isinstance(source, str):
         require_clear_share(source, field=field)
-        match = _WITH_UNIT.fullmatch(source.strip().replace("−", "-"))
+        match = _WITH_UNIT.fullmatch(_as_typed(source.strip()))
     unit = (match[2] or "").strip() if match else ""
     if match is not None and _WORD.fullmatch(unit) and not is_unit(unit):
         rule = "must have a known unit after its number, such as m/s or kg"
@@ -159,7 +168,7 @@ def _read_text(text: str, field: str) -> Quantity:
             f"must be at most {_LONGEST} characters long", field=field, value=len(text)
         )
     try:
-        return Quantity(read_number(text))
+        return Quantity(read_number(_as_typed(text)))
     except ValueError:
         require_clear_share(text, field=field)
     rule = f'must be a number {_number_words(text)}, or read like "4.0 +/- 0.4" or "4.0(4)"'
@@ -186,9 +195,16 @@ def _read_text(text: str, field: str) -> Quantity:
     return Quantity(float(number.nominal_value), float(number.std_dev))
 
 
+def _as_typed(text: str) -> str:
+    """ "−1.73×10⁻⁵" and "-1.73 x 10^-5" as "-1.73e-5"."""
+    return _TIMES_TEN.sub(
+        lambda match: "e" + match[match.lastindex or 0].translate(_LOWERED), text.replace("−", "-")
+    )
+
+
 def _rearranged(text: str) -> str:
     """ "5000 (30)", "5.0e3(1)", "(5.0(1))e3" and "5+-1" as the library reads them."""
-    text = text.replace("−", "-").replace("+-", "+/-")
+    text = _as_typed(text).replace("+-", "+/-")
     text = re.sub(r"(?<=[\d.])\s+(?=\([\d.]+\))", "", text)
     text = re.sub(r"^\(([^()]+\([^()]+\))\)", r"\1", text)
     return re.sub(r"([eE][+-]?\d+)(\(\d+\))", r"\2\1", text)
@@ -282,6 +298,15 @@ def raised(power: object) -> str:
     return str(power).translate(_RAISED)
 
 
+def in_ascii(text: str) -> str:
+    """`text` with the marks of numbers and units written as a keyboard has them: "1.7×10⁻⁵ m/s²" as
+    "1.7x10^-5 m/s^2".
+    """
+    return re.sub(
+        r"[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+", lambda match: f"^{match[0].translate(_LOWERED)}", text
+    ).translate(_IN_ASCII)
+
+
 def percentage(share: float) -> str:
     """A share as '8.6 %', '106 %', '0.30 %'."""
     size = max(abs(100.0 * share), 1.0)
@@ -299,11 +324,15 @@ def with_unit(text: str, unit: str) -> str:
     """
     if unit in ("", "1") or text == "n/a":
         return text
-    return (
-        (f"({text})" if " " in text and not text.startswith("(") else text)
-        + ("" if unit == "°" else " ")
-        + unit
-    )
+    number = f"({text})" if " " in text and not text.startswith("(") else text
+    return number + (unit if unit == "°" else behind(unit))
+
+
+def behind(unit: str) -> str:
+    """A unit as it stands behind a number; one that begins with a number, "10³ V", as a factor."""
+    if unit in ("", "1"):
+        return ""
+    return f" × {unit}" if _NUMBER_FIRST.match(unit) else f" {unit}"
 
 
 def signed(text: str) -> str:

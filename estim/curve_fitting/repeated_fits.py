@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from estim.arrays import FloatArray, IntArray, all_finite, positive_or, squared_rows
+from estim.arrays import BoolArray, FloatArray, IntArray, all_finite, positive_or, squared_rows
 from estim.checks import P_POOR_FIT
 from estim.common import InputError, Status
 from estim.curve_fitting.single import fit_curve
+from estim.curves import Formula
 from estim.distributions import chi2_tail
+from estim.fitting import PERFECT
 from estim.given_numbers import real_numbers
 from estim.levenberg_marquardt import LeastSquares
 
@@ -22,7 +24,10 @@ _SETTLED, _MOST_STEPS = 1e-12, 60
 _CONVERGED = 1e-3  # standard deviations
 _STEP = 1e-6  # of a parameter's size, for differences
 _RESOLVED = 1e-5  # ratio of singular values: differences have no more digits
-_PERFECT = 1e-10  # of the largest y: smaller residuals do not show the size of errors
+# steps behind a descent, and the longest from where one is taken, in standard deviations
+_LAST_STEPS, _NEAR = 3, 1.0
+_DIGIT = 2.3e-16  # of y, the last that is kept
+_COARSE = 10.0  # times which, in standard deviations of a reading, a fit need not be settled
 _ON_LIMIT = 1e-6  # of a parameter's size
 
 
@@ -134,12 +139,41 @@ def fit_many(
     size = np.maximum(np.abs(begin), np.nan_to_num(first.held.scale))  # one may lie on a limit of 0
     size = positive_or(size, 1.0)
     solved, moving = np.split(np.arange(len(priors)), [0])
-    function = LeastSquares(residuals, low, high, size, solved, moving, _STEP, sets.shape[1])
+    arguments = (residuals, low, high, size, solved, moving, _STEP, sets.shape[1])
+
+    def local(values: FloatArray, which: IntArray) -> tuple[FloatArray, FloatArray]:
+        named = run.bind(problem.named(values))
+        at, u = run.curve.local(points[which], named), errors[which]
+        columns = np.stack([at.gradient[name] / u for name in problem.names], axis=2)
+        return (at.value - sets[which]) / u, columns
+
+    exact = isinstance(run.curve, Formula)
+    function = _ExactLeastSquares(*arguments, local) if exact else LeastSquares(*arguments)
     values, chi2, _ = function.descend(
         np.tile(begin, (len(sets), 1)), ftol=_SETTLED, max_steps=_MOST_STEPS
     )
-    rounding = (_PERFECT * np.max(np.abs(sets), axis=1)) ** 2
+    rounding = _DIGIT * np.max(np.abs(sets) / errors, axis=1)
     return _concluded(function, first.names, values, chi2, rounding, stated=u_y is not None)
+
+
+@dataclass(frozen=True, eq=False)
+class _ExactLeastSquares(LeastSquares):
+    """Least squares of a formula, whose derivatives are exact: where y has a large offset, those by
+    differences have few digits.
+
+    local : points (n, n_par), and to which sets (n,) they belong -> residuals (n, n_res), and their
+        derivatives (n, n_res, n_par).
+    """
+
+    local: Callable[[FloatArray, IntArray], tuple[FloatArray, FloatArray]]
+
+    def tangents(
+        self, points: FloatArray, moving: IntArray, step: float, which: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        if not moving.size:
+            return super().tangents(points, moving, step, which)
+        base, columns = self.local(points, np.arange(len(points)) if which is None else which)
+        return base, columns[:, :, moving]
 
 
 def _rows(values: ArrayLike, field: str, shape: tuple[int, ...] | None) -> FloatArray:
@@ -162,15 +196,27 @@ def _rows(values: ArrayLike, field: str, shape: tuple[int, ...] | None) -> Float
     return rows
 
 
-def _concluded(
-    function: LeastSquares,
-    names: tuple[str, ...],
-    values: FloatArray,
-    chi2: FloatArray,
-    least: FloatArray,
-    *,
-    stated: bool,
-) -> ManyFits:
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """Where the derivatives lead from the values of each set.
+
+    on_limit, moving : (n_set, n_par).  known : (n_set, n_par) directions that the data determine.
+    cov : (n_set, n_par, n_par) for errors of 1.  dof : (n_set,).
+    step : (n_set, n_par) to be taken off.  moved : (n_set,) its size in standard deviations.
+    """
+
+    on_limit: BoolArray
+    moving: BoolArray
+    known: BoolArray
+    cov: FloatArray
+    dof: IntArray
+    step: FloatArray
+    moved: FloatArray
+
+
+def _step_from(
+    function: LeastSquares, values: FloatArray, chi2: FloatArray, *, stated: bool
+) -> _Step:
     every = np.arange(len(values))
     with np.errstate(all="ignore"):
         slopes, information = function.derivatives(values, every, every >= 0)
@@ -180,30 +226,59 @@ def _concluded(
     unit = np.where(moving, scale, 1.0)
     pairs = moving[:, :, None] & moving[:, None, :]
     scaled = np.where(pairs, information / squared_rows(unit), 0.0)
-    squared, vectors = np.linalg.eigh(scaled + np.eye(len(names)) * ~moving[:, :, None])
+    squared, vectors = np.linalg.eigh(scaled + np.eye(values.shape[1]) * ~moving[:, :, None])
     known = squared > _RESOLVED**2
     inverse = np.where(known, 1.0 / np.where(known, squared, 1.0), 0.0)
     cov = np.einsum("nik,nk,njk->nij", vectors, inverse, vectors)
     cov = np.where(pairs, cov / squared_rows(unit), 0.0)
     dof = function.n_res - np.sum(~on_limit, axis=1)
-    positive = np.where(dof > 0, dof, np.nan)
-    variance = chi2 / positive
     step = np.einsum("nij,nj->ni", cov, np.where(moving, slopes, 0.0))
     with np.errstate(all="ignore"):
         sds = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
+        variance = chi2 / np.where(dof > 0, dof, np.nan)
         noise = np.ones(len(values)) if stated else np.sqrt(np.maximum(variance, 1e-300))
         moved = np.nanmax(np.where(moving, np.abs(step) / sds, 0.0), axis=1) / noise
+    return _Step(on_limit, moving, known, cov, dof, step, moved)
+
+
+def _concluded(
+    function: LeastSquares,
+    names: tuple[str, ...],
+    values: FloatArray,
+    chi2: FloatArray,
+    rounding: FloatArray,
+    *,
+    stated: bool,
+) -> ManyFits:
+    found = _step_from(function, values, chi2, stated=stated)
+    # where the sum of squares is too coarse to descend further, its derivatives are not
+    for _ in range(_LAST_STEPS):
+        near = (found.moved > _CONVERGED) & (found.moved < _NEAR)
+        if not np.any(near):
+            break
+        values = np.where(near[:, None], values - found.step, values)
+        values = np.clip(values, function.low, function.high)
+        chi2 = 2.0 * function.objectives(values)
+        found = _step_from(function, values, chi2, stated=stated)
+    on_limit, moving, known, cov = found.on_limit, found.moving, found.known, found.cov
+    dof = found.dof
+    positive = np.where(dof > 0, dof, np.nan)
+    variance = chi2 / positive
+    size = np.sqrt(chi2 / function.n_res)  # of a residual
+    coarse = _COARSE * rounding / (1.0 if stated else positive_or(size, 1.0))
     p_value = chi2_tail(chi2, positive) if stated else np.full(len(values), np.nan)
     status = np.select(
         [
-            ~(np.isfinite(chi2) & (moved < _CONVERGED)),
+            ~(np.isfinite(chi2) & (found.moved < np.maximum(_CONVERGED, coarse))),
             np.any(~known, axis=1) | np.any(~on_limit & ~moving, axis=1),
             p_value < P_POOR_FIT,
         ],
         [str(Status.NOT_CONVERGED), str(Status.NOT_IDENTIFIED), str(Status.POOR_FIT)],
         str(Status.OK),
     )
-    unknown = (status == str(Status.NOT_IDENTIFIED)) | ((not stated) & (variance <= least))
+    unknown = (status == str(Status.NOT_IDENTIFIED)) | (
+        (not stated) & (size <= PERFECT / _DIGIT * rounding)
+    )
     cov = cov * np.where(stated, 1.0, variance)[:, None, None]
     cov[unknown] = np.nan
     sds = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))

@@ -65,6 +65,9 @@ _ADVISED = (
     Kind.STEPS_OPEN,
     Kind.EFFECTS_FITTED,
 )
+# which refer a reader to the interval of a parameter
+_TO_INTERVAL = (Kind.AT_LIMIT, Kind.NEAR_LIMIT, Kind.CUT_BY_LIMIT, Kind.CUT_BY_NONE, Kind.LOPSIDED)
+_WITH_NUMBERS = (Status.OK, Status.POOR_FIT, Status.AT_BOUND)
 _TOLD_CORRELATION = 0.1
 _ALONG = 401  # points along a drawn curve
 _TITLE = 60  # marks of a formula that a title has room for
@@ -155,7 +158,13 @@ class CurveFit:
         """What to know before using it, nothing wrong."""
         lacking = unasked(self.fit) if self.complete else []
         untested = [Finding(Kind.NOT_TESTABLE)] if self.problem.own_density else []
-        return (*self.seen, *lacking, *untested)
+        seen = (f for f in self.seen if f.kind not in _TO_INTERVAL or self._has_interval(f))
+        return (*seen, *lacking, *untested)
+
+    def _has_interval(self, finding: Finding) -> bool:
+        """Whether the parameter of a finding has an interval that a reader sees."""
+        ends = self.intervals[finding.parameters[0].name].values()
+        return self.status in _WITH_NUMBERS and not np.isnan([*ends]).all()
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -590,7 +599,7 @@ class CurveFit:
         """Name, and relation and value in words; limits where the curve or an edge is contradicted,
         nothing where no number is a result.
         """
-        if self.status not in (Status.OK, Status.POOR_FIT, Status.AT_BOUND):
+        if self.status not in _WITH_NUMBERS:
             return []
         shares = self._sizes.shares(np.eye(len(self.held.names)))
         dofs = dict(

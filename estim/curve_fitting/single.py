@@ -67,6 +67,7 @@ from estim.curves import (
 )
 from estim.distributions import student_quantile
 from estim.fitting import (
+    PERFECT,
     Ends,
     ErrorSizes,
     Fit,
@@ -93,9 +94,7 @@ from estim.problem import Problem
 from estim.words import describe
 
 _ROUNDS = 60  # of the size of the errors, where priors make it matter
-_INFLUENTIAL = 0.3  # standard deviations by which effects must move a spread to be reported
 _SETTLED = 1e-7  # standard deviations, between two rounds with the slopes of the curve
-_PERFECT = 3e-14  # residuals below this share of y are rounding errors
 # the same where terms of the curve cancel, which leaves it fewer digits; beyond, the curve has too
 # few to be one
 _NO_SCATTER = 1e-6
@@ -255,13 +254,11 @@ def without_fitted_effects(result: CurveFit) -> CurveFit:
     effects that are stated as 0 within an uncertainty are integrated out.
     """
     fit = result.fit
-    shifts = (
+    influenced = (
         {}
         if fit.singular or not fit.success
         else moved_by_integration(fit.posterior, fit.values, fit.cov)
     )
-    # nan of a spread at its limit, where nothing shows that it does not matter
-    influenced = {name: shift for name, shift in shifts.items() if not abs(shift) <= _INFLUENTIAL}
     if not influenced:
         return result
     effects = tuple(sorted({split_level(name)[0] for name in result.problem.effects}))
@@ -506,7 +503,7 @@ def _residual_sd(posed: CurveProblem | JointProblem, problem: Problem, best: Opt
 
 
 def _floor(posed: CurveProblem | JointProblem) -> float:
-    return _PERFECT * (max_abs(posed.y) or 1.0)
+    return PERFECT * (max_abs(posed.y) or 1.0)
 
 
 def _concluded(

@@ -23,7 +23,13 @@ from estim.common import InputError, later
 from estim.curves.binned import BinnedCurve
 from estim.curves.columns import column
 from estim.curves.systematic_errors import Component
-from estim.given_numbers import finite_numbers, real_number, real_numbers, require_each
+from estim.given_numbers import (
+    check_lengths,
+    finite_numbers,
+    real_number,
+    real_numbers,
+    require_each,
+)
 from estim.problem import (
     BINOMIAL,
     POISSON,
@@ -236,6 +242,7 @@ def counted_points(
         return _events(x, low, high, noise.cells, what)
     if y is None:
         raise InputError("must hold the counts", field="y")
+    check_lengths(x, y)
     if isinstance(noise, Poisson):
         return _poisson(x, y, noise.bins, what)
     return _binomial(x, y, noise.trials, what)

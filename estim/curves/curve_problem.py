@@ -42,6 +42,7 @@ from estim.curves.tied import TiedCurve, followed, only_for_ties, read_tied
 from estim.curves.units import AxisNames as AxisNames
 from estim.curves.units import check_units, refuse_degrees
 from estim.curves.units import units_of as units_of
+from estim.given_numbers import check_lengths
 from estim.problem import (
     Curve,
     Discrepancy,
@@ -219,8 +220,7 @@ def pose_curve(
     readings = points if counted is None else counted
     x, y = column(readings.x, "x"), column(readings.y, "y")
     n_obs = x.size
-    if y.size != n_obs:
-        raise InputError(f"must have as many values as x ({n_obs})", field="y", value=y.size)
+    check_lengths(x, y)
     grouped = tuple(component for component in errors if component.groups is not None)
     errors = tuple(component for component in errors if component.groups is None)
     dense = specified["cov_y"] or specified["u_x"] or specified["cov_x"] or bool(grouped)

@@ -38,6 +38,8 @@ from estim.arrays import FloatArray, sds_of
 from estim.fitting.fisher_information import information, on_limit
 from estim.problem import JeffreysPrior, Measure, Posterior, uses_of
 
+_INFLUENTIAL = 0.3  # standard deviations by which effects must move a spread to be reported
+
 
 def measure_of(
     posterior: Posterior,
@@ -100,7 +102,8 @@ def moved_by_integration(
     posterior: Posterior, values: FloatArray, cov: FloatArray
 ) -> dict[str, float]:
     """Spread -> by how many standard deviations it moves, to first order, where all other
-    parameters are integrated out (Laplace's approximation) instead of being fitted too.
+    parameters are integrated out (Laplace's approximation) instead of being fitted too; those that
+    hardly move left out.
 
     A spread s is what only effects show: in c + s z_r nothing depends on it where all z_r are 0.
     The density of s and of all z_r is highest where s is far too large, whatever the number of
@@ -128,7 +131,8 @@ def moved_by_integration(
             for end in ends
         )
         moves[problem.names[i]] = float(-0.5 * (above - below) * sds[i] / (ends[1, i] - ends[0, i]))
-    return moves
+    # nan of a spread at its limit, where nothing shows that it does not matter
+    return {name: move for name, move in moves.items() if not abs(move) <= _INFLUENTIAL}
 
 
 def _log_room(posterior: Posterior, values: FloatArray, incidental: frozenset[str]) -> float:

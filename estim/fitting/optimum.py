@@ -380,7 +380,7 @@ def _unheld(search: SeparableSearch, optimum: Optimum, period: FloatArray) -> Fi
     if not hardly:
         return None
     rise, i = min(hardly)
-    return Finding(Kind.HARDLY_HELD, size=rise, parameters=(Amount(problem.names[i]),))
+    return Finding(Kind.HARDLY_HELD, size=max(rise, 0.0), parameters=(Amount(problem.names[i]),))
 
 
 def _fades(search: SeparableSearch, i: int, points: FloatArray, present: BoolArray) -> bool:

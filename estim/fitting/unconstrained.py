@@ -11,7 +11,7 @@ from estim.fitting.gauss_newton import SILENT
 from estim.fitting.least_squares import Fit
 from estim.problem import Observations
 
-PERFECT = 1e-12  # residuals below this share of y are rounding errors
+PERFECT = 3e-14  # residuals below this share of y are rounding errors
 
 
 def silent_parameters(fit: Fit) -> tuple[str, ...]:

@@ -22,7 +22,13 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray, sds_of
 from estim.common import InputError
-from estim.given_numbers import check_size, finite_numbers, real_numbers, require_each
+from estim.given_numbers import (
+    check_lengths,
+    check_size,
+    finite_numbers,
+    real_numbers,
+    require_each,
+)
 from estim.line.joint_covariance import check_joint
 
 # of the mean variance of all readings, and of a point's own: what is exact across a line has the
@@ -62,8 +68,7 @@ def line_data(
         return _correlated_data(x, y, cov)
     x_, y_ = _vector(x, "x", None), _vector(y, "y", None)
     n_obs = len(x_)
-    if len(y_) != n_obs:
-        raise InputError(f"must have as many values as x ({n_obs})", field="y", value=len(y_))
+    check_lengths(x_, y_)
     if n_obs < 3:
         raise InputError("must have at least 3 points", field="x", value=n_obs)
     method = "york" if u_x is not None else "weighted" if u_y is not None else "ols"

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from estim.arrays import max_abs
 from estim.checks import NOTE_BELOW, P_POOR_FIT
 from estim.common import PhraseTable, format_p, phrase
-from estim.fitting import FEW, coverage_of_sd
+from estim.fitting import FEW, PERFECT, coverage_of_sd
 from estim.line.angle_profile import LineData
 
 CONVENTIONS: Mapping[str, str] = PhraseTable(
@@ -86,5 +86,4 @@ def recommendation(data: LineData, chi2: float, dof: int, p_value: float) -> tup
 
 def is_exact(data: LineData, chi2: float) -> bool:
     """Whether the points of an ordinary line scatter by rounding errors alone."""
-    # residuals below this share of y are rounding errors
-    return chi2 <= data.x.size * (3e-14 * max_abs(data.y)) ** 2
+    return chi2 <= data.x.size * (PERFECT * max_abs(data.y)) ** 2

@@ -46,6 +46,7 @@ from estim.reading import (
     PLAIN,
     Dialect,
     Layout,
+    are_components,
     bare_name,
     columns_sentence,
     first_and_second,
@@ -289,10 +290,8 @@ def _with_axes(columns: LineColumns, layout: Layout) -> LineColumns:
         bare_name(name)
         for name in value_columns(layout, (columns.u_x, columns.u_y, columns.r_xy or "r_xy"))
     ]
-    defaults = {name for name in ("x", "y") if is_column(name, layout.names)} - {
-        columns.x,
-        columns.y,
-    }
+    own = () if are_components(names) else ("x", "y")
+    defaults = {name for name in own if is_column(name, layout.names)} - {columns.x, columns.y}
     x, y = (
         columns.x or ("x" if "x" in defaults else ""),
         columns.y or ("y" if "y" in defaults else ""),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from decimal import Decimal
 
 from estim.common import (
     InputError,
@@ -13,6 +14,8 @@ from estim.common import (
     format_rounded,
     read_with_unit,
     same_numbers,
+    signed,
+    with_unit,
 )
 from estim.distributions import student_quantile
 
@@ -48,7 +51,7 @@ class TwoValues:
         verdict = "agree (|E_n| <= 1)" if self.agree else "do not agree (|E_n| > 1)"
         return (
             f"difference: {shown}, u = {u}, U = k u = {expanded} with k = {k}\n"
-            f"E_n = {self.e_n:.2f}: the two values {verdict}"
+            f"E_n = {signed(f'{self.e_n:.2f}')}: the two values {verdict}"
         )
 
 
@@ -90,7 +93,9 @@ def compare_values(
         raise InputError(
             "has no uncertainty, so that nothing tells whether the values agree",
             field="difference",
-            value=delta.value,
+            value=with_unit(
+                signed(f"{Decimal(repr(float(a.value))) - Decimal(repr(float(b.value))):g}"), unit
+            ),
         )
     return TwoValues(delta, unit, delta.value / (k * delta.u), dof, k)
 

@@ -16,6 +16,7 @@ such values, with a note.
 
 from __future__ import annotations
 
+import inspect
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -42,9 +43,11 @@ def callable_of(
     """`function`, or what a formula in text ("g = L/T**2", or without a name) says of the inputs
     that it names.
 
-    Raises InputError where the text is no formula of just these inputs.
+    Raises InputError where the text is no formula of just these inputs, or a function takes other
+    arguments than one.
     """
     if not isinstance(function, str):
+        _check_arguments(function, inputs)
         return function
     formula = read_formula(re.sub(r"^\s*\w+\s*=(?!=)", "", function), field="function")
     known = [quantity.name for quantity in inputs]
@@ -56,6 +59,22 @@ def callable_of(
         if name not in named:
             raise InputError("is not in the formula", field=name, value=function)
     return lambda q: evaluate(formula.tree, q)
+
+
+def _check_arguments(function: MeasurementFunction, inputs: Sequence[Input]) -> None:
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):  # not callable, or written in C
+        return
+    try:
+        signature.bind({})
+    except TypeError:
+        name = inputs[0].name if inputs else "L"
+        rule = (
+            "must take one argument, which holds the inputs by their names, as lambda q: "
+            f'2*q["{name}"]'
+        )
+        raise InputError(rule, field="function", value=str(signature)) from None
 
 
 def evaluate_point(function: MeasurementFunction, point: Mapping[str, float]) -> FloatArray:

@@ -28,6 +28,7 @@ from estim.reading.dialect import (
 from estim.reading.input_file import TOML_BYTES, leads_out, read_text, refuse_outside, way_to
 from estim.reading.layout import (
     Layout,
+    are_components,
     first_and_second,
     is_called,
     numeric_columns,

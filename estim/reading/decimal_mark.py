@@ -73,6 +73,8 @@ def number_in(row: Row, name: str, cell: str, mark: str, position: tuple[int, in
         hint = " without marks between thousands"
     elif re.fullmatch(r"\d{1,2}:\d\d", cell, re.ASCII):
         hint = " (a time? write hours, minutes and seconds, as 13:05:00)"
+    elif re.fullmatch(r".*\d\s*[x×*·]\s*10.*", cell, re.ASCII):
+        hint = " (a power of ten is written as in 2e3)"
     elif is_spreadsheet_error(cell):
         hint = " (leave the row out where there is none)"
     elif cell.startswith("="):

@@ -36,6 +36,8 @@ _RANGE = re.compile(r"([A-Z]{0,3})(\d{0,7}):([A-Z]{0,3})(\d{0,7})", re.ASCII)
 _NAMED_UNIT = re.compile(
     r"(.{1,60}?)(\s*/)?(\s*)(?:\(([^()]{1,20})\)|\[([^\[\]]{1,20})\])|(.{1,60}?)\s+/\s*([^\s/]{1,20})"
 )
+# as Capstone writes it: Time (s) Run #1
+_BEFORE_A_RUN = re.compile(r"(.{1,60}?)\s*[(\[]([^()\[\]]{1,20})[)\]]\s+((?:[^\W\d_]+\s)?#\d+)")
 _SYMBOL_OVER_UNIT = re.compile(r"([^\W\d_](?:_\w{1,8})?)/([^\s/()]{1,20})")
 # v in m s-1, v / m s-1, v in (m/s)
 _UNIT_BEHIND_A_WORD = re.compile(r"(.{1,60}?)\s+(?:in|/)\s+(\S.{0,19})")
@@ -146,7 +148,8 @@ def cell_name(line: int, column: int) -> str:
 
 
 def name_and_unit(cell: str) -> tuple[str, str]:
-    """("U", "mV") for `U (mV)`, `U [mV]`, `U / mV`, `U/mV`, `U/(mV)` and `U in mV`; the unit is ""
+    """("U", "mV") for `U (mV)`, `U [mV]`, `U / mV`, `U/mV`, `U/(mV)` and `U in mV`, and
+    ("U Run #1", "mV") for `U (mV) Run #1`; the unit is ""
     where the name states none, as `ln(U/V)`, `s(t)` and `m/s`.
     """
     in_match = _UNIT_BEHIND_A_WORD.fullmatch(cell.strip())
@@ -155,6 +158,9 @@ def name_and_unit(cell: str) -> tuple[str, str]:
         bracketed = _BRACKETS.fullmatch(unit)
         if is_unit(unit := bracketed[1].strip() if bracketed else unit):
             return in_match[1].strip(), unit
+    of_run = _BEFORE_A_RUN.fullmatch(cell.strip())
+    if of_run is not None and is_unit(of_run[2].strip()):
+        return f"{of_run[1]} {of_run[3]}", of_run[2].strip()
     is_u = cell.startswith("u(") and is_uncertainty(cell)
     match = None if is_u else _NAMED_UNIT.fullmatch(cell.strip())
     if match is None:
@@ -222,9 +228,10 @@ def uncertainty_of(column: str, names: Sequence[str]) -> str | None:
     return next((name for name in matches if name in named), matches[0] if matches else None)
 
 
-def shown_delimiter(*lines: str) -> str:
+def shown_delimiter(*lines: str, head: str = "") -> str:
     """What separates the cells of rows of data, by these alone: tabs, semicolons and bars always
-    do, commas unless in numbers of the last.
+    do, commas unless in numbers of the last.  head : the first line; where it has commas, those in
+    "run 1,5" part cells.
     """
     if delimiter := next(
         (mark for line in reversed(lines) for mark in ("\t", ";", "|") if mark in line), None
@@ -238,7 +245,7 @@ def shown_delimiter(*lines: str) -> str:
         or (
             len(words) > 1
             and not {"±", "+/-", "+-"} & {*words}  # these stand inside a cell
-            and all(looks_like_a_number(word) for word in words if "," in word)
+            and all(looks_like_a_number(word) for word in words if "," in word or "," in head)
         )
         else ","
     )

@@ -89,8 +89,8 @@ def _without_nulls(text: str) -> str:
     if "\0" in text:
         line = len(_LINE_END.findall(text[: text.index("\0")])) + 1
         raise InputError(
-            "must not hold a null character (the file is damaged, or UTF-16 without its mark: "
-            "--encoding utf-16; encoding = ... in a campaign)",
+            "must not hold a null character (the file is damaged, or UTF-16 without its mark: save "
+            "it as UTF-8, or say so by --encoding utf-16; encoding = ... in a campaign)",
             field="text",
             line=line,
         )
@@ -121,8 +121,8 @@ def decoded(data: bytes, encoding: str | None = None) -> tuple[str, str]:
         except UnicodeDecodeError:
             raise _not_utf8(data, error) from None
         note = phrase(
-            "the file is not UTF-8 and was read as Windows-1252 (state the encoding if "
-            "letters of a name look wrong)"
+            "the file is not UTF-8 and was read as Windows-1252 (if letters of a name look wrong, "
+            "save it as UTF-8)"
         )
     return _without_nulls(text), note
 

@@ -15,7 +15,6 @@ from estim.common import InputError, in_its_file, is_unit, phrase
 from estim.reading.cell_formats import holds_a_value, in_plain_numbers
 from estim.reading.cells import (
     Row,
-    has_thousands,
     is_comment,
     is_missing,
     is_spreadsheet_error,
@@ -55,7 +54,8 @@ _SYMBOLS = frozenset(_UNITS.split()) - {"1"}
 _NO_UNIT = {"1", "-", "--", "–", "—", "dimensionless", "unitless", "none", "n/a"}
 _NUMBER_FIRST = re.compile(r"(?!1\s*/|10\s*[\^⁻⁰¹²³⁴⁵⁶⁷⁸⁹])[+-]?[.,]?\d")  # but 1/s, 10^-3 N
 _BEGINS_WITH_A_NUMBER = re.compile(r"\W{0,3}\d")
-_BEGINS_WITH_A_WORD = re.compile(r'\s*"?[^\W\d_]{2}')
+_MEANT_AS_A_NUMBER = re.compile(r"[^\w#]{0,3}\d[\W\dxXeE]*")  # ~1, 1/2, 2x10^3, 1 234
+_BEGINS_WITH_A_WORD = re.compile(r"\W{0,9}[^\W\d_]{2}")  # or as >>>>>End of data
 _COMMENT = re.compile(r"comments?", re.IGNORECASE)  # LabVIEW names a column that has no cells
 _OF_SUMS = (
     "mean average avg median sum total stdev stddev mittelwert mittel summe gesamt durchschnitt "
@@ -110,7 +110,7 @@ def read_layout(path: Path, dialect: Dialect, *, needed: Sequence[str] = ()) -> 
         or (
             _ONE_COLUMN
             if _is_one_column(table_lines, dialect)
-            else shown_delimiter(*(line for _, line in table_lines[-2:]))
+            else shown_delimiter(*(line for _, line in table_lines[-2:]), head=table_lines[0][1])
         )
     )
     split, ends = (
@@ -165,7 +165,7 @@ def read_layout(path: Path, dialect: Dialect, *, needed: Sequence[str] = ()) -> 
             if odd and (
                 2 * len(odd) < len(rows) or (delimiter, 2 * width) == (",", len(odd[0].cells))
             ):
-                raise cells_differ(len(odd[0].cells), width, delimiter, odd[0].number)
+                raise cells_differ(odd[0], width, delimiter)
         raise _no_names(rows[0], delimiter)
     head = facts_of(lines, header_line or rows[0].number)
     units = [
@@ -255,10 +255,12 @@ def _sum_word(row: Row) -> str:
 
 def _is_a_row(row: Row, *, like: Row) -> bool:
     """Whether a line below the table has its cells, with a number in one: such a line is a row,
-    whatever its first cell is called.
+    whatever its first cell is called, unless that announces what follows: "Exposure time:".
     """
-    return len(_trimmed(row.cells)) == len(_trimmed(like.cells)) and any(
-        map(holds_a_value, row.cells)
+    return (
+        len(_trimmed(row.cells)) == len(_trimmed(like.cells))
+        and any(map(holds_a_value, row.cells))
+        and not row.cells[0].endswith(":")
     )
 
 
@@ -353,15 +355,16 @@ def _no_names(first: Row, delimiter: str) -> InputError:
 
 def numeric_columns(layout: Layout) -> tuple[str, ...]:
     """Names of the columns that hold numbers, in the first or the last row, or in at least half of
-    their cells; those that begin with _ left out.
+    their cells; those that begin with _ left out.  What is meant as a number counts as one: where
+    the column is read, it is refused, and no other column takes its place.
     """
     named = [(i, name) for i, name in enumerate(layout.names) if name and not name.startswith("_")]
     return tuple(name for i, name in named if _is_numeric(layout.rows, i))
 
 
 def _is_numeric(rows: Sequence[Row], column: int) -> bool:
-    def number(cell: str) -> bool:  # thousands are reported where the column is read
-        return looks_like_a_number(cell) or has_thousands(cell)
+    def number(cell: str) -> bool:
+        return _MEANT_AS_A_NUMBER.fullmatch(cell) is not None or holds_a_value(cell)
 
     ends = [row.cells[column : column + 1] for row in (*rows[:1], *rows[-1:])]
     if any(number(cell) for cells in ends for cell in cells):
@@ -402,6 +405,13 @@ def first_and_second(columns: Sequence[str]) -> tuple[str, str] | None:
     return first, second
 
 
+def are_components(columns: Sequence[str]) -> bool:
+    """Whether columns of values are called x, y and z beside others: of a vector at each time, so
+    that x and y are no abscissa and ordinate.
+    """
+    return {"x", "y", "z"} < {bare_name(name).lower() for name in columns}
+
+
 def is_called(column: str, letter: str) -> bool:
     """Whether a column is called x, X, x_m or x [m], for the letter x."""
     return bare_name(column).partition("_")[0].lower() == letter
@@ -429,7 +439,7 @@ def _start(rows: Sequence[Row], delimiter: str) -> int:
         if fits and any(map(holds_a_value, row.cells)):
             break
     else:
-        rule = "must hold numbers: the last line holds none"
+        rule = "must hold cells that are numbers, alone or with their unit: the last line has none"
         raise InputError(rule, field="row", value=last.line, line=last.number)
     while first and _is_blank(rows[first - 1], shape):
         first -= 1
@@ -439,7 +449,7 @@ def _start(rows: Sequence[Row], delimiter: str) -> int:
         if sum(map(bool, row.cells)) > 1 and all(map(looks_like_a_number, filter(None, row.cells)))
     ]
     if len(odd) > len(rows) - first:
-        raise cells_differ(len(last.cells), len(odd[0].cells), delimiter, rows[first].number)
+        raise cells_differ(rows[first], len(odd[0].cells), delimiter)
     if odd:
         rule = (
             "is a row with another number of cells than the last one: say how many lines "
@@ -502,7 +512,7 @@ def _header(
     def odd_row(width: int) -> InputError:
         """The error for the first row that has another number of cells than there are names."""
         row = next(row for row in rows if len(row.cells) != width)
-        return cells_differ(len(row.cells), width, delimiter, row.number)
+        return cells_differ(row, width, delimiter)
 
     if not dialect.header and above:
         _refuse_half_a_row(above, fits)
@@ -614,7 +624,9 @@ def _is_in_symbols(unit: str) -> bool:
     )
 
 
-def cells_differ(cells: int, width: int, delimiter: str, line: int) -> InputError:
+def cells_differ(row: Row, width: int, delimiter: str) -> InputError:
+    """The error for a row that has not `width` cells."""
+    cells = len(row.cells)
     # a blank last cell has no comma
     commas = delimiter == "," and 2 * width - (width > 2) <= cells <= 2 * width
     cure = (
@@ -622,5 +634,10 @@ def cells_differ(cells: int, width: int, delimiter: str, line: int) -> InputErro
         if width == 1
         else "write decimal points, or separate the cells by semicolons"
     )
-    hint = f" (decimal commas? {cure})" if commas else ""
-    return InputError(f"must have {width} cells{hint}", field="row", value=cells, line=line)
+    hint = ""
+    if commas:
+        hint = f" (decimal commas? {cure})"
+    elif cells == 1 and _BEGINS_WITH_A_WORD.match(row.line):
+        hint = " (a remark? Put a # before it)"
+    rule = f"must have {width} {'cell' if width == 1 else 'cells'}, not {cells}{hint}"
+    return InputError(rule, field="row", value=row.line.strip(), line=row.number)

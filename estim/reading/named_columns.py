@@ -208,7 +208,7 @@ def _cells_of(row: Row, layout: Layout) -> list[str]:
         row_of(row.line, layout.delimiter, row.number)  # its error gives the reason
     cells = row.cells if any(row.cells[width:]) else row.cells[:width]
     if len(cells) != width:
-        raise cells_differ(len(cells), width, layout.delimiter, row.number)
+        raise cells_differ(row._replace(cells=cells), width, layout.delimiter)
     return cells
 
 

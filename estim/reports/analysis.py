@@ -21,9 +21,10 @@ from estim.common import (
     format_quantity,
     format_rounded,
     phrase,
+    split_level,
 )
 from estim.explanation import Explanation, across_runs
-from estim.fitting import MANY_RUNS, ProfileInterval
+from estim.fitting import MANY_RUNS, ProfileInterval, moved_by_integration
 from estim.pipeline import Analysis
 from estim.reports.consistency import consistency_text, forest_figure
 from estim.reports.copying import copies_of
@@ -223,6 +224,13 @@ def _text(
         note_below=note_below,
         conflict_below=P_CONFLICT,
         plain=Notation(""),
+        spreads=[
+            result.labels.symbol(name)
+            for name in moved_by_integration(
+                analysis.fit.posterior, analysis.fit.values, analysis.fit.cov
+            )
+        ],
+        effects=sorted({split_level(name)[0] for name in analysis.problem.effects}),
         identify=section,
         # the parameters that some error moves by more than rounding hides
         influenced=[

@@ -15,7 +15,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from estim.checks import Estimate
-from estim.common import Label, Markdown, as_csv, format_quantity, one_line, phrase, powers_in
+from estim.common import (
+    Label,
+    Markdown,
+    as_csv,
+    behind,
+    format_quantity,
+    one_line,
+    phrase,
+    powers_in,
+)
 from estim.sampling import lopsided
 
 _BASES = {
@@ -178,7 +187,8 @@ def _tex(estimate: Estimate, plus_minus: bool) -> str:
     label, p, text = estimate.label, estimate.summary, estimate.value
     symbol, unit = _symbol(label), _unit(label.unit)
     known = unit and not unit.startswith(r"\text")
-    unit_suffix = rf"\,\unit{{{unit}}}" if known else rf"\,{unit}" if unit else ""
+    space = r"\times" if "×" in behind(label.unit) else r"\,"
+    unit_suffix = rf"\,\unit{{{unit}}}" if known else f"{space}{unit}" if unit else ""
     if "±" in text and p.mean is not None and p.sd is not None:
         number = _number(
             format_quantity(p.mean * label.factor, p.sd * label.factor, plus_minus=plus_minus)

@@ -1,5 +1,6 @@
 """What the fields of a question are called, and the messages of a command in these words: of an
-error or a warning that names an option or a key, the page names its own field.  `estim` knows
+error or a warning that names an option or a key, the page names its own field, or where else the
+option is given.  `estim` knows
 nothing of the page, so that its report is the same at each door.
 """
 
@@ -7,7 +8,7 @@ from __future__ import annotations
 
 import re
 
-from estim.common import PhraseTable
+from estim.common import PhraseTable, phrase
 
 LABELS = PhraseTable(
     {
@@ -54,6 +55,9 @@ LABELS = PhraseTable(
         "columns": "Names of the columns",
         "skip-rows": "Lines above the table that are not read",
         "dates": "Order of day and month",
+        "encoding": "Encoding of the letters",
+        "seed": "Seed of the random numbers",
+        "max-steps": "Most steps of the sampler",
         "figures": "Figures of the report",
     }
 )
@@ -99,4 +103,6 @@ def _called(match: re.Match[str]) -> str:
     name = match["quoted"] or match["given"] or match["key"] or match["plain"] or ""
     name = name.replace("_", "-") if match["key"] else name
     label = LABELS.get(_AS_OPTIONS.get(name, name))
-    return f"“{label}”{match['behind'] or ''}" if label else match[0]
+    if label:
+        return f"“{label}”{match['behind'] or ''}"
+    return match[0] + (phrase(" (at the command line)") if match["plain"] else "")

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 from starlette.responses import HTMLResponse
 
 from estim.common import LANGUAGES, format_quantity, format_rounded, language, phrase
+from estim.reading import Encoding
 from estim.web.labels import LABELS, on_page
 from estim.words import status_words
 
@@ -60,6 +61,7 @@ def _environment() -> jinja2.Environment:
         "rounded": format_rounded,
         "labels": LABELS,
         "on_page": on_page,
+        "encodings": [(name, name) for name in get_args(Encoding)],
         "status_words": status_words,
     }
     return environment

@@ -17,13 +17,17 @@ from estim.common import InputError, language, phrase
 Fields = Mapping[str, str]
 """What was written in the fields of a page, by their names."""
 
+_OF_DRAWS = " seed max-steps"
 _ASKED = {  # of the kinds, the command and its options; those of a table beside them
-    "formula": ("fit", "formula x y u-x u-y window robust noise kind title track figures"),
-    "rolling": ("fit", "x y kind title track release figures"),
+    "formula": (
+        "fit",
+        "formula x y u-x u-y window robust noise kind title track figures" + _OF_DRAWS,
+    ),
+    "rolling": ("fit", "x y kind title track release figures" + _OF_DRAWS),
     "line": ("line", "x y u-x u-y"),
     "mean": ("mean", "y u-y group"),
 }
-_OF_TABLES = " sheet decimal columns skip-rows dates"
+_OF_TABLES = " sheet decimal columns skip-rows dates encoding"
 _ROLLING = (  # keys of a campaign
     "radius_m phi_deg theta0_deg gamma mass_disk_kg mass_particle_kg kappa sigma_x_m sigma_v_m_s "
     "rolling_resistance g offset_m ramp_length_m x_max_m unmodelled_force unit"
@@ -37,7 +41,7 @@ _NEEDED = (
 )
 NAMED = "value start low high"
 """Fields with one NAME = VALUE a line."""
-_OF_COLUMNS = "x y u-x u-y track sheet decimal columns skip-rows dates"
+_OF_COLUMNS = "x y u-x u-y track sheet decimal columns skip-rows dates encoding"
 _FLAGS = ("correlated", "jitter")
 MODELS = {
     "line": "slope*x + intercept",
@@ -91,7 +95,9 @@ def arguments_of(fields: Fields, file: str, title: str, others: Iterable[str] = 
         return ["propagate", *end, "--", fields["formula"], *values]
     if file.endswith(".toml"):
         runs = [f"--run={run}" for run in fields.get("runs", "").splitlines()]
-        return ["fit", file, *runs, *(["--joint"] if "joint" in fields else []), *end]
+        joint = ["--joint"] if "joint" in fields else []
+        draws = [f"--{name}={fields[name]}" for name in _OF_DRAWS.split() if name in fields]
+        return ["fit", file, *runs, *joint, *draws, *end]
     kind = fields.get("asked", "formula")
     if kind not in _ASKED:
         raise InputError(phrase("Choose what you want to know."))

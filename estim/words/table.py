@@ -6,9 +6,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from estim.common import OF_BODY, Amount, Finding, Kind, behind, format_p, format_quantity, phrase
+from estim.common import (
+    OF_BODY,
+    Amount,
+    Finding,
+    Kind,
+    behind,
+    format_p,
+    format_quantity,
+    phrase,
+    signed,
+)
 
 Table = Mapping[Kind, str | Callable[[Finding], str]]
+
+
+class _Difference(float):
+    """A number whose sign is that of print where a sentence asks for one, {size:+.1f}."""
+
+    def __format__(self, spec: str, /) -> str:
+        text = super().__format__(spec)
+        return signed(text) if spec.startswith("+") else text
 
 
 def filled(table: Table, finding: Finding) -> str:
@@ -44,14 +62,14 @@ def facts(f: Finding) -> dict[str, object]:
         "test": phrase(f.test),
         "p": format_p(f.p, f.numbers.get("least", 0.0)),
         "prob": f.p,
-        "size": f.size,
+        "size": _Difference(f.size),
         "n": f.size,
         "names": phrase(" and ").join(f.names),
         "name": amount.name,
         "symbol": symbol(amount),
         "value": amount.value,
         "shown": value_words(amount),
-        **f.numbers,
+        **{name: _Difference(value) for name, value in f.numbers.items()},
         **{
             name: format_quantity(value, f.numbers[f"u_{name}"])
             for name, value in f.numbers.items()

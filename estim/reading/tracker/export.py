@@ -10,6 +10,7 @@ is found here; their cells are read as those of any table (`estim.reading.named_
 from __future__ import annotations
 
 import csv
+import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from estim.arrays import BoolArray, FloatArray
 from estim.common import InputError, in_its_file, listed, phrase
 from estim.reading.cells import Row, is_comment, looks_like_a_number
 from estim.reading.dialect import Decimal, Dialect, name_and_unit, shown_delimiter
-from estim.reading.input_file import lines_of, read_text
+from estim.reading.input_file import decoded, lines_of, read_bytes
 from estim.reading.named_columns import table_of
 from estim.reading.table import (
     DECIMAL_COMMAS,
@@ -68,7 +69,8 @@ def read_export(
     drop_duplicates : leave out rows of which every number read is that of the row before.  Raises
         InputError with file, line, field, rule and value.
     """
-    text, digest = read_text(path)
+    data = read_bytes(path)
+    (text, note), digest = decoded(data), hashlib.sha256(data).hexdigest()
     lines = [(n, line) for n, line in numbered_lines(text) if not is_comment(line)]
     name, layout = _laid_out(str(path), digest, lines, track)
     units = dict(zip(layout.names, layout.units, strict=True))
@@ -108,7 +110,7 @@ def read_export(
         frames=frames.astype(np.int64) if frames is not None and whole_numbers else None,
         lines=table.lines[mask],
         speed=columns.get("v"),
-        calibration=(unit_fact, *table.facts),
+        calibration=(*([note] if note else []), unit_fact, *table.facts),
         warnings=(dropped,) if copies else (),
     )
 
