@@ -152,7 +152,7 @@ def changes_of(basis: RollingBasis | CurveBasis) -> dict[str, Change]:
     found = {"as is": Change("as things are", OTHERWISE)}
     found |= {
         next(iter(change.u)).partition("[")[0]: change
-        for change in measured_better(basis.fit.problem)
+        for change in measured_better(basis.fit.problem, ())
     }
     found |= {"frames": Change("twice as many frames or readings", OTHERWISE, frames=2.0)}
     found |= {"error": Change("half the error of a reading", OTHERWISE, error=0.5)}

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -90,7 +89,6 @@ from estim.words import advice_for
 
 _LOG = logging.getLogger("estim")
 _NONLINEAR = 0.15  # of the logarithm of Jeffreys' prior, over a standard deviation of a parameter
-_MAX_OUTSIDE = 0.03  # share of the draws of a chain that did not converge, outside another chain
 
 
 @dataclass(frozen=True, eq=False)
@@ -373,8 +371,7 @@ def _drawn(
             fit.posterior, fit.values, fit.cov, target=target, rng=rng, progress=progress
         )
         return Certified(chain, None, no_comparison(problem.n_par, Finding(Kind.NOT_SAMPLED)))
-    hard = _hard_for_a_chain(problem)
-    if marginal or (marginal is None and hard and _integrable(fit)):
+    if marginal or (marginal is None and _hard_for_a_chain(fit) and _integrable(fit)):
         try:
             chain, comparison = marginal_chain(fit, target=target, rng=rng, progress=progress)
             return Certified(chain, None, comparison)
@@ -401,21 +398,7 @@ def _drawn(
         drawn = Certified(
             chain, None, no_comparison(problem.n_par, too_many(problem.n_par, max_parameters))
         )
-    unmet = marginal is None and not hard and not drawn.chain.convergence.met
-    if unmet and not start.modes and _integrable(fit):
-        # a spread between runs in a formula is as hard to sample as one that a key states
-        with suppress(InputError, NumericalError):
-            chain, comparison = marginal_chain(fit, target=target, rng=rng, progress=progress)
-            if chain.convergence.met and _within(drawn.chain, chain):
-                return Certified(chain, None, comparison)
     return drawn
-
-
-def _within(chain: Chain, other: Chain) -> bool:
-    """Whether hardly any draw of a chain lies outside the range of the draws of another."""
-    low, high = np.min(other.flat, axis=0), np.max(other.flat, axis=0)
-    outside = np.any((chain.flat < low) | (chain.flat > high), axis=1)
-    return chain.stuck == 0 and float(np.mean(outside)) < _MAX_OUTSIDE
 
 
 def _optima_of(fit: Fit) -> Optima:
@@ -506,11 +489,12 @@ def _integrable(fit: Fit) -> bool:
     return fit.jeffreys is None or not _is_nonlinear(fit, fit.jeffreys)
 
 
-def _hard_for_a_chain(problem: Problem) -> bool:
-    """Whether there are many parameters, or a spread and the shifts of the runs, which are easy
+def _hard_for_a_chain(fit: Fit) -> bool:
+    """Whether there are many parameters, or a spread and the effects that it scales, which are easy
     given each other.
     """
-    return problem.n_par > MAX_PARAMETERS or any(p.between for p in problem.parameters)
+    spreads, _ = fit.spreads_and_effects
+    return fit.problem.n_par > MAX_PARAMETERS or bool(spreads)
 
 
 def _is_nonlinear(fit: Fit, prior: JeffreysPrior) -> bool:

@@ -4,6 +4,7 @@ the marginal over runs against the exact integral, and what happens where it can
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,15 +13,19 @@ from command_runner import runner
 
 from estim import pipeline
 from estim.arrays import log_sum_exp
-from estim.calibration import posterior_draws
-from estim.campaign import load_campaign
+from estim.calibration import findings, posterior_draws, run_trials
+from estim.calibration.experiment import PointDesign
+from estim.calibration.trial import TrialPlan, _experiment
+from estim.campaign import Campaign, load_campaign
 from estim.cli.commands import cli
 from estim.common import Kind, NumericalError, Status
 from estim.curve_fitting.joint_fit import fit_curves
 from estim.curve_fitting.single import fit_curve
 from estim.curves import DataSet
 from estim.fitting import Fit, fit_problem
+from estim.fitting.incidental_parameters import spreads_and_effects
 from estim.pipeline import analyse_fit
+from estim.planning.planning import plan
 from estim.problem.priors import HalfNormal, LogNormal, Normal
 from estim.sampling import Optima, conditional, marginal_draws
 from estim.sampling.chain import Chain, Target, sample_posterior
@@ -228,7 +233,9 @@ def test_a_spread_of_levels_beside_scatters_that_are_inferred_is_the_exact_one(
 
 
 @pytest.mark.slow
-def test_where_a_chain_does_not_converge_the_marginal_takes_its_place(tmp_path: Path) -> None:
+def test_a_spread_is_sampled_by_the_marginal_where_a_chain_does_not_converge(
+    tmp_path: Path,
+) -> None:
     fit, _ = levels(tmp_path, 1, 6, 10)
     assert analyse_fit(fit, seed=1, target=Target(ess=1000.0)).diagnosis.status is Status.OK
     few = Target(ess=1000.0, max_step=5000)  # which are enough where a chain converges
@@ -245,6 +252,93 @@ def test_a_report_says_which_value_of_a_spread_counts(tmp_path: Path) -> None:
     assert runner().invoke(cli, arguments).exit_code == 0
     report = (tmp_path / "out" / "report.md").read_text()
     assert "Least squares fit s together with the values of z, which" in report
+
+
+def stated_levels(folder: Path, seed: int) -> tuple[Campaign, Fit, np.ndarray]:
+    """Levels of six runs of four readings, whose errors are stated."""
+    ys = 5.0 + 0.2 * np.random.default_rng(seed).standard_normal((6, 1))
+    ys = np.round(ys + 0.1 * np.random.default_rng(seed + 1).standard_normal((6, 4)), 6)
+    rows = "\n".join(f"{i},{y:.6f}" for i, y in enumerate(ys.ravel()))
+    (folder / "readings.csv").write_text(f"number,U_V\n{rows}\n")
+    runs = "".join(
+        f'[[runs]]\nname = "r{i}"\nfile = "readings.csv"\n'
+        f"window = {{min = {i * 4}, max = {i * 4 + 3}}}\n"
+        '[runs.parameters]\nz = {prior = "normal", mean = 0.0, sd = 1.0}\n'
+        for i in range(6)
+    )
+    text = LEVELS.replace("[curve.parameters]", "u_y = 0.1\n[curve.parameters]")
+    text = text.replace("c = {start = 5.0", "c = {low = 0.0, high = 10.0")
+    (folder / "campaign.toml").write_text(text + runs)
+    campaign = load_campaign(folder / "campaign.toml")
+    problem = campaign.problem(list(campaign.runs))
+    return campaign, fit_problem(problem, rng=np.random.default_rng(seed)), ys
+
+
+EFFECTS = frozenset(f"z[r{i}]" for i in range(6))
+
+
+def test_a_spread_and_its_effects_are_told_from_corrections(tmp_path: Path) -> None:
+    campaign, fit, _ = stated_levels(tmp_path, 5)
+    assert fit.spreads_and_effects == ({"s"}, EFFECTS)
+    path = tmp_path / "campaign.toml"
+    stated = path.read_text()
+    for formula, s, spreads, effects in (
+        ("c + exp(s)*z", "s = {start = -1.0, low = -5.0, high = 1.0}", {"s"}, EFFECTS),
+        ("c + s + z", 's = "0.0(1)"', set(), set()),
+        ("c + s*z", 's = "0.010(5)"', set(), set()),
+    ):
+        text = re.sub("(?m)^s = .*$", s, stated.replace("c + s*z", formula))
+        path.write_text(text)
+        campaign = load_campaign(path)
+        problem = campaign.problem(list(campaign.runs))
+        found = spreads_and_effects(problem.linearised(problem.start()), problem.start())
+        assert found == (spreads, effects)
+
+
+def test_a_plan_knows_the_size_of_a_spread_and_has_no_run_measure_its_own_effect(
+    tmp_path: Path,
+) -> None:
+    """At the mode s is too large: u(c) came out 1.6 times as large as it is, and was to be halved
+    by "z to ±0.48 (from 1), all 6".
+    """
+    campaign, _, ys = stated_levels(tmp_path, 5)
+    found = plan(campaign, list(campaign.runs), target_names=["c"], seed=1)
+    s = np.linspace(0.0, 1.5, 6001)[1:]
+    variance = s**2 + 0.1**2 / 4
+    log_p = -0.5 * (5 * np.log(variance) + 5 * np.var(ys.mean(axis=1), ddof=1) / variance)
+    p = np.exp(log_p - 0.5 * (s / 0.3) ** 2 - np.max(log_p))
+    u = np.sqrt(p @ variance / p.sum() / 6)
+    assert found.drawn == pytest.approx([u], rel=0.07)
+    assert found.now == pytest.approx([u], rel=0.15)
+    assert not any(option.change.u for option in found.options)
+    assert not any(way.words.startswith("z ") for way in found.halving[0].ways)
+
+
+def test_runs_that_are_repeated_have_effects_of_their_own(tmp_path: Path) -> None:
+    """What was stated of them is no measurement: in each repetition all are drawn anew."""
+    _, fit, _ = stated_levels(tmp_path, 5)
+    trial = TrialPlan(
+        PointDesign(fit.problem), "coverage", fit.values, ("c", "s"), 100.0, 1, EFFECTS
+    )
+    for seed in range(3):
+        values, problem, _ = _experiment(trial, np.random.default_rng(seed))
+        kept = np.isin(fit.names, ["c", "s"])
+        assert np.all(values[kept] == fit.values[kept])
+        assert np.all(values[~kept] != fit.values[~kept])
+        assert [p.prior for p in problem.parameters] == [p.prior for p in fit.problem.parameters]
+
+
+@pytest.mark.statistics
+def test_the_interval_of_a_spread_is_found_calibrated(tmp_path: Path) -> None:
+    """With each effect kept, and its prior taken for a measurement of it, 1 of 20 held s."""
+    _, fit, _ = stated_levels(tmp_path, 5)
+    design = PointDesign(fit.problem)
+    found = run_trials(design, fit, "coverage", n_trial=60, seed=1, ess=400.0)
+    assert findings(found) == ()
+    assert found.share("s")[0] > 0.55
+    draws, _, _ = posterior_draws(fit, 400.0, np.random.default_rng(1))
+    s = draws[:, fit.names.index("s")]
+    assert found.truth[0, list(found.reported).index("s")] == pytest.approx(np.median(s), rel=0.1)
 
 
 def decays(seed: int) -> tuple[Fit, list[np.ndarray], np.ndarray]:

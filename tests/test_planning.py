@@ -183,7 +183,7 @@ def test_more_of_everything_never_harms_and_better_is_better(pair: RollingBasis)
     for change in (
         Change("", OTHERWISE, frames=2.0),
         Change("", OTHERWISE, error=0.5),
-        *measured_better(here.problem),
+        *measured_better(here.problem, ()),
     ):
         assert np.all(weigh(pair, change, targets, now).ratio <= 1.0 + 1e-3)
     worse = weigh(pair, Change("", OTHERWISE, error=3.0), targets, now)

@@ -13,10 +13,12 @@ Two questions, each with its own answer:
   is repeated together with the measurements that its normal and log-normal priors stand for: their
   centres are drawn anew around the truth with their own standard uncertainty.  With the centre
   held, a parameter that the data do not determine would be covered always or never.  Uniform and
-  half-normal priors and those of outliers are no measurements and stay.  Where these say little
-  beside the data, intervals cover with their probability to first order.  Where one of them says
-  much (`leaning`), intervals that lean on it cover too often at a truth near its middle and too
-  rarely at its edge, and are right on average over it only: there covering too often is no fault.
+  half-normal priors and those of outliers are no measurements and stay.  Nor are those of the
+  effects that a spread between runs scales: new runs have new effects, drawn from them.  Where
+  priors that stay say little beside the data, intervals cover with their probability to first
+  order.  Where one of them says much (`leaning`), intervals that lean on it cover too often at a
+  truth near its middle and too rarely at its edge, and are right on average over it only: there
+  covering too often is no fault.
 
 Truths that give no data (`estim.calibration.experiment`) are drawn again and counted.  An
 experiment of which too few rows are left is repeated with a new truth as well: that depends on the
@@ -160,7 +162,8 @@ def run_trials(
     many repetitions of the experiment at the fitted values ("coverage").
 
     There the truth is the posterior mode; a parameter whose mode lies at a bound of its prior has
-    its posterior median instead, since no interval between quantiles can hold a bound.
+    its posterior median instead, since no interval between quantiles can hold a bound, and so has a
+    spread between runs, which is too large at the mode.
 
     fit : of the real data; it determines which numbers of the report vary at all.
     store : keeps each trial, its `inputs` what decides the design.  The same seed gives the same
@@ -169,11 +172,12 @@ def run_trials(
     Raises NumericalError where hardly any draw of the priors gives data.
     """
     truth, reported = fit.values.copy(), _varying(fit)
-    if what == "coverage" and fit.at_bound:
+    spreads, effects = fit.spreads_and_effects
+    if what == "coverage" and (fit.at_bound or spreads):
         draws, _, _ = posterior_draws(fit, ess, stream(seed, Stream.CALIBRATION_TRUTH))
-        bound = [fit.names.index(name) for name in fit.at_bound]
-        truth[bound] = np.median(draws[:, bound], axis=0)
-    plan = TrialPlan(design, what, truth, tuple(reported), ess, seed)
+        moved = [fit.names.index(name) for name in {*fit.at_bound, *spreads}]
+        truth[moved] = np.median(draws[:, moved], axis=0)
+    plan = TrialPlan(design, what, truth, tuple(reported), ess, seed, effects)
     trial = (
         partial(run_trial, plan)
         if store is None

@@ -43,6 +43,8 @@ class TrialPlan:
     """What is common to all trials.
 
     truth : (n_par,) the truth of every trial where `what` is "coverage".
+    effects : parameters that a spread between runs scales; their truths are drawn from the priors
+        in every trial.
     reported : names of the numbers that are looked at.  ess : effective sample size.
     """
 
@@ -52,6 +54,7 @@ class TrialPlan:
     reported: tuple[str, ...]
     ess: float
     seed: int
+    effects: frozenset[str] = frozenset()
 
     @property
     def inputs(self) -> tuple[object, ...]:
@@ -113,8 +116,15 @@ def _experiment(plan: TrialPlan, rng: np.random.Generator) -> tuple[FloatArray, 
             values = problem.prior_draw(rng)
             stated = measured_anew(problem, values, rng, problem.readings)
         else:
-            values = plan.truth
-            stated = measured_anew(problem, values, rng)
+            # an effect differs from run to run, and was measured in none
+            values = np.array(
+                [
+                    p.prior.draw(rng, 1)[0] if p.name in plan.effects else value
+                    for p, value in zip(problem.parameters, plan.truth, strict=True)
+                ]
+            )
+            read = set(problem.names) - stated_only(problem) - plan.effects
+            stated = measured_anew(problem, values, rng, read)
         simulated = plan.design.simulate(values, stated, rng)
         if simulated is not None:
             return values, simulated, n_rejected
@@ -171,9 +181,9 @@ def posterior_draws(fit: Fit, ess: float, rng: np.random.Generator) -> tuple[Flo
     """Draws (n_draw, n_par) of the posterior, which engine gave them, and what it did not reach (or
     "").  Raises NumericalError.
     """
-    hard = any(p.between for p in fit.problem.parameters)
+    spreads, _ = fit.spreads_and_effects
     # a chain does not get from spreads as large as at the mode to those that are probable
-    if hard and (chain := _integrated(fit, ess, rng)) is not None:
+    if spreads and (chain := _integrated(fit, ess, rng)) is not None:
         return chain.flat, "importance sampling", ""
     density = InCoordinates(fit.sampled, fit.coordinates)
     at = Optima(fit.values, fit.cov).of(fit.coordinates)
@@ -188,11 +198,6 @@ def posterior_draws(fit: Fit, ess: float, rng: np.random.Generator) -> tuple[Flo
             return fit.coordinates.values(certificate.draws), "importance sampling", ""
     target = Target(rhat=1.02, ess=ess, n_tau=20.0, max_step=4000, n_ensemble=2)
     chain = sample_posterior(density, at.value, at.cov, target=target, rng=rng, proposal=proposal)
-    # a spread that a formula holds is as hard
-    if not chain.convergence.met and not hard and fit.problem.effects:
-        integrated = _integrated(fit, ess, rng)
-        if integrated is not None:
-            return integrated.flat, "importance sampling", ""
     return (
         fit.coordinates.values(chain.thinned(20_000)),
         "chain",

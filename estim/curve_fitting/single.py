@@ -254,14 +254,13 @@ def without_fitted_effects(result: CurveFit) -> CurveFit:
     effects that are stated as 0 within an uncertainty are integrated out.
     """
     fit = result.fit
-    influenced = (
-        {}
-        if fit.singular or not fit.success
-        else moved_by_integration(fit.posterior, fit.values, fit.cov)
-    )
+    if fit.singular or not fit.success:
+        return result
+    spreads, scaled = fit.spreads_and_effects
+    influenced = moved_by_integration(fit.posterior, fit.values, fit.cov, spreads)
     if not influenced:
         return result
-    effects = tuple(sorted({split_level(name)[0] for name in result.problem.effects}))
+    effects = tuple(sorted({split_level(name)[0] for name in scaled}))
     findings = wrong(
         [
             *result.findings,

@@ -32,9 +32,12 @@ measures leaves the others alone).
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
-from estim.arrays import FloatArray, sds_of
+from estim.arrays import BoolArray, FloatArray, sds_of
+from estim.common import split_level
 from estim.fitting.fisher_information import information, on_limit
 from estim.problem import JeffreysPrior, Measure, Posterior, uses_of
 
@@ -98,39 +101,76 @@ def measure_of(
 
 
 @np.errstate(all="ignore")  # at a limit a curve may have no slope: nothing is said of it
+def spreads_and_effects(
+    posterior: Posterior, values: FloatArray
+) -> tuple[frozenset[str], frozenset[str]]:
+    """Names of standard deviations between runs (or between groups of readings), and of the effects
+    that these scale.
+
+    In c + s z_r nothing depends on the spread s where all z_r are 0, and on no z_r where s is 0.  A
+    coefficient that was measured is no spread, nor is a correction an effect of one.
+    """
+    problem = posterior.problem
+    effect = np.array([name in problem.effects for name in problem.names])
+    if not effect.any():
+        return frozenset(), frozenset()
+
+    def unseen_with(shifted: BoolArray) -> BoolArray:
+        """(n_par,) what the data do not depend on, all effects being 0 but those `shifted`."""
+        shifts = np.where(shifted, [p.prior.sd for p in problem.parameters], 0.0)
+        shown = sum(posterior.informations(np.where(effect, shifts, values)))
+        return np.diag(shown) == 0.0
+
+    unmeasured = [
+        not p.prior.measured and p.name not in problem.noise_names for p in problem.parameters
+    ]
+    spread = unseen_with(np.zeros_like(effect)) & unmeasured
+    if not spread.any():
+        return frozenset(), frozenset()
+    quantities = np.array([split_level(name)[0] for name in problem.names])
+    scaled = np.zeros_like(effect)
+    for quantity in dict.fromkeys(quantities[effect]):
+        of_quantity = effect & (quantities == quantity)
+        if not unseen_with(of_quantity)[spread].all():
+            scaled |= of_quantity
+    spreads, effects = (
+        frozenset(name for name, belongs in zip(problem.names, which, strict=True) if belongs)
+        for which in (spread, scaled)
+    )
+    return spreads, effects
+
+
 def moved_by_integration(
-    posterior: Posterior, values: FloatArray, cov: FloatArray
+    posterior: Posterior, values: FloatArray, cov: FloatArray, spreads: Collection[str]
 ) -> dict[str, float]:
     """Spread -> by how many standard deviations it moves, to first order, where all other
     parameters are integrated out (Laplace's approximation) instead of being fitted too; those that
     hardly move left out.
 
-    A spread s is what only effects show: in c + s z_r nothing depends on it where all z_r are 0.
-    The density of s and of all z_r is highest where s is far too large, whatever the number of
-    runs: the larger s, the less the z_r cost.  A coefficient that was measured is none.
+    The density of a spread and of all its effects is highest where it is far too large, whatever
+    the number of runs: the larger it is, the less the effects cost.
     """
     problem, sds = posterior.problem, sds_of(cov)
-    effect = np.array([name in problem.effects for name in problem.names])
-    if not effect.any():
-        return {}
-    shown = np.diag(sum(posterior.informations(np.where(effect, 0.0, values))))
     low, high = problem.support()
     moves: dict[str, float] = {}
-    for i in problem.of_curve:
-        if effect[i] or shown[i] != 0.0 or problem.parameters[i].prior.measured:
+    for name in problem.names:
+        if name not in spreads:
             continue
+        i = problem.names.index(name)
         others = np.delete(np.arange(values.size), i)
         step = 0.1 * sds[i] * (np.arange(values.size) == i)
         ends = np.clip([values - step, values + step], low, high)
-        below, above = (
-            np.linalg.slogdet(
-                (sum(posterior.informations(end)) + problem.prior_information(end))[
-                    np.ix_(others, others)
-                ]
-            )[1]
-            for end in ends
-        )
-        moves[problem.names[i]] = float(-0.5 * (above - below) * sds[i] / (ends[1, i] - ends[0, i]))
+        with np.errstate(all="ignore"):  # nan at a limit where the curve has no slope
+            below, above = (
+                np.linalg.slogdet(
+                    (sum(posterior.informations(end)) + problem.prior_information(end))[
+                        np.ix_(others, others)
+                    ]
+                )[1]
+                for end in ends
+            )
+            move = -0.5 * (above - below) * sds[i] / (ends[1, i] - ends[0, i])
+        moves[name] = float(move)
     # nan of a spread at its limit, where nothing shows that it does not matter
     return {name: move for name, move in moves.items() if not abs(move) <= _INFLUENTIAL}
 

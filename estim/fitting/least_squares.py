@@ -31,7 +31,7 @@ from estim.discrepancy import FoundDeviation, FoundForce, NormalParts
 from estim.distributions import chi2_tail
 from estim.fitting.arrowhead import descend_by_runs, many
 from estim.fitting.fisher_information import information, known_from_data
-from estim.fitting.incidental_parameters import measure_of
+from estim.fitting.incidental_parameters import measure_of, spreads_and_effects
 from estim.fitting.jeffreys import jeffreys_prior
 from estim.fitting.noise_fit import fit_noise
 from estim.fitting.profile_search import search_of
@@ -178,6 +178,11 @@ class Fit:
         if self.singular:
             return None
         return jeffreys_prior(self.posterior, self.values, self.cov)
+
+    @cached_property
+    def spreads_and_effects(self) -> tuple[frozenset[str], frozenset[str]]:
+        """Names of standard deviations between runs, and of the effects that they scale."""
+        return spreads_and_effects(self.posterior, self.values)
 
     @property
     def scale(self) -> FloatArray:

@@ -4,7 +4,7 @@ suggests.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -61,14 +61,21 @@ def by_quantity(parameters: Iterable[Parameter]) -> dict[str, tuple[Parameter, .
     return {name: tuple(every) for name, every in groups.items()}
 
 
-def measured_better(problem: Problem, *, factor: float = 0.5) -> tuple[Change, ...]:
+def measured_better(
+    problem: Problem, effects: Collection[str], *, factor: float = 0.5
+) -> tuple[Change, ...]:
     """For each quantity of the curves that was measured: `factor` times its stated uncertainty,
     wherever it stands.
+
+    effects : parameters that a spread between runs scales: nobody measured them.
     """
     stated = [
         p
         for p in problem.parameters
-        if p.prior.measured and p.name not in problem.noise_names and uses_of(problem.runs)[p.name]
+        if p.prior.measured
+        and p.name not in problem.noise_names
+        and p.name not in effects
+        and uses_of(problem.runs)[p.name]
     ]
     return tuple(
         Change(better_words(every, u), BETTER, u=u)

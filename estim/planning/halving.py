@@ -68,12 +68,13 @@ def ways_to_halve(
         change = Change("", OTHERWISE, frames=frames, error=error)
         return weigh(basis, change, targets, now)
 
+    _, effects = basis.fit.spreads_and_effects
     halvings = []
     for k, target in enumerate(targets):
         sd = float(now[k])
         ways = [
             _better(present, change, target, sd)
-            for change in measured_better(present.problem, factor=1.0)
+            for change in measured_better(present.problem, effects, factor=1.0)
         ]
         ways += _steps(of_readings, present, k)
         more = [

@@ -170,9 +170,10 @@ def _with_sizes_of(draws: FloatArray, fit: Fit) -> Fit:
     their medians in the draws (n_draw, n_par): at the mode errors are too small, since the curve
     was fitted to the same residuals, and spreads too large.
     """
+    spreads, _ = fit.spreads_and_effects
     drawn = [
-        p.between or p.name in fit.problem.noise_names or p.name in fit.problem.effects
-        for p in fit.problem.parameters
+        name in spreads or name in fit.problem.noise_names or name in fit.problem.effects
+        for name in fit.names
     ]
     return replace(fit, values=np.where(drawn, np.median(draws, axis=0), fit.values))
 
@@ -214,7 +215,9 @@ def _suggested(
 ) -> tuple[Change, ...]:
     moving = campaign.formula is None
     more = more_runs(campaign, fit) if moving else more_readings(present, along)
-    return (*measured_better(present.problem), *measured_otherwise(moving=moving), *more)
+    _, effects = fit.spreads_and_effects
+    better = measured_better(present.problem, effects)
+    return (*better, *measured_otherwise(moving=moving), *more)
 
 
 def _requested_readings(campaign: Campaign, names: Sequence[str]) -> list[Change]:

@@ -197,7 +197,8 @@ def _text(
     section : its part about the data against the priors.
     shares : of the sources of uncertainty, None where there is no uncertainty to explain.
     """
-    agreement = analysis.consistency
+    agreement, fit = analysis.consistency, analysis.fit
+    spreads, scaled = fit.spreads_and_effects
     axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
     among = max(1.0, len(result.runs) / MANY_RUNS)
     note_below = (
@@ -226,11 +227,9 @@ def _text(
         plain=Notation(""),
         spreads=[
             result.labels.symbol(name)
-            for name in moved_by_integration(
-                analysis.fit.posterior, analysis.fit.values, analysis.fit.cov
-            )
+            for name in moved_by_integration(fit.posterior, fit.values, fit.cov, spreads)
         ],
-        effects=sorted({split_level(name)[0] for name in analysis.problem.effects}),
+        effects=sorted({split_level(name)[0] for name in scaled}),
         identify=section,
         # the parameters that some error moves by more than rounding hides
         influenced=[
