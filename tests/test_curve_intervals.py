@@ -555,13 +555,13 @@ def test_a_swing_of_which_a_line_is_left_has_no_amplitude(seed: int) -> None:
 @pytest.mark.statistics
 def test_amplitudes_of_slow_swings_are_held_by_their_intervals_or_refused() -> None:
     missed = 0
-    for seed in range(2000, 2024):
+    for seed in range(2000, 2012):
         x, y, sd = slow_swing(seed)
         fit = fit_curve("oscillation", x, y, u_y=sd)
         if fit.status == "ok":
             low, high = fit.intervals["amplitude"][0.95]
             missed += not low <= 3.0 <= high
-    assert missed <= 2  # of 60 intervals that end at the valley of the fit, 22 missed
+    assert missed <= 1  # of 60 intervals that end at the valley of the fit, 22 missed
 
 
 @pytest.mark.slow

@@ -195,7 +195,7 @@ def test_the_rolling_resistance_of_a_track_is_covered_with_a_force_and_a_free_st
     """Nothing missing; a smooth profile, residuals of two standard deviations; a push.  White
     errors and a start from rest miss the last two.
     """
-    n_run, inside, plain, alarms = 150, [], [], 0
+    n_run, inside, plain, alarms = 75, [], [], 0
     usual = np.array([0.05, 0.002, np.radians(10.0), START_SD, 1e3])
     at_rest = np.where(np.arange(5) == 3, 0.0, usual)
     for _ in range(n_run):
