@@ -604,6 +604,7 @@ def test_an_amplitude_known_by_its_size_has_no_end_at_a_jump_decades_away() -> N
 RISING = np.linspace(0.2, 8.0, 20)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 6])
 def test_a_factor_without_bound_is_not_left_alone_at_the_limit_of_the_other(seed: int) -> None:
     """a = 1e14 and k = 2e-16: put onto the limit of k, the curve lost its term (chi2 of 1880)."""
