@@ -293,21 +293,21 @@ def test_a_formula_at_the_command_line(tmp_path):
 @pytest.mark.statistics
 @pytest.mark.parametrize(("n", "tau"), [(2, 10.0), (4, 10.0), (8, 10.0), (8, 1.0)])
 def test_hierarchical_interval_holds_whatever_the_dark_uncertainty(n, tau):
-    """1000 data sets; the weighted mean, which knows of no tau, must fail.  Without a tau, and with
+    """400 data sets; the weighted mean, which knows of no tau, must fail.  Without a tau, and with
     three times the stated uncertainty: tests/test_repeated_sampling.py.
     """
     rng = np.random.default_rng(int(100 * n + tau))
     holds = np.zeros(2)
-    for _ in range(1000):
+    for _ in range(400):
         u = rng.uniform(0.5, 2.0, n)
         found = estim.mean(rng.normal(0.0, np.hypot(u, tau)), u).averages
         for i, name in enumerate(("hierarchical", "weighted")):
             holds[i] += found[name].low < 0.0 < found[name].high
-    allowed = 4.0 * math.sqrt(0.05 * 0.95 / 1000)  # standard errors
-    assert holds[0] / 1000 > 0.95 - allowed
-    assert holds[1] / 1000 < 0.95 - allowed
+    allowed = 4.0 * math.sqrt(0.05 * 0.95 / 400)  # standard errors
+    assert holds[0] / 400 > 0.95 - allowed
+    assert holds[1] / 400 < 0.95 - allowed
     if tau == 10.0 and n > 2:  # not by being endless
-        assert holds[0] / 1000 < 0.95 + allowed
+        assert holds[0] / 400 < 0.95 + allowed
 
 
 @pytest.mark.statistics
@@ -315,14 +315,14 @@ def test_mean_of_groups_holds_and_that_of_all_readings_does_not():
     rng = np.random.default_rng(5)
     holds = np.zeros(2)
     days = np.repeat(np.arange(6), [3, 5, 2, 4, 6, 4])
-    for _ in range(1000):
+    for _ in range(400):
         x = rng.normal(0.0, 1.0, days.size) + rng.normal(0.0, 1.0, 6)[days]
         found = estim.mean(x, groups=days).averages
         for i, name in enumerate(("groups", "readings")):
             holds[i] += found[name].low < 0.0 < found[name].high
-    allowed = 4.0 * math.sqrt(0.05 * 0.95 / 1000)
-    assert abs(holds[0] / 1000 - 0.95) < allowed
-    assert holds[1] / 1000 < 0.95 - allowed
+    allowed = 4.0 * math.sqrt(0.05 * 0.95 / 400)
+    assert abs(holds[0] / 400 - 0.95) < allowed
+    assert holds[1] / 400 < 0.95 - allowed
 
 
 def test_the_interval_of_the_dark_uncertainty_of_many_values_against_a_fine_grid(

@@ -113,29 +113,30 @@ def test_draws_follow_the_density_on_a_grid() -> None:
 
 @pytest.mark.statistics
 def test_intervals_hold_the_truth_and_a_wrong_curve_fails() -> None:
-    """300 data sets.  Their p-values are uniform; with errors taken the other way round 95 %
+    """150 data sets.  Their p-values are uniform; with errors taken the other way round 95 %
     intervals of the constant hold it in less than half, and a straight line through a decay fails.
     """
     rng = np.random.default_rng(5)
     truth = {"a": 2.0, "b": 1.0}
     held = {0.68: 0, 0.95: 0}
     wrong_side, p_values = 0, []
-    for _ in range(300):
+    for k in range(150):
         y = read(2.0 * X + 1.0, rng)
         fit = fit_curve("a*x + b", X, y, u_y=(MINUS, PLUS), rng=rng, n_start=1)
         p_values.append(fit.p_value)
-        turned = fit_curve("a*x + b", X, y, u_y=(PLUS, MINUS), rng=rng, n_start=1)
-        low, high = turned.intervals["b"][0.95]
-        wrong_side += low <= truth["b"] <= high
+        if k < 60:
+            turned = fit_curve("a*x + b", X, y, u_y=(PLUS, MINUS), rng=rng, n_start=1)
+            low, high = turned.intervals["b"][0.95]
+            wrong_side += low <= truth["b"] <= high
         for p in held:
             held[p] += sum(
                 fit.intervals[name][p][0] <= value <= fit.intervals[name][p][1]
                 for name, value in truth.items()
             )
-    assert abs(held[0.68] / 600 - 0.68) < 4.0 * np.sqrt(0.68 * 0.32 / 400)
-    assert abs(held[0.95] / 600 - 0.95) < 4.0 * np.sqrt(0.95 * 0.05 / 400)
+    assert abs(held[0.68] / 300 - 0.68) < 4.0 * np.sqrt(0.68 * 0.32 / 200)
+    assert abs(held[0.95] / 300 - 0.95) < 4.0 * np.sqrt(0.95 * 0.05 / 200)
     assert stats.kstest(p_values, "uniform").pvalue > 1e-3
-    assert wrong_side < 150
+    assert wrong_side < 30
     assert fit_curve("a*x + b", X, read(decay(X), rng), u_y=(MINUS, PLUS)).status == "poor-fit"
 
 
