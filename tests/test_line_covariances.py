@@ -304,7 +304,7 @@ def test_intervals_hold_what_they_say_and_those_without_the_correlations_do_not(
     rng = np.random.default_rng(12)
     shared = [Common("y", 0.3), Common("x", 0.1)]
     cov = with_zeros(joint_covariance(np.full(N, 0.15), np.full(N, 0.1), np.full(N, 0.4)), shared)
-    n, inside, blind, slopes = 1000, 0, 0, 0
+    n, inside, blind, slopes = 400, 0, 0, 0
     for _ in range(n):
         x, y = drawn(rng, cov)
         fit = fit_line(x, y, cov=cov)
