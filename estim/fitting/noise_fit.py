@@ -7,17 +7,55 @@ from __future__ import annotations
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.fitting.profile_search import search_of
-from estim.levenberg_marquardt import Start, minima
-from estim.problem import Posterior
+from estim.problem import Coordinates, Posterior
+
+_LEAST = 1e-6  # of a prior's standard deviation: the smallest size
 
 
 def fit_noise(posterior: Posterior, values: FloatArray) -> FloatArray:
     """The noise parameters that maximise the posterior, those of the curve held."""
+    from scipy.optimize import minimize
+
     problem = posterior.problem
-    if not problem.noise_names:
+    free = [i for i, p in enumerate(problem.parameters) if p.name in problem.noise_names]
+    if not free:
         return values
-    search = search_of(posterior, values, np.eye(values.size), squared=True)
-    start = Start(search.coordinates.of(values), tuple(problem.of_curve), tolerance=1e-12)
-    (end,) = minima(search, [start])
-    return search.coordinates.values(end.values)
+    priors = [problem.parameters[i].prior for i in free]
+    sds, squared = np.array([prior.sd for prior in priors]), problem.sizes_from_zero[free]
+    known = np.where(values[free] > 10.0 * _LEAST * sds, values[free], sds)
+    coordinates = Coordinates(known, np.zeros_like(squared), np.where(squared, known, 0.0))
+    scale = np.where(squared, 1.0, sds)
+
+    def filled(coordinates_scaled: FloatArray) -> FloatArray:
+        full = values.copy()
+        full[free] = coordinates.values(coordinates_scaled * scale)
+        return full
+
+    def objective(coordinates_scaled: FloatArray) -> tuple[float, FloatArray]:
+        full = filled(coordinates_scaled)
+        residuals = posterior.prior_residuals(full)[free]
+        minus = 0.5 * float(residuals @ residuals) - float(
+            posterior.log_likelihood(full[None, :])[0]
+        )
+        slopes = (
+            problem.prior_gradient(full)[free] - posterior.log_density_noise_gradient(full)[free]
+        )
+        return minus, coordinates.slopes(full[free]) * scale * slopes
+
+    low, high = (
+        coordinates.of(ends) / scale
+        for ends in (
+            np.maximum([prior.low for prior in priors], _LEAST * sds),
+            np.array([prior.high for prior in priors]),
+        )
+    )
+    start = np.clip(coordinates.of(values[free]) / scale, low, high)
+    result = minimize(
+        objective,
+        start,
+        jac=True,
+        method="L-BFGS-B",
+        bounds=list(zip(low, high, strict=True)),
+        options={"ftol": 1e-14, "gtol": 1e-9, "maxiter": 500},
+    )
+    return filled(result.x)

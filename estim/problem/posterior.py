@@ -521,6 +521,19 @@ class Posterior:
                 ends[name] = (below, above, high - low)
         return ends
 
+    def log_density_noise_gradient(self, values: FloatArray) -> FloatArray:
+        """(n_par,) derivative of the log likelihood in the noise parameters, by central
+        differences; zero for the others.
+        """
+        gradient = np.zeros(values.size)
+        chosen = [i for i, name in enumerate(self.names) if name in self.problem.noise_names]
+        ends = np.array([_straddle(self.problem.parameters[i].prior, values[i]) for i in chosen])
+        points = np.tile(values, (2 * len(chosen), 1))
+        points[np.arange(2 * len(chosen)), np.repeat(chosen, 2)] = ends.ravel()
+        density = self.log_likelihood(points).reshape(-1, 2)
+        gradient[chosen] = np.diff(density)[:, 0] / np.diff(ends)[:, 0]
+        return gradient
+
 
 def _straddle(prior: Prior, value: float) -> tuple[float, float]:
     """Two points beside `value` for a difference, inside the support of `prior`."""
