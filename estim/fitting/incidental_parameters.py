@@ -107,8 +107,8 @@ def spreads_and_effects(
     """Names of standard deviations between runs (or between groups of readings), and of the effects
     that these scale.
 
-    In c + s z_r nothing depends on the spread s where all z_r are 0, and on no z_r where s is 0.  A
-    coefficient that was measured is no spread, nor is a correction an effect of one.
+    In c + s z_r nothing depends on the spread s where all z_r are 0, and something does where one
+    of them is not.  A coefficient that was measured, of one correction, is no spread.
     """
     problem = posterior.problem
     effect = np.array([name in problem.effects for name in problem.names])
@@ -121,10 +121,8 @@ def spreads_and_effects(
         shown = sum(posterior.informations(np.where(effect, shifts, values)))
         return np.diag(shown) == 0.0
 
-    unmeasured = [
-        not p.prior.measured and p.name not in problem.noise_names for p in problem.parameters
-    ]
-    spread = unseen_with(np.zeros_like(effect)) & unmeasured
+    of_noise = [name in problem.noise_names for name in problem.names]
+    spread = unseen_with(np.zeros_like(effect)) & ~effect & ~np.array(of_noise)
     if not spread.any():
         return frozenset(), frozenset()
     quantities = np.array([split_level(name)[0] for name in problem.names])
@@ -133,6 +131,10 @@ def spreads_and_effects(
         of_quantity = effect & (quantities == quantity)
         if not unseen_with(of_quantity)[spread].all():
             scaled |= of_quantity
+    if np.count_nonzero(scaled) < 2 and all(
+        p.prior.measured for p, found in zip(problem.parameters, spread, strict=True) if found
+    ):
+        return frozenset(), frozenset()
     spreads, effects = (
         frozenset(name for name, belongs in zip(problem.names, which, strict=True) if belongs)
         for which in (spread, scaled)
