@@ -21,6 +21,7 @@ from estim.common import (
     Kind,
     Status,
     code,
+    decide,
     format_p,
     markdown,
     number,
@@ -92,8 +93,7 @@ class CurveFit:
     p_value : P(chi2 or more), nan without u_y; with u_x from simulated data
         sets.
     sigma : standard deviation of one y estimated from the residuals, None where u_y was given.
-    findings : everything wrong, gravest first.  status : what follows from the findings, "ok"
-        where there are none.
+    findings : everything wrong, gravest first.
     seen : what to know before using it, nothing wrong.  complete : whether the curve is taken as it
         is: `remarks` then say how probable it is that it lacks a term, too.
     reasons, notes : findings and remarks in words.
@@ -123,7 +123,6 @@ class CurveFit:
     dof: int
     p_value: float
     sigma: float | None
-    status: Status
     findings: tuple[Finding, ...]
     seen: tuple[Finding, ...]
     complete: bool
@@ -134,6 +133,11 @@ class CurveFit:
     text: str
     fixed: Mapping[str, float]
     called: str
+
+    @property
+    def status(self) -> Status:
+        """What follows from the findings, "ok" where there are none."""
+        return decide(self.findings)
 
     @property
     def reasons(self) -> tuple[str, ...]:

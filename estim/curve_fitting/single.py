@@ -35,17 +35,7 @@ from estim.checks import (
     values_outside,
     wrong_curves,
 )
-from estim.common import (
-    PROBABILITIES,
-    Amount,
-    Finding,
-    Kind,
-    Status,
-    decide,
-    phrase,
-    split_level,
-    wrong,
-)
+from estim.common import PROBABILITIES, Amount, Finding, Kind, Status, phrase, split_level, wrong
 from estim.curve_fitting.complex_values import ComplexFit, parts_of
 from estim.curve_fitting.result import CurveFit, unnamed
 from estim.curves import (
@@ -275,7 +265,6 @@ def without_fitted_effects(result: CurveFit) -> CurveFit:
         result,
         sds={**result.sds, **dict.fromkeys(influenced, math.nan)},
         intervals={**result.intervals, **dict.fromkeys(influenced, unknown)},
-        status=decide(findings),
         findings=findings,
         complete=False,
     )
@@ -400,7 +389,6 @@ def fit_errors(
         dof=fit.dof,
         p_value=fit.p_value,
         sigma=None,
-        status=decide(reported),
         findings=reported,
         seen=(),
         complete=False,
@@ -478,7 +466,6 @@ def _fit_discrepancy(posed: CurveProblem, complete: CurveFit, rng: np.random.Gen
         chi2=fit.chi2,
         p_value=fit.p_value,
         sigma=None if complete.sigma is None else deviation.noise[1],
-        status=decide(findings),
         findings=findings,
         seen=unnamed([*near, about], fit),
         goodness=goodness,
@@ -576,7 +563,6 @@ def _concluded(
         dof=dof,
         p_value=p_value,
         sigma=sigma,
-        status=decide(findings),
         findings=findings,
         seen=unnamed([*uncertainty.notes, *remarks], fit),
         complete=not (findings or perfect or modelled or problem.own_density),

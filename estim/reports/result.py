@@ -480,12 +480,7 @@ def first_screen(result: Result) -> Screen:
     title = f"{result.title}: {runs}" if result.title not in ("", runs) else runs
     if result.status != "ok":
         return Screen(title, _best(result), cautions=tuple(filter(None, [_left_out(result)])))
-    counted = [
-        check.p_value
-        for run in result.runs.values()
-        for name, check in run.checks.items()
-        if name == "chi2"
-    ]
+    counted = [run.checks["chi2"].p_value for run in result.runs.values() if "chi2" in run.checks]
     p_curve = (
         result.fit.p_value
         if result.fit.p_value is not None

@@ -131,15 +131,13 @@ class _Estimate:
     dof: float
 
 
-def estimates(record: Json) -> Iterator[_Estimate]:
-    """Every value with its uncertainty in a decoded `result.json` of any kind; of several methods
-    for one value that which the report quotes.
+def estimates(node: object, name: str = "", place: str = "", unit: str = "") -> Iterator[_Estimate]:
+    """Every value with its uncertainty in a decoded `result.json` of any kind, mean and sd, or
+    value and u, wherever they stand together; of several methods for one value that which the
+    report quotes.
+
+    name, place, unit : of what `node` is a part; the unit may stand further out.
     """
-    return _estimates("", "", "", record)
-
-
-def _estimates(name: str, place: str, unit: str, node: object) -> Iterator[_Estimate]:
-    """mean and sd, or value and u, wherever they stand together; the unit may stand further out."""
     if not isinstance(node, dict):
         return
     unit = node["unit"] if isinstance(node.get("unit"), str) else unit
@@ -155,11 +153,11 @@ def _estimates(name: str, place: str, unit: str, node: object) -> Iterator[_Esti
         name, place = name or "mean", f"{place}.averages" if place else "averages"
     for key in methods:
         if key in node:
-            yield from _estimates(name, f"{place}.{key}", unit, node[key])
+            yield from estimates(node[key], name, f"{place}.{key}", unit)
             return
     for key, inner in node.items():
         shown = name if key in _LAYERS else f"{name}.{key}" if name else key
-        yield from _estimates(shown, f"{place}.{key}" if place else key, unit, inner)
+        yield from estimates(inner, shown, f"{place}.{key}" if place else key, unit)
 
 
 def _inputs(first: Json, second: Json) -> Iterator[str]:

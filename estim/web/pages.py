@@ -421,8 +421,7 @@ class Pages:
         if not data:
             words = phrase("The PDF could not be made: print the report.")
             return closed(503, words)
-        headers = {"Content-Disposition": "attachment"}
-        return Response(data, media_type="application/pdf", headers=headers)
+        return _download(data, "application/pdf")
 
     async def everything(self, request: Request) -> Response:
         """The report, what it was made of and the command that repeats it, as a zip."""
@@ -435,8 +434,7 @@ class Pages:
             archive.writestr("command.txt", f"{words}\n\n{command_line(answer.arguments)}\n")
             for name in (*names, *(upload.names if upload else ())):
                 archive.writestr(name, self._store.answers.read(answer.id, name) or b"")
-        headers = {"Content-Disposition": "attachment"}
-        return Response(packed.getvalue(), media_type="application/zip", headers=headers)
+        return _download(packed.getvalue(), "application/zip")
 
     # ---- the batch: one question, many files ----
 
@@ -487,8 +485,7 @@ class Pages:
     async def summary(self, request: Request) -> Response:
         answers = answers_of(self._store, _record_of(self._store.batches, request).id)
         data = await asyncio.to_thread(summary_of, self._store, answers)
-        headers = {"Content-Disposition": "attachment"}
-        return Response(data, media_type="text/csv", headers=headers)
+        return _download(data, "text/csv")
 
     # ---- the rest ----
 
@@ -548,6 +545,10 @@ def _picture(data: bytes | None) -> Response:
     if not data:
         raise HTTPException(404)
     return Response(data, media_type="image/png", headers={"Cache-Control": "private"})
+
+
+def _download(data: bytes, kind: str) -> Response:
+    return Response(data, media_type=kind, headers={"Content-Disposition": "attachment"})
 
 
 def _ticked(upload: Upload, fields: Fields) -> list[str]:
