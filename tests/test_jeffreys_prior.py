@@ -178,7 +178,7 @@ def test_stated_parameters_keep_their_priors() -> None:
     assert -1.0 < told.size < -0.6
     assert describe(told).startswith(
         "limits on both sides state a uniform prior (a, E); Jeffreys' prior within them would "
-        "move E by -0."
+        "move E by −0."
     )
     near = fit_curve("a*exp(-E/x)", TEMPERATURES, y, u_y=u, start=start, bounds={"E": (0.0, 1e5)})
     remarks = sample_curve(near, seed=1, target=COARSE).diagnosis.remarks
