@@ -100,7 +100,7 @@ def test_mode_and_sd_of_one_parameter_are_those_of_the_linear_formula(
 def test_stated_sigmas_are_kept_however_small_chi2_is(
     tmp_path: Path, rng: np.random.Generator
 ) -> None:
-    """lmfit would rescale them by chi2/dof unless told not to."""
+    """They are not rescaled by chi2/dof."""
     rows, *_ = balanced_rows(rng, c_rr=0.03, sigma=0.001)
     noise = '{model = "independent", sigma_v_m_s = SIGMA}'
     sds = []
@@ -198,13 +198,13 @@ def test_starts_that_meet_go_on_as_one_to_the_mode_of_each_alone(
     """
     problem = load_campaign(replica / "campaign.toml").problem(["light-02"])
     alone = fit_least_squares(problem, rng=np.random.default_rng(4), n_start=1)
-    searches, fit_curve = [], least_squares._fit_curve
+    searches, descend = [], least_squares.descend_by_runs
 
-    def counted(*given: object, **choices: bool) -> np.ndarray:
+    def counted(*given: object, **choices: int) -> np.ndarray:
         searches.append(given)
-        return fit_curve(*given, **choices)
+        return descend(*given, **choices)
 
-    monkeypatch.setattr(least_squares, "_fit_curve", counted)
+    monkeypatch.setattr(least_squares, "descend_by_runs", counted)
     fit = fit_least_squares(problem, rng=np.random.default_rng(4), n_start=8)
     assert (fit.n_start, fit.n_same) == (8, 8)
     assert np.max(np.abs(fit.values - alone.values) / np.sqrt(np.diag(fit.cov))) < 1e-6
@@ -228,14 +228,16 @@ class Following:
     leads from each place.
     """
 
-    groups = ((0,),)
+    of_curve = (0,)
 
     def __init__(
         self, leads: Callable[[np.ndarray], np.ndarray], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         self.rounds, self.problem = 0, self
         monkeypatch.setattr(
-            least_squares, "_fit_curve", lambda _, values, **choices: self.round(leads, values)
+            least_squares,
+            "descend_by_runs",
+            lambda _, values, *rest, **__: self.round(leads, values),
         )
         monkeypatch.setattr(least_squares, "fit_noise", lambda _, values: values)
         monkeypatch.setattr(least_squares, "information", lambda _, values: np.eye(values.size))

@@ -330,7 +330,7 @@ def test_data_sets_share_a_joint_prior_across_their_curves() -> None:
 
 
 def test_of_many_data_sets_too() -> None:
-    """More than are fit by lmfit: run by run."""
+    """More than settle together: run by run."""
     rng = np.random.default_rng(4)
     zeros = 0.2 * rng.standard_normal(18)
     x = np.array([0.0, 1.0, 2.0])

@@ -19,9 +19,9 @@ from estim.checks import goodness_of_fit, prior_sensitivity
 from estim.checks.goodness_of_fit import Check, Goodness
 from estim.fitting import arrowhead
 from estim.fitting.fisher_information import information
-from estim.fitting.least_squares import _fit_curve, fit_least_squares
+from estim.fitting.least_squares import fit_least_squares
 from estim.problem.noise import Independent, Scale
-from estim.problem.posterior import Problem
+from estim.problem.posterior import Posterior, Problem
 from estim.problem.priors import Normal, Uniform
 from estim.problem.whitened_residuals import Linear
 from estim.reports.curve_figures import MOST_DRAWN, drawn_runs
@@ -190,6 +190,21 @@ def test_steps_too_far_are_damped_and_what_is_no_number_is_left(rng):
         assert np.allclose(found, expected.x, rtol=1e-6)
 
 
+def by_scipy(posterior: Posterior) -> np.ndarray:
+    """The optimum of SciPy's least squares."""
+    problem = posterior.problem
+    return least_squares(
+        posterior.residuals,
+        problem.start(),
+        jac=posterior.jacobian,
+        bounds=problem.support(),
+        x_scale="jac",
+        ftol=1e-15,
+        xtol=1e-13,
+        gtol=1e-13,
+    ).x
+
+
 def test_eight_runs_end_where_dense_least_squares_do_to_eight_digits(rng):
     ys = [
         rng.normal(2.0, 0.1) * np.exp(-1.5 * X) + 0.02 * rng.standard_normal(X.size)
@@ -201,7 +216,7 @@ def test_eight_runs_end_where_dense_least_squares_do_to_eight_digits(rng):
     posterior = problem.linearised(problem.start())
     one_by_one, together = (
         arrowhead.descend_by_runs(posterior, problem.start(), range(problem.n_par)),
-        _fit_curve(posterior, problem.start()),
+        by_scipy(posterior),
     )
     assert not arrowhead.many(problem)
     assert np.allclose(one_by_one, together, rtol=1e-8, atol=0.0)
@@ -215,7 +230,7 @@ def test_eight_runs_of_the_replica_end_where_dense_least_squares_do():
     free = range(problem.n_par)
     one_by_one, together = (
         arrowhead.descend_by_runs(posterior, problem.start(), free),
-        _fit_curve(posterior, problem.start()),
+        by_scipy(posterior),
     )
     matrix = information(posterior, together)
     assert np.max(np.abs(one_by_one - together) * np.sqrt(np.diag(matrix))) < 1e-5

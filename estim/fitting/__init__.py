@@ -1,5 +1,5 @@
-"""The posterior mode: least squares (the only file that knows lmfit), far optima, profiles, Fisher
-information.  Read `least_squares` first.
+"""The posterior mode: least squares, far optima, profiles, Fisher information.  Read
+`least_squares` first.
 """
 
 from estim.fitting.arrowhead import MANY_RUNS, descend_by_runs, spreads_by_runs

@@ -1,11 +1,8 @@
-"""Least squares of many runs: each depends on a few parameters that runs share and on a few of its
-own.
+"""Least squares of runs, perhaps many: each depends on a few parameters that runs share and on a few
+of its own.
 
 No run is widened to the parameters of all others: its information is added where it belongs, to the
 information of all, or goes as a triangle (QR) of its own into a root of it.
-
-Use it for more than `MANY_RUNS` independent groups of runs, and for steps by the Fisher
-information; what else there is, lmfit fits.
 """
 
 from __future__ import annotations
@@ -26,8 +23,8 @@ _NOTHING = 1e-13  # of the largest singular value
 
 
 def many(problem: Problem) -> bool:
-    """Whether the problem has so many independent groups of runs that its least squares are solved
-    run by run.
+    """Whether the problem has so many independent groups of runs that each settles at a pace of its
+    own.
     """
     return len(problem.groups) > MANY_RUNS
 

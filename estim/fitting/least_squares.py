@@ -1,10 +1,9 @@
-"""The posterior mode by least squares.  The only file that knows lmfit.
+"""The posterior mode by least squares.
 
-Priors enter as residuals, sigmas are absolute (`scale_covar=False`), the Jacobian is analytic, and
-the search starts from several points.  The covariance of the noise depends weakly on the curve, so
-the fit is repeated with it taken at the last result until nothing moves (iteratively reweighted
-least squares); inferred noise parameters are updated in turn by maximising the same posterior.
-More than 16 independent runs are fit run by run (`estim.fitting.arrowhead`), not by lmfit.
+Priors enter as residuals, sigmas are absolute, the Jacobian is analytic, and the search starts from
+several points.  The covariance of the noise depends weakly on the curve, so the fit is repeated
+with it taken at the last result until nothing moves (iteratively reweighted least squares);
+inferred noise parameters are updated in turn by maximising the same posterior.
 """
 
 from __future__ import annotations
@@ -20,7 +19,6 @@ from estim.arrays import (
     FloatArray,
     all_finite,
     diagonal_scale,
-    finite_or,
     inverse_of,
     max_abs,
     positive_or,
@@ -39,8 +37,6 @@ from estim.fitting.relaxation import LEAST_SHARE, MAX_ROUNDS, SETTLED, Held, set
 from estim.problem import Coordinates, JeffreysPrior, Measure, Posterior, Problem, Symmetry
 
 _FEW_ROUNDS = 6
-# relative steps at which a search of the curve ends: at the mode, and to see where a start leads
-_EXACT, _ROUGH = 1e-12, 1e-6
 WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
 # of -2 log density: chains of some seeds go beyond a rise of 27.5, none beyond 30.3; where that
 # without a parameter is higher, its sign is known and it is sampled by size
@@ -322,7 +318,7 @@ def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
     first_ends: list[tuple[FloatArray, _End]] = []
     ends = []
     for start, posterior_at_start in starts:
-        first = _settle(start, posterior_at_start, max_rounds=1, tolerance=_ROUGH)
+        first = _settle(start, posterior_at_start, max_rounds=1)
         values, posterior, moved, scale = first
         if scale is None:
             continue
@@ -334,20 +330,19 @@ def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
         if twin is None:
             twin = first
             if moved >= SETTLED:
-                more = 3
-                twin = _settle(values, posterior, max_rounds=more, hasty=True, tolerance=_ROUGH)
+                twin = _settle(values, posterior, max_rounds=3)
             first_ends.append((values, twin))
         ends.append(twin)
     return [end for end in ends if not math.isnan(end[2])]
 
 
-def _best(
-    posterior: Posterior, values: FloatArray, *, hasty: bool = True, tolerance: float = _EXACT
-) -> FloatArray:
-    """Values of the highest density from `values` (n_par,): of the curve, then of the noise; hasty
-    : of many runs, a few steps towards it.
+def _best(posterior: Posterior, values: FloatArray, *, most: int = 5) -> FloatArray:
+    """Values of the highest density from `values` (n_par,), of the curve, at most some steps away,
+    then of the noise.
     """
-    return fit_noise(posterior, _fit_curve(posterior, values, hasty=hasty, tolerance=tolerance))
+    return fit_noise(
+        posterior, descend_by_runs(posterior, values, posterior.problem.of_curve, most=most)
+    )
 
 
 def _curved(posterior: Posterior, values: FloatArray) -> FloatArray | None:
@@ -360,14 +355,7 @@ def _curved(posterior: Posterior, values: FloatArray) -> FloatArray | None:
     return positive_or(sds_of(inverse_of(matrix)), np.inf)
 
 
-def _settle(
-    values: FloatArray,
-    posterior: Posterior,
-    *,
-    max_rounds: int,
-    hasty: bool = False,
-    tolerance: float = _EXACT,
-) -> _End:
+def _settle(values: FloatArray, posterior: Posterior, *, max_rounds: int) -> _End:
     """Rounds of (curve; noise; covariance at the values) from a posterior linearised there until
     they settle.
 
@@ -377,7 +365,7 @@ def _settle(
     moved, share, step = math.inf, 1.0, np.zeros_like(values)
     for n_round in range(max_rounds):
         before, step_before, moved_before = values, step, moved
-        step = _best(posterior, values, hasty=hasty, tolerance=tolerance) - before
+        step = _best(posterior, values, most=200) - before
         # half way, where there are no derivatives at the end: on a limit they may be missing
         for part in (share, 0.5 * share):
             values = before + part * step
@@ -398,69 +386,6 @@ def _settle(
         if moved < SETTLED or share < LEAST_SHARE:
             break
     return values, posterior, moved, scale
-
-
-def _fit_curve(
-    posterior: Posterior, values: FloatArray, *, hasty: bool = False, tolerance: float = _EXACT
-) -> FloatArray:
-    """The parameters of the curve that minimise the squared residuals, noise parameters held."""
-    problem = posterior.problem
-    free = problem.of_curve
-    if not free:
-        return values
-    if many(problem) or any(likelihood.creeps for likelihood in posterior.likelihoods):
-        # of many runs, the next round takes them on, with a better covariance
-        return descend_by_runs(posterior, values, free, most=5 if hasty and many(problem) else 200)
-    from lmfit.minimizer import minimize
-    from lmfit.parameter import Parameters
-
-    table = Parameters()
-    for i in free:
-        prior = problem.parameters[i].prior
-        table.add(
-            f"p{i}",
-            value=_inside(float(values[i]), prior.low, prior.high),
-            min=prior.low,
-            max=prior.high,
-        )
-
-    def filled(parameters: Parameters) -> FloatArray:
-        full = values.copy()
-        full[free] = [parameters[f"p{i}"].value for i in free]
-        return full
-
-    def residual(parameters: Parameters) -> FloatArray:
-        return posterior.residuals(filled(parameters))
-
-    def jacobian(parameters: Parameters) -> FloatArray:
-        columns = posterior.jacobian(filled(parameters))[:, free]
-        # a point beside the edge of where the curve is defined does not count in the step
-        return finite_or(columns, 0.0)
-
-    # lmfit inverts the Hessian too, singular where the data are silent; not used
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        result = minimize(
-            residual,
-            table,
-            method="least_squares",
-            scale_covar=False,
-            calc_covar=False,
-            jac=jacobian,
-            x_scale="jac",
-            # scipy steps back from where the curve is not defined
-            ftol=tolerance,
-            xtol=tolerance,
-            gtol=1e-12,
-            max_nfev=400,
-            nan_policy="propagate",
-        )
-    return filled(result.params)
-
-
-def _inside(value: float, low: float, high: float) -> float:
-    """`value` moved strictly between the bounds: a search that starts on a bound may stay there."""
-    span = high - low if math.isfinite(high - low) else max(abs(value), 1e-6)
-    return min(max(value, low + 1e-6 * span), high - 1e-6 * span)
 
 
 def starts_message(n_same: int, n_start: int) -> str:
