@@ -7,7 +7,7 @@ from __future__ import annotations
 from contextvars import ContextVar
 from functools import cache
 
-_ENGINES = ("estim", "numpy", "scipy", "lmfit", "emcee")
+_ENGINES = ("estim", "numpy", "scipy", "emcee")
 USED: ContextVar[dict[str, str]] = ContextVar("USED")
 """Of packages whose plug-ins were used in the block of `estim.common.inputs_read` under way, or the
 session.

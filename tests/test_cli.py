@@ -175,7 +175,7 @@ def test_help_loads_nothing_heavy() -> None:
     code = """
 import atexit, sys
 from estim.__main__ import main
-atexit.register(lambda: print("loaded:", *sorted({"numpy", "scipy", "lmfit", "emcee",
+atexit.register(lambda: print("loaded:", *sorted({"numpy", "scipy", "emcee",
     "matplotlib", "msgspec", "jinja2"} & set(sys.modules))))
 sys.argv = ["estim", "--help"]
 main()

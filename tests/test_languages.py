@@ -357,7 +357,6 @@ NAMES = frozenset(  # shown as they are in every language
         "python",
         "numpy",
         "scipy",
-        "lmfit",
         "emcee",
         "arviz",
         "stats",
