@@ -1,5 +1,5 @@
-"""Least squares of runs, perhaps many: each depends on a few parameters that runs share and on a few
-of its own.
+"""Least squares of runs, perhaps many: each depends on a few parameters that runs share and on a
+few of its own.
 
 No run is widened to the parameters of all others: its information is added where it belongs, to the
 information of all, or goes as a triangle (QR) of its own into a root of it.

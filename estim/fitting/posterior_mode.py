@@ -15,6 +15,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import InputError, Kind, NumericalError, at_commands
+from estim.fitting.arrowhead import MANY_RUNS
 from estim.fitting.discrepancy_fit import fit_discrepancy
 from estim.fitting.least_squares import Fit, fit_least_squares, refit
 from estim.fitting.optimum import fit_optimum, is_resolved, scanned_fit
@@ -23,7 +24,7 @@ from estim.fitting.unmodelled_force import fit_with_forces
 from estim.problem import Observations, Problem, Unstated
 
 _FAR = 5.0  # times as far from the median as any other reading
-_MANY_RUNS, _STARTS, _FEW_STARTS = 16, 8, 2
+_STARTS, _FEW_STARTS = 8, 2
 
 
 def fit_problem(
@@ -52,7 +53,7 @@ def fit_white(problem: Problem, *, rng: np.random.Generator) -> Fit:
     if any(run.motion is None for run in problem.runs):
         return fit_optimum(problem, rng=rng)
     fit = fit_least_squares(
-        problem, rng=rng, n_start=_STARTS if len(problem.runs) <= _MANY_RUNS else _FEW_STARTS
+        problem, rng=rng, n_start=_STARTS if len(problem.runs) <= MANY_RUNS else _FEW_STARTS
     )
     # where the body does not move nothing is determined: few starts lead away from there
     if fit.singular:
