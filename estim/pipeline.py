@@ -424,9 +424,12 @@ def _optima_of(fit: Fit) -> Optima:
     modes = tuple(all_optima.values[1:][all_optima.shares[1:] > 1e-3])
     starts = (
         *all_optima.values[1:],
-        *(mean for discrepancy in fit.lacking for mean in discrepancy.means),
+        *(mean for discrepancy in fit.lacking for mean in discrepancy.parts.means),
     )
-    covs = (*all_optima.covs[1:], *(cov for discrepancy in fit.lacking for cov in discrepancy.covs))
+    covs = (
+        *all_optima.covs[1:],
+        *(cov for discrepancy in fit.lacking for cov in discrepancy.parts.covs),
+    )
     return Optima(fit.values, fit.cov, starts, covs, modes, fit.parts)
 
 

@@ -9,9 +9,10 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
+from estim.discrepancy import NormalParts
 from estim.discrepancy.grid import prior_grid
 from estim.discrepancy.linearised import Linearised, linearise
-from estim.discrepancy.normal_parts import NormalParts, normal_parts
+from estim.discrepancy.normal_parts import normal_parts
 from estim.discrepancy.scale_mixture import Shape, diagonalise
 from estim.problem.roots import root_of
 from estim.sampling import Target, adapt_proposal, proposed_chain

@@ -8,13 +8,7 @@ from estim.discrepancy.force_bands import Completed
 from estim.discrepancy.trajectory import Trajectory
 from estim.discrepancy.unmeasured_runs import ForceSize, expected_root, force_sizes
 from estim.discrepancy.grid import FORCE_SCALE, SCALES, START_SD
-from estim.discrepancy.joint_runs import (
-    NormalParts,
-    bad_frames,
-    by_itself,
-    pose_forces,
-    sharing_runs,
-)
+from estim.discrepancy.joint_runs import bad_frames, by_itself, pose_forces, sharing_runs
 from estim.discrepancy.bad_frame_search import BadFrames, Jump, Pattern, Shifts
 from estim.discrepancy.curve_discrepancy import (
     DeviationSize,
@@ -24,6 +18,6 @@ from estim.discrepancy.curve_discrepancy import (
 )
 from estim.discrepancy.noise_with_discrepancy import FreeStart
 from estim.discrepancy.error_parts import DEVIATION, FORCE, FRAMES, START, parts_of_errors
-from estim.discrepancy.noise_with_force import FoundForce
+from estim.discrepancy.noise_with_force import FoundForce, NormalParts
 from estim.discrepancy.smoothing import GUARD
 from estim.discrepancy.repetition import MixtureErrors, replicas

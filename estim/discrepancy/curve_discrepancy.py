@@ -33,6 +33,7 @@ from estim.discrepancy.linearised import Linearised, linearise
 from estim.discrepancy.mixture_likelihood import keep_probable
 from estim.discrepancy.noise_with_discrepancy import WithMixture, normal_covariance
 from estim.discrepancy.noise_with_force import (
+    NormalParts,
     TrialInformation,
     as_prior,
     growth_over,
@@ -87,8 +88,7 @@ class FoundDeviation:
     about, information : (n_par,) the point of linearisation, and the information of all data
         there as one normal distribution, whatever the size of the deviation.
     intervals : parameter -> probability (0.68, 0.95) -> its ends.
-    means, covs : (n, n_par), (n, n_par, n_par) of normal distributions that make it up, the
-        narrowest first.
+    parts : of the linearised posterior, the narrowest first.
     """
 
     run: str
@@ -105,8 +105,7 @@ class FoundDeviation:
     about: FloatArray
     information: TrialInformation
     intervals: Mapping[str, Mapping[float, Interval]]
-    means: FloatArray
-    covs: FloatArray
+    parts: NormalParts
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +144,6 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
         lacking,
         sized=lacks.stated,
     )
-    means, covs = linear_groups(linear, problem.n_par)
     extents = {
         kind: float(np.ptp(run.x if kind == DEVIATION or lacks.along is None else lacks.along))
         for kind in scales
@@ -171,8 +169,7 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
         about=values,
         information=likelihood_information(linear, _prior(problem, values)),
         intervals=_intervals(linear, problem, values),
-        means=values + means,
-        covs=covs,
+        parts=linear_groups(linear, values),
     )
     return PosedDeviation(noise, summary)
 

@@ -36,6 +36,7 @@ from estim.discrepancy.noise_with_discrepancy import (
 )
 from estim.discrepancy.noise_with_force import (
     FoundForce,
+    NormalParts,
     TrialInformation,
     as_prior,
     growth_over,
@@ -46,7 +47,6 @@ from estim.discrepancy.noise_with_force import (
     priors_at,
     summed,
 )
-from estim.discrepancy.normal_parts import NormalParts as NormalParts
 from estim.discrepancy.normal_parts import normal_parts
 from estim.discrepancy.residuals import Residuals, points_about, stacked
 from estim.discrepancy.scale_mixture import Deviation, Shape, diagonalise
@@ -526,7 +526,6 @@ def _described(
     run, tracked = group.runs[0], group.tracked
     along, lever = tracked.alongs[0], Response.stacked(tracked.responses)
     force = find_force(linear, tracked.track, lever, radius=along.radian)
-    means, covs = linear_groups(linear, problem.n_par)
     used = parameters_of(group.runs)
     growth = {
         name: factor
@@ -547,8 +546,7 @@ def _described(
         upright=along.upright,
         about=values,
         information=information,
-        means=values + means,
-        covs=covs,
+        parts=linear_groups(linear, values),
         bad=group.bad,
         reading_unit=run.x_unit if run.noise.made_of_positions else run.y_unit,
         step=run.noise.size.step,

@@ -28,6 +28,18 @@ runs, or of their priors.
 
 
 @dataclass(frozen=True, eq=False)
+class NormalParts:
+    """Normal distributions that make up a linearised posterior.
+
+    weights : (n,), sum 1.  means, covs : (n, n_par), (n, n_par, n_par).
+    """
+
+    weights: FloatArray
+    means: FloatArray
+    covs: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class FoundForce:
     """The unmodelled force of one run, or the one that several share.
 
@@ -39,8 +51,7 @@ class FoundForce:
     upright : cosine of the tilt.
     about, information : (n_par,) the point of linearisation, and the information of all data
         there as one normal distribution, whatever the size of forces.
-    means, covs : (n, n_par), (n, n_par, n_par) of normal distributions that make up the linearised
-        posterior, the narrowest first.
+    parts : of the linearised posterior, the narrowest first.
     bad : frames that are shifted.
     reading_unit : of them.  step : of a digital reading, 0 where there is none.
     moved : how far from the posterior mode that of a linear curve would lie, in sds of the
@@ -70,8 +81,7 @@ class FoundForce:
     upright: float
     about: FloatArray
     information: TrialInformation
-    means: FloatArray
-    covs: FloatArray
+    parts: NormalParts
     bad: BadFrames
     reading_unit: str
     step: float
@@ -134,15 +144,17 @@ def growth_over(problem: Problem, linear: Linearised, without: FloatArray) -> di
     }
 
 
-def linear_groups(linear: Linearised, n_par: int) -> tuple[FloatArray, FloatArray]:
-    """Steps (n, n_par) and covariances (n, n_par, n_par) of the components in a few groups, from
-    narrow to wide; of the first parameters.
+def linear_groups(linear: Linearised, values: FloatArray) -> NormalParts:
+    """The components in a few groups, from narrow to wide, about `values` (n_par,) of the first
+    parameters.
     """
-    own = linear.first(n_par)
+    own = linear.first(values.size)
     order = own.from_narrow_to_wide()
     groups = np.split(order, np.searchsorted(np.cumsum(own.weights[order]), _PARTS))
-    parts = [own.moments(group) for group in groups if own.weights[group].sum() > 0.0]
-    return np.array([mean for _, mean, _ in parts]), np.array([cov for _, _, cov in parts])
+    weights, steps, covs = map(
+        np.array, zip(*(own.moments(g) for g in groups if own.weights[g].sum() > 0.0), strict=True)
+    )
+    return NormalParts(weights, values + steps, covs)
 
 
 def priors_at(problem: Problem, values: FloatArray) -> tuple[FloatArray, FloatArray]:

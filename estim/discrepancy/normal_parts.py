@@ -9,25 +9,15 @@ wide where most of the probability lies and too narrow in the tails.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from estim.arrays import FloatArray, inverse_of
 from estim.discrepancy.linearised import Linearised
-from estim.discrepancy.noise_with_force import TrialInformation, likelihood_of_normal
+from estim.discrepancy.noise_with_force import NormalParts, TrialInformation, likelihood_of_normal
 
 _WIDE = 3  # groups of the components with a force, from narrow to wide
 _MOST = 24  # combinations that are kept
-
-
-@dataclass(frozen=True, eq=False)
-class NormalParts:
-    """weights : (n,), sum 1.  means, covs : (n, n_par), (n, n_par, n_par)."""
-
-    weights: FloatArray
-    means: FloatArray
-    covs: FloatArray
 
 
 def normal_parts(
