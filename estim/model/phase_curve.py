@@ -26,9 +26,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import BoolArray, FloatArray
+from estim.arrays import BoolArray, FloatArray, bisected
 from estim.model.body import Body
-from estim.model.bracketed_newton import zero_between
 from estim.model.forces import Forces, energy_series, inertia, work
 from estim.model.time_integration import driven_passage
 
@@ -311,8 +310,8 @@ def turning_angle(
 
     W(theta0 + 2 pi) = -2 pi s: uphill the first zero comes within one turn; downhill later minima
     of W lie higher, so it comes within the first turn or never.  It lies between the maximum of W
-    at pi - asin(s/gamma) and the minimum at 2 pi + asin(s/gamma), where Newton steps, halvings
-    where they leave the bracket, find it to the last bits.
+    at pi - asin(s/gamma) and the minimum at 2 pi + asin(s/gamma), where halvings find it to the
+    last bits.
 
     With release_energy or forces (as in `speed`) there is no such bracket: it is followed in
     time, (n_draw, 1), up to `far` (rad), and inf where it has not stopped by then.
@@ -346,21 +345,8 @@ def turning_angle(
 
     high = lowest + 2.0 * np.pi - start
     low = np.pi - lowest - start
-    highest, lowest_work = work(low), work(high)
-    turns &= lowest_work <= 0.0
-    # between its extremes W is nearly a cosine
-    swing = np.where(turns, highest - lowest_work, 1.0)
-    angle = low + (high - low) / np.pi * np.arccos(
-        np.clip(-(highest + lowest_work) / swing, -1.0, 1.0)
-    )
-    angle, _ = zero_between(
-        lambda angle: -work(angle),
-        lambda angle: slope - gamma * np.sin(start + angle),
-        np.where(turns, low, angle),
-        np.where(turns, high, angle),
-        angle,
-        settled=1e-14,
-    )
+    turns &= work(high) <= 0.0
+    angle = bisected(lambda angle: work(angle) <= 0.0, low, high, 53)
     return np.where(turns, angle, np.where(starts, np.inf, 0.0))
 
 

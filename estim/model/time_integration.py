@@ -23,7 +23,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from estim.arrays import BoolArray, FloatArray, positive_or
 from estim.model.body import Body
-from estim.model.bracketed_newton import zero_between
 from estim.model.forces import Forces, work
 
 _N_NODE = 28
@@ -207,16 +206,21 @@ def _crossing(
     high: FloatArray,
     z: FloatArray,
 ) -> FloatArray:
-    """z at which rising series reach `level`, by Newton steps from `z` inside a bracket."""
+    """z at which rising series reach `level`, by Newton steps from `z` inside brackets, halvings
+    where they leave them.
+    """
     slopes = powers[1:] * np.arange(1.0, _N_NODE)[:, None]
-    return zero_between(
-        lambda z: _series(powers, which, z) - level,
-        lambda z: _series(slopes, which, z),
-        low,
-        high,
-        z,
-        settled=_CLOSE,
-    )[0]
+    for _ in range(_MOST_NEWTON):
+        ahead = _series(powers, which, z) - level
+        low, high = np.where(ahead <= 0.0, z, low), np.where(ahead >= 0.0, z, high)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            newton = z - ahead / _series(slopes, which, z)
+        # the last step may lie beyond an end by rounding
+        inside = (newton >= low - 1e-14) & (newton <= high + 1e-14)
+        before, z = z, np.where(inside, newton, 0.5 * (low + high))
+        if not np.any(np.abs(z - before) >= _CLOSE):
+            break
+    return z
 
 
 @dataclass(frozen=True, eq=False)
