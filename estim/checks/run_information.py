@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import block_diag
+from scipy.linalg import block_diag, eigh
 
 from estim.arrays import FloatArray, IntArray, diagonal_scale, inverse_of
 from estim.common import later
@@ -162,13 +162,11 @@ def _informative_part(alone: Quadratic, stated: FloatArray) -> Quadratic:
     """
     information, score = alone
     root = _root(information + stated)
-    whitening = np.linalg.inv(root)
-    shares, vectors = np.linalg.eigh(whitening @ information @ whitening.T)
+    shares, vectors = eigh(information, root @ root.T)
     informative = shares > LEAST_OF_MIXTURE
-    rows = vectors[:, informative].T @ root.T
-    return rows.T @ (shares[informative, None] * rows), rows.T @ (
-        vectors[:, informative].T @ whitening @ score
-    )
+    shares, vectors = shares[informative], vectors[:, informative]
+    columns = root @ root.T @ vectors
+    return (columns * shares) @ columns.T, columns @ (vectors.T @ score)
 
 
 def _root(matrix: FloatArray) -> FloatArray:

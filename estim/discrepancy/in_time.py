@@ -89,6 +89,8 @@ def response_in_time(moving: Moving, t: FloatArray) -> tuple[ForceTrack, Respons
     Raises InputError where the body does not move after its release, or starts with neither speed
     nor acceleration.
     """
+    from scipy.integrate import cumulative_trapezoid
+
     path = _follow(moving)
     along = track_with_ways(path.x[::2], path.v[1::2])
     solutions, gain = _solutions(moving, path)
@@ -97,10 +99,7 @@ def response_in_time(moving: Moving, t: FloatArray) -> tuple[ForceTrack, Respons
     # trapezoidal rule
     inverse = np.column_stack([-solutions[:, 0, 1], solutions[:, 0, 0]]) / gain[:, None]
     part = inverse[:, :, None] * caused[:, None, :]
-    width = np.diff(path.t[::2])[:, None, None]
-    drawn = np.concatenate(
-        [np.zeros((1, *part.shape[1:])), np.cumsum(0.5 * width * (part[1:] + part[:-1]), axis=0)]
-    )
+    drawn = cumulative_trapezoid(part, path.t[::2], axis=0, initial=0.0)
     start = _start(moving, path)
     place = np.clip(np.searchsorted(path.t[::2], t, side="right") - 1, 0, path.turns.size - 1)
     share = np.clip((t - path.t[::2][place]) / np.diff(path.t[::2])[place], 0.0, 1.0)

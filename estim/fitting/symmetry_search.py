@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, islice, product
 
 import numpy as np
 
 from estim.arrays import FloatArray, finite_or
-from estim.problem import TURNS, Flat, Problem, Symmetry, own_values
+from estim.problem import TURNS, Flat, Problem, Symmetry, no_symmetry, own_values
 
 # looked at; where a curve takes one set of parameters at a time
 _MOST_MAPS, _MOST_CALLS = 4000, 300
@@ -47,13 +47,8 @@ def find_symmetry(
     maps = list(islice(_maps(list(sources), _turned(problem, sources, period)), most))
     same = (np.eye(n_par), np.zeros(n_par))
     matrices, shifts = zip(*_closed([same, *checker.survivors(maps, trials)], period), strict=True)
-    symmetry = Symmetry(
-        np.array(matrices),
-        np.array(shifts),
-        period,
-        *problem.support(),
-        np.ones(n_par),
-        np.full(n_par, np.inf),
+    symmetry = replace(
+        no_symmetry(problem), matrix=np.array(matrices), shift=np.array(shifts), period=period
     )
     return symmetry.scaled(np.ones(n_par), bent)
 

@@ -125,15 +125,15 @@ class Symmetry:
         n_map, n_par = self.shift.shape
         matrix = np.repeat(np.eye(n_par + n)[None, :, :], n_map, axis=0)
         matrix[:, :n_par, :n_par] = self.matrix
-        low, high, full = np.full(n, -np.inf), np.full(n, np.inf), np.full(n, np.inf)
+        endless = np.full(n, np.inf)
         return Symmetry(
             matrix,
             np.hstack([self.shift, np.zeros((n_map, n))]),
-            np.append(self.period, full),
-            np.append(self.low, low),
-            np.append(self.high, high),
+            np.append(self.period, endless),
+            np.append(self.low, -endless),
+            np.append(self.high, endless),
             np.append(self.weight, np.zeros(n)),
-            np.append(self.repeat, full),
+            np.append(self.repeat, endless),
         )
 
     def scaled(self, sds: FloatArray, bent: Sequence[int]) -> Symmetry:
