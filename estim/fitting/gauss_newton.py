@@ -50,12 +50,12 @@ def descended(search: SeparableSearch, starts: FloatArray) -> list[End]:
 
 
 def stepped(
-    search: SeparableSearch, values: FloatArray, *, most: int = 100, tolerance: float = 1e-10
+    search: SeparableSearch, values: FloatArray, *, most: int = 100
 ) -> tuple[FloatArray, float, float, int]:
     """Gauss-Newton steps from `values` while they help; parameters on a bound that they would cross
     stay there.
 
-    most : steps, of which the last is shorter than `tolerance` standard deviations.
+    most : steps, of which the last is shorter than 1e-10 standard deviations.
 
     Returns where they end, the sum of squares there, the length of the last step in standard
     deviations, and the parameter that it moved most.
@@ -93,7 +93,7 @@ def stepped(
             step_size = min(step_size, size)
             break
         values, chi2, step_size = trial, reached, size
-        if size < tolerance:
+        if size < 1e-10:
             break
     return values, chi2, step_size, mover
 
