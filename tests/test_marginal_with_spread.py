@@ -107,7 +107,7 @@ def test_a_spread_that_is_stated_by_its_value_has_no_interval_either() -> None:
         f"r{i}": DataSet(X, y + 0.1 * rng.standard_normal(6), 0.1) for i, y in enumerate(levels)
     }
     priors = {"s": Normal(0.3, 0.3), "z": Normal(0.0, 1.0)}
-    found = fit_curves("c + s*z + 0*x", data, shared=["c", "s"], priors=priors, n_start=1)
+    found = fit_curves("c + s*z + 0*x", data, shared=["c", "s"], priors=priors, scan=False)
     assert found.status == Status.METHODS_DISAGREE
     assert np.isnan(found.sds["s"])
     correction = fit_curve(

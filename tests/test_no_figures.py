@@ -160,7 +160,6 @@ def test_every_command_that_draws_can_do_without(project: Path) -> None:
         for file in (
             "calibrating",
             "commands",
-            "comparing",
             "line",
             "mapping",
             "models",
