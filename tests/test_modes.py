@@ -852,3 +852,16 @@ def test_a_curve_without_a_value_at_a_reading_is_fit_with_errors_of_x() -> None:
     start = {"V": 2.0, "n": 1.8, "K": 3.0}
     fit = fit_curve("V*x**n/(K**n + x**n)", x, y, start=start, u_y=0.05, u_x=0.3)
     assert fit.values["K"] == pytest.approx(3.0, abs=4.0 * fit.sds["K"])
+
+
+def test_a_start_where_the_curve_is_not_finite_is_left() -> None:
+    """sqrt(x - x0) has no value at any x below x0."""
+    rng = np.random.default_rng(1)
+    x = np.linspace(1.0, 5.0, 30)
+    y = 2.0 * np.sqrt(x - 0.5) + 0.05 * rng.standard_normal(30)
+    near = fit_curve("a*sqrt(x - x0)", x, y, u_y=0.05, start={"a": 1.0, "x0": 0.9})
+    beyond = fit_curve("a*sqrt(x - x0)", x, y, u_y=0.05, start={"a": 1.0, "x0": 3.0})
+    assert beyond.status == "ok"
+    assert beyond.values == pytest.approx(near.values, rel=1e-6)
+    with pytest.raises(InputError, match="not finite"):
+        fit_curve("a*sqrt(x - x0)", x, y, u_y=0.05, start={"a": 1.0, "x0": 3.0}, scan=False)

@@ -78,7 +78,7 @@ _FLAT = 1e-10  # fall of -2 log density that is still predicted where a descent 
 _MOST_ROUNDS = 10  # of a fit that begins at an optimum
 _MOST_REFITTED = 6  # of them by full fits, where the curve is a model of the study
 _ALIKE = 0.01  # squared distance of starts that are not worth two descents
-_AROUND = 8  # of these, descents from points around an optimum where the curve is not finite
+_AROUND = 8  # descents from points around one where the curve is not finite
 _MOST_DESCENTS = 24  # from the dips of one round of scans
 # of -2 log density: what lies far from the mode is as improbable as three standard deviations are
 _HELD = 9.0
@@ -160,7 +160,7 @@ def find_optimum(
     scan : whether other optima are looked for; else the one that `start` leads to is taken.
     unstated : whether only the residuals show how large the errors are.
 
-    Raises InputError where the curve is finite neither at the start nor at any place of a scan.
+    Raises InputError where the curve is not finite at the start nor at any point around it.
     """
     with np.errstate(all="ignore"):  # far from the optimum a curve may overflow: such points lose
         simpler = problem.for_search()
@@ -244,8 +244,8 @@ def _optimum_of(
 ) -> Optimum:
     scan = bool(search.nonlinear.size) and scan
     tried = descended(search, start[None, :])
-    if scan and not tried and (optima := further_optima(search, start)).size:
-        tried = descended(search, optima)
+    if scan and not tried:
+        tried = descended(search, _scattered(search, start, rng))
     if not tried:
         raise _nowhere_finite(search.posterior.problem, start)
     best = min(tried, key=lambda end: end[1])
@@ -276,6 +276,18 @@ def _optimum_of(
         if math.isfinite(step):
             unheld = replace(unheld, kind=Kind.STEPS_OPEN, size=step)
     return replace(optimum, unheld=unheld)
+
+
+def _scattered(search: SeparableSearch, start: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """(n, n_par) the best of many points around a start where the curve is not finite: each
+    nonlinear parameter times a factor, or one of any sign where it is 0.
+    """
+    points = np.repeat(start[None, :], 200, axis=0)
+    sizes = np.where(start == 0.0, rng.choice([-1.0, 1.0], points.shape), start)
+    factors = 10.0 ** rng.standard_normal(points.shape)
+    drawn = np.clip(sizes * factors, search.low, search.high)
+    points[:, search.nonlinear] = drawn[:, search.nonlinear]
+    return points[np.argsort(search.squares.objectives(points), kind="stable")[:_AROUND]]
 
 
 def _chosen(
