@@ -14,6 +14,7 @@ from troubles import Formula
 
 from estim import CurveFit, DataSet, fit_curve, fit_curves
 from estim.campaign import load_campaign
+from estim.common import InputError
 from estim.fitting.symmetry_search import find_symmetry
 from estim.pipeline import analyse, sample_curve
 from estim.problem import Uniform
