@@ -221,9 +221,7 @@ def test_rounds_that_go_to_and_fro_settle_where_they_lead_nowhere_else(
     for _ in range(60):
         cycle.append(float(leads(cycle[-1])))
     assert abs(cycle[-1] - cycle[-2]) > 0.5
-    values, _, moved = least_squares._settle(
-        np.array([0.3]), Following(leads, monkeypatch), max_rounds=60
-    )
+    values, _, moved = least_squares._settle(np.array([0.3]), Following(leads, monkeypatch))
     assert moved < 1e-4
     assert values[0] == pytest.approx(0.5, abs=1e-4)
 
@@ -232,7 +230,7 @@ def test_rounds_across_a_jump_end_soon_and_do_not_pass_for_settled(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     following = Following(lambda mean: np.where(mean < 0.5, 1.0, 0.0), monkeypatch)
-    _, _, moved = least_squares._settle(np.array([0.3]), following, max_rounds=60)
+    _, _, moved = least_squares._settle(np.array([0.3]), following)
     assert moved > 0.4
     assert following.rounds < 30
 

@@ -387,9 +387,11 @@ def test_joint_fits_of_positions_go_through_the_marginal(project: Path) -> None:
     fits = []
     for posed in (two, three):
         posterior = posed.linearised(posed.start())
-        stand_in = SimpleNamespace(problem=posed, posterior=posterior, jeffreys=None)
+        stand_in = SimpleNamespace(
+            problem=posed, posterior=posterior, jeffreys=None, spreads_and_effects=((), ())
+        )
         fits.append(cast(Fit, stand_in))
-    assert [_hard_for_a_chain(fit.problem) and _integrable(fit) for fit in fits] == [False, True]
+    assert [_hard_for_a_chain(fit) and _integrable(fit) for fit in fits] == [False, True]
     few = {
         n: replace(t, columns={c: v[::6] for c, v in t.columns.items()}, lines=t.lines[::6])
         for n, t in whole.tables.items()

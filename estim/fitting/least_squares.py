@@ -195,13 +195,9 @@ class Fit:
         return *self.forces, *self.deviations
 
 
-def fit_least_squares(
-    problem: Problem, *, start: FloatArray | None = None, max_rounds: int = MAX_ROUNDS
-) -> Fit:
+def fit_least_squares(problem: Problem, *, start: FloatArray | None = None) -> Fit:
     """The posterior mode of `problem` that a search from `start` (n_par,) leads to, by default from
     the centre of the priors.
-
-    max_rounds : of the search, of a few runs.
 
     Raises InputError where the problem has no unknowns, NumericalError where the curve is not
     defined at the start, or has no finite derivatives where the search ends.
@@ -231,7 +227,7 @@ def fit_least_squares(
             start, posterior, best=_best, spread=_curved
         )
     else:
-        values, posterior, moved = _settle(start, posterior, max_rounds=max_rounds)
+        values, posterior, moved = _settle(start, posterior)
     if math.isnan(moved):
         raise _no_curvature(values, posterior)
     return replace(_describe(problem, posterior, values, moved), held=held)
@@ -281,9 +277,7 @@ def _curved(posterior: Posterior, values: FloatArray) -> FloatArray | None:
     return positive_or(sds_of(inverse_of(matrix)), np.inf)
 
 
-def _settle(
-    values: FloatArray, posterior: Posterior, *, max_rounds: int
-) -> tuple[FloatArray, Posterior, float]:
+def _settle(values: FloatArray, posterior: Posterior) -> tuple[FloatArray, Posterior, float]:
     """Rounds of (curve; noise; covariance at the values) from a posterior linearised there until
     they settle: values, the posterior linearised there, and how far the last round moved, nan
     without curvature.
@@ -292,7 +286,7 @@ def _settle(
     to the same place.
     """
     moved, share, step = math.inf, 1.0, np.zeros_like(values)
-    for n_round in range(max_rounds):
+    for n_round in range(MAX_ROUNDS):
         before, step_before, moved_before = values, step, moved
         step = _best(posterior, values) - before
         # half way, where there are no derivatives at the end: on a limit they may be missing

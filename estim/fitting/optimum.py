@@ -75,7 +75,6 @@ _LEVEL = 0.1  # in log share: starts that are as good as the best
 # ratio of singular values, whose square, of the correlations, is lost by rounding
 _FRAIL = 1e-8
 _FLAT = 1e-10  # fall of -2 log density that is still predicted where a descent ends
-_MOST_ROUNDS = 10  # of a fit that begins at an optimum
 _MOST_REFITTED = 6  # of them by full fits, where the curve is a model of the study
 _ALIKE = 0.01  # squared distance of starts that are not worth two descents
 _AROUND = 8  # descents from points around one where the curve is not finite
@@ -250,6 +249,10 @@ def _optimum_of(
         raise _nowhere_finite(search.posterior.problem, start)
     best = min(tried, key=lambda end: end[1])
     _refuse_vanishing(search.posterior.problem, best[0])
+    # a descent ends where the curve depends on a parameter no longer, as a^2 x does at a = 0
+    if scan and not np.all(np.any(search.posterior.jacobian(best[0])[:, search.nonlinear], axis=0)):
+        tried += descended(search, _scattered(search, start, rng))
+        best = min(tried, key=lambda end: end[1])
     if not scan:
         alone, symmetry = np.zeros((0, start.size)), no_symmetry(search.posterior.problem)
         return _polished(search, best[0], alone, symmetry, (), from_start=True)
@@ -279,8 +282,8 @@ def _optimum_of(
 
 
 def _scattered(search: SeparableSearch, start: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """(n, n_par) the best of many points around a start where the curve is not finite: each
-    nonlinear parameter times a factor, or one of any sign where it is 0.
+    """(n, n_par) the best of many points around a start that leads nowhere: each nonlinear
+    parameter times a factor, or one of any sign where it is 0.
     """
     points = np.repeat(start[None, :], 200, axis=0)
     sizes = np.where(start == 0.0, rng.choice([-1.0, 1.0], points.shape), start)
@@ -565,7 +568,9 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
         for point, chi2 in zip(optima, search.chi2_at(optima), strict=True):
             if chi2 > limit or len(fresh) == _MOST_REFITTED:
                 break
-            if not any(is_close(point, other, spread, 3.0) for other in (*near, *fresh)):
+            # beside a limit the other parameters may be anywhere within a standard deviation
+            lower = chi2 < end[1] - 1.0 and not fresh
+            if lower or not any(is_close(point, other, spread, 3.0) for other in (*near, *fresh)):
                 fresh.append(point)
     refitted = [_refitted(fit, point) for point in fresh]
     known = [candidate for candidate in (fit, *refitted) if candidate and candidate.success]
@@ -587,7 +592,7 @@ def _refitted(fit: Fit, start: FloatArray) -> Fit | None:
     does where it has become a step between two readings, or nowhere near.
     """
     try:
-        other = fit_least_squares(fit.problem, start=start, max_rounds=_MOST_ROUNDS)
+        other = fit_least_squares(fit.problem, start=start)
     except NumericalError:
         return None
     return other if other.success else None

@@ -17,7 +17,7 @@ from estim.arrays import FloatArray, finite_or
 from estim.common import InputError, Kind, NumericalError, at_commands
 from estim.fitting.discrepancy_fit import fit_discrepancy
 from estim.fitting.least_squares import Fit, fit_least_squares
-from estim.fitting.optimum import fit_optimum, is_resolved, scanned_fit
+from estim.fitting.optimum import MAX_PARAMETERS, fit_optimum, is_resolved, scanned_fit
 from estim.fitting.unconstrained import no_scatter, silent_parameters
 from estim.fitting.unmodelled_force import fit_with_forces
 from estim.problem import Observations, Problem, Unstated
@@ -57,8 +57,9 @@ def fit_white(problem: Problem, *, rng: np.random.Generator) -> Fit:
         fit = fit_least_squares(problem)
     except NumericalError:
         fit = fit_least_squares(problem, start=_drawn_start(problem, rng))
-    # where the body does not move nothing is determined; and what is an outlier depends on the fit
-    if fit.singular or problem.robust:
+    # where the body does not move nothing is determined; what is an outlier depends on the fit; and
+    # many parameters are not scanned
+    if fit.singular or problem.robust or problem.n_par > MAX_PARAMETERS:
         with suppress(NumericalError):
             further = fit_least_squares(problem, start=_drawn_start(problem, rng))
             fit = max(fit, further, key=lambda end: end.posterior.height(end.values))
