@@ -569,7 +569,7 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
             if chi2 > limit or len(fresh) == _MOST_REFITTED:
                 break
             # beside a limit the other parameters may be anywhere within a standard deviation
-            lower = chi2 < end[1] - 1.0 and not fresh
+            lower = bool(fit.at_bound) and chi2 < end[1] - 1.0 and not fresh
             if lower or not any(is_close(point, other, spread, 3.0) for other in (*near, *fresh)):
                 fresh.append(point)
     refitted = [_refitted(fit, point) for point in fresh]
