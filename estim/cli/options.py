@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -13,20 +14,7 @@ import click
 from estim.common import FIGURE_CHOICES, LANGUAGES, InputError, spoken
 
 
-class _WithRule(click.ParamType[Any]):
-    """A number; its rule is shown where the text is no such number."""
-
-    rule = ""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        try:
-            return super().convert(value, param, ctx)
-        except click.BadParameter:
-            option = param.opts[0] if param else None
-            raise InputError(self.rule, field=option, value=value) from None
-
-
-class Whole(_WithRule, click.IntRange):
+class Whole(click.IntRange):
     """A whole number from `least` to `most`."""
 
     def __init__(self, least: int, most: int | None = None) -> None:
@@ -34,14 +22,31 @@ class Whole(_WithRule, click.IntRange):
         upper = "" if most is None else f" and at most {most}"
         self.rule = f"must be a whole number of at least {least}{upper}"
 
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        with _rule_shown(self.rule, value, param):
+            return super().convert(value, param, ctx)
 
-class Real(_WithRule, click.FloatRange):
+
+class Real(click.FloatRange):
     """A number, from `low` to `high` where these are given."""
 
     def __init__(self, low: float | None = None, high: float | None = None) -> None:
         super().__init__(low, high)
         within = "" if low is None else f" between {low:g} and {high:g}"
         self.rule = f"must be a number{within}"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        with _rule_shown(self.rule, value, param):
+            return super().convert(value, param, ctx)
+
+
+@contextmanager
+def _rule_shown(rule: str, value: Any, param: click.Parameter | None) -> Iterator[None]:
+    """The error about a text that is no such number shows the rule."""
+    try:
+        yield
+    except click.BadParameter:
+        raise InputError(rule, field=param.opts[0] if param else None, value=value) from None
 
 
 PATH = click.Path(path_type=Path)
