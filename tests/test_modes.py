@@ -864,5 +864,7 @@ def test_a_start_where_the_curve_is_not_finite_is_left() -> None:
     beyond = fit_curve("a*sqrt(x - x0)", x, y, u_y=0.05, start={"a": 1.0, "x0": 3.0})
     assert beyond.status == "ok"
     assert beyond.values == pytest.approx(near.values, rel=1e-6)
+    assert "the starting values led to this optimum" in near.message
+    assert "not the starting values" in beyond.message
     with pytest.raises(InputError, match="not finite"):
         fit_curve("a*sqrt(x - x0)", x, y, u_y=0.05, start={"a": 1.0, "x0": 3.0}, scan=False)

@@ -243,22 +243,23 @@ def _optimum_of(
 ) -> Optimum:
     scan = bool(search.nonlinear.size) and scan
     tried = descended(search, start[None, :])
-    if scan and not tried:
-        tried = descended(search, _scattered(search, start, rng))
-    if not tried:
+    ends = tried
+    if scan and not ends:
+        ends = descended(search, _scattered(search, start, rng))
+    if not ends:
         raise _nowhere_finite(search.posterior.problem, start)
-    best = min(tried, key=lambda end: end[1])
+    best = min(ends, key=lambda end: end[1])
     _refuse_vanishing(search.posterior.problem, best[0])
     # a descent ends where the curve depends on a parameter no longer, as a^2 x does at a = 0
     if scan and not np.all(np.any(search.posterior.jacobian(best[0])[:, search.nonlinear], axis=0)):
-        tried += descended(search, _scattered(search, start, rng))
-        best = min(tried, key=lambda end: end[1])
+        ends = [*ends, *descended(search, _scattered(search, start, rng))]
+        best = min(ends, key=lambda end: end[1])
     if not scan:
         alone, symmetry = np.zeros((0, start.size)), no_symmetry(search.posterior.problem)
         return _polished(search, best[0], alone, symmetry, (), from_start=True)
     nonlinear = search.nonlinear.tolist()
     symmetry, first = find_symmetry(search.posterior.problem, best[0], nonlinear, rng), best
-    best, every = _scanned(search, best, tried, symmetry)
+    best, every = _scanned(search, best, ends, symmetry)
     if best[1] < 0.5 * first[1]:  # on its way to infinity a parameter may seem to change nothing
         symmetry = find_symmetry(search.posterior.problem, best[0], nonlinear, rng)
     symmetry = symmetry.scaled(spread_at(search, best), nonlinear)
