@@ -121,15 +121,24 @@ def test_intervals_of_lmfit_are_those_of_estim_s_least_squares_where_errors_are_
 
 
 @pytest.mark.slow
-def test_fit_settles_where_the_resistance_is_held_at_zero(tmp_path: Path) -> None:
+@pytest.mark.parametrize("replica", [39, 48, 57])
+def test_fit_settles_where_the_resistance_is_next_to_zero_or_at_it(
+    tmp_path: Path, replica: int
+) -> None:
     """Steps that were merely cut off at the limit crept on for 60 rounds, and the fit counted as
-    not converged: seven recordings in a thousand did.
+    not converged: seven recordings in a thousand did.  What the others do for the one that is held
+    is taken back: moved along the limit alone, nothing makes the mode more probable.
     """
-    case = Case("jump", "default", "speeds", replica=39, seed=1)
+    case = Case("jump", "default", "speeds", replica=replica, seed=1)
     _, campaign, _, _ = recorded(tmp_path, case.name, generator(case), priors=case.priors)
     fit = fit_problem(campaign.problem(["r"], usual=True), rng=np.random.default_rng(1))
-    assert fit.at_bound == ("rolling_resistance",)
     assert fit.success
+    i = fit.names.index("rolling_resistance")
+    assert ("rolling_resistance" in fit.at_bound) == (fit.values[i] < 1e-5)
+    steps = np.sqrt(np.diag(fit.cov)) * np.vstack([np.eye(len(fit.names)), -np.eye(len(fit.names))])
+    around = fit.values + 0.3 * steps
+    around[:, i] = np.maximum(around[:, i], 0.0)
+    assert np.all(fit.posterior.log_density(around) <= fit.posterior.log_density(fit.values[None]))
 
 
 def test_three_runs_share_the_body_and_the_profile_of_the_ramp_and_nothing_else(tmp_path):
