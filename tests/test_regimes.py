@@ -353,8 +353,6 @@ def test_scatter_and_frames_between_which_a_body_turns_contradict_no_exact_value
     [
         (["--body", "none"], "'--body' must name one of the bodies (heavy)"),
         (["--ramp-length", "-1"], "'--ramp-length' must be > 0"),
-        (["--fit", "nowhere"], "cannot be read"),
-        (["--fit", "a.csv"], "must be the result.json of `estim fit`"),
     ],
 )
 def test_choices_that_are_wrong_are_refused(
@@ -365,36 +363,6 @@ def test_choices_that_are_wrong_are_refused(
     code, found = command("map", path, "--out", tmp_path / "out", *words)
     assert code == 2
     assert said in found
-
-
-@pytest.mark.slow
-def test_a_fit_narrows_the_map_and_must_be_one_of_this_campaign(
-    tmp_path: Path, few_draws: None
-) -> None:
-    path = campaign_of(tmp_path, shared="unmodelled_force = 0")
-    assert command("fit", path, "--out", tmp_path / "fit", "--figures", "none")[0] == 0
-    assert (
-        command(
-            "map", path, "--out", tmp_path / "map", "--fit", tmp_path / "fit", "--figures", "none"
-        )[0]
-        == 0
-    )
-    fitted, stated = (
-        json.loads((tmp_path / "fit" / "result.json").read_text()),
-        mapped(path).runs[0],
-    )
-    run = json.loads((tmp_path / "map" / "result.json").read_text())["bodies"]["heavy"]["runs"][
-        "a"
-    ]["turning_point"]
-    width = 0.5 * (run["high_68"] - run["low_68"])
-    turning = fitted["turning_point"]["a"]
-    assert run["median"] == pytest.approx(turning["median"], abs=0.3 * turning["sd"])
-    # without the correlations it would be that of the stated values
-    assert width == pytest.approx(turning["sd"], rel=0.2)
-    assert width < 0.3 * 0.5 * (stated.stop[3] - stated.stop[1])
-    path.write_text(path.read_text() + "# changed\n")
-    code, said = command("map", path, "--fit", tmp_path / "fit", "--figures", "none")
-    assert (code, "as it stands" in said) == (2, True)
 
 
 @pytest.mark.slow

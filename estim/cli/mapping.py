@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from estim.cli.options import CAMPAIGN, OUT_MAP, PATH, Real, out_folder, report_options
+from estim.cli.options import CAMPAIGN, OUT_MAP, Real, out_folder, report_options
 from estim.cli.terminal import conclude, finish, reserve_output, say, write_report
 from estim.common import FigureChoice, decide
-
-if TYPE_CHECKING:
-    from estim.campaign import Campaign
-    from estim.studies.known_values import FittedValues
 
 
 @click.command("map")
@@ -31,19 +26,12 @@ if TYPE_CHECKING:
     metavar="M",
     help="From the release to the end of the ramp, m.  [default: stated, else the longest run]",
 )
-@click.option(
-    "--fit",
-    "fitted",
-    type=PATH,
-    help="Folder of a fit of CAMPAIGN, whose values replace the stated ones.",
-)
 @OUT_MAP
 @report_options
 def map_motions(
     campaign: Path,
     bodies: tuple[str, ...],
     ramp_length: float | None,
-    fitted: Path | None,
     out: Path | None,
     seed: int,
     figures: FigureChoice,
@@ -63,23 +51,13 @@ def map_motions(
     loaded = load_campaign(campaign)
     loaded.require_body()
     line = None if loaded.source.line is None else read_theta_min(loaded.source)
-    values = None if fitted is None else _fitted(loaded, fitted)
     folder = out or out_folder(campaign, "map")
     reserve_output(folder, "result.json")
-    maps = map_bodies(loaded, bodies, ramp_length=ramp_length, fitted=values, seed=seed)
+    maps = map_bodies(loaded, bodies, ramp_length=ramp_length, seed=seed)
     write_report(folder, map_report(loaded, maps, line, seed=seed, figures=figures))
     for body_map in maps:
         conclude(body_map.body, decide(body_map.findings), map(describe, body_map.findings))
         for place in body_map.runs:
-            say(f"  {place_words(body_map, place)}")
+            say(f"  {place_words(place)}")
     ok = decide(finding for body_map in maps for finding in body_map.findings).ok
     finish(folder, ok, loaded.source.files_outside(line=line is not None))
-
-
-def _fitted(campaign: Campaign, fitted: Path) -> FittedValues:
-    from estim.reading import read_text
-    from estim.reports.regimes import fitted_values
-
-    path = fitted / "result.json" if fitted.is_dir() else fitted
-    text, _ = read_text(path)
-    return fitted_values(campaign, text, place=str(path))

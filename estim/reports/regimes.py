@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import partial
 
-import msgspec
 import numpy as np
 
 from estim.arrays import FloatArray
@@ -14,14 +13,12 @@ from estim.campaign import Campaign
 from estim.common import (
     FigureChoice,
     Files,
-    InputError,
     Json,
     Notation,
     PhraseTable,
     decide,
     format_quantity,
     later,
-    one_line,
     phrase,
     signed,
 )
@@ -38,8 +35,7 @@ from estim.drawing import (
 )
 from estim.line import ThetaMinSeries
 from estim.reports.pages import Drawers, page
-from estim.reports.result import SCHEMA, Result, provenance
-from estim.studies.known_values import FittedValues
+from estim.reports.result import provenance
 from estim.studies.regimes import BodyMap
 from estim.studies.run_places import RunPlace
 from estim.words import advice_for, describe, sure
@@ -82,7 +78,6 @@ def map_result(campaign: Campaign, maps: Sequence[BodyMap], *, seed: int) -> Jso
     Angles in rad, distances in m; null where there is none.
     """
     findings = [finding for body_map in maps for finding in body_map.findings]
-    fitted = maps[0].known.fitted
     return {
         "schema": "estim-map/1",
         "title": campaign.title,
@@ -90,8 +85,6 @@ def map_result(campaign: Campaign, maps: Sequence[BodyMap], *, seed: int) -> Jso
         "status": decide(findings),
         "reasons": list(map(describe, findings)),
         "advice": advice_for(findings),
-        # the fit that the values come from; null where they are as stated
-        "fitted": None if fitted is None else one_line(fitted.place),
         "bodies": {body_map.body: _body(body_map) for body_map in maps},
         "provenance": provenance(
             campaign, [place.run for body_map in maps for place in body_map.runs], seed
@@ -141,7 +134,7 @@ def _body(body_map: BodyMap) -> Json:
         "ramp_end_origin": body_map.end.origin,
         "steepest": _spread(body_map.steepest),  # the tilt beyond which it climbs from no angle
         "tilts": [_tilt(body_map, phi) for phi in _tilts(body_map)],
-        "runs": {place.run: _run(body_map, place) for place in body_map.runs},
+        "runs": {place.run: _run(place) for place in body_map.runs},
         "left_out": body_map.left_out,
     }
 
@@ -200,7 +193,7 @@ def _spread(quantiles: FloatArray) -> dict[str, float]:
     }
 
 
-def _run(body_map: BodyMap, place: RunPlace) -> Json:
+def _run(place: RunPlace) -> Json:
     """Where a run lies and what follows."""
     return {
         "phi": place.phi[0],
@@ -213,7 +206,7 @@ def _run(body_map: BodyMap, place: RunPlace) -> Json:
         "turned": place.turned,  # whether it turns there
         # probability to get as far, two-sided where it turned
         "agreement": place.agrees,
-        "words": place_words(body_map, place),
+        "words": place_words(place),
     }
 
 
@@ -413,13 +406,12 @@ def _runs(ax: Axes, body_map: BodyMap) -> None:
         )
 
 
-def place_words(body_map: BodyMap, place: RunPlace) -> str:
+def place_words(place: RunPlace) -> str:
     """What a run should do, and what its recording shows."""
     clauses = [f"{place.run}: {_start_words(place)}"]
     if place.sets_off >= 0.5:
         clauses.append(_end_words(place))
-    judged = body_map.known.fitted is None and not place.findings
-    return "; ".join([*clauses, _recording_words(place, as_it_may=judged)])
+    return "; ".join([*clauses, _recording_words(place)])
 
 
 def _start_words(place: RunPlace) -> str:
@@ -444,56 +436,17 @@ def _end_words(place: RunPlace) -> str:
     )
 
 
-def _recording_words(place: RunPlace, *, as_it_may: bool) -> str:
+def _recording_words(place: RunPlace) -> str:
     if place.turned:
         words = later(
             "its recording turns back at {at:.3g} m, which is compatible ({chance})"
-            if as_it_may
+            if not place.findings
             else "its recording turns back at {at:.3g} m"
         )
     else:
         words = later(
             "its recording extends to {at:.3g} m, which is compatible ({chance})"
-            if as_it_may
+            if not place.findings
             else "its recording extends to {at:.3g} m"
         )
     return phrase(words, at=place.farthest, chance=sure(place.agrees))
-
-
-def fitted_values(campaign: Campaign, text: str, *, place: str) -> FittedValues:
-    """Means and covariance of the parameters in `text`, a `result.json` that stands at `place`.
-
-    A parameter on an edge of its prior has no mean: it is left to its prior.  Raises InputError
-    where it is no result of this campaign as it stands, or not ok.
-    """
-    try:
-        result = msgspec.json.decode(text, type=Result)
-    except (msgspec.DecodeError, msgspec.ValidationError):
-        raise InputError(
-            f"must be the result.json of `estim fit` ({SCHEMA})", field="--fit", file=place
-        ) from None
-    if result.status != "ok":
-        raise InputError(
-            "must be that of a fit that is ok", field="status", value=result.status, file=place
-        )
-    if result.provenance.campaign_sha256 != campaign.sha256:
-        raise InputError(
-            "must be that of the campaign as it stands: fit it again",
-            field="campaign_sha256",
-            file=place,
-        )
-    known = {
-        name: p for name, p in result.parameters.items() if p.mean is not None and p.sd is not None
-    }
-    chosen = [i for i, name in enumerate(result.correlation.names) if name in known]
-    names = tuple(result.correlation.names[i] for i in chosen)
-    sds = np.array([known[name].sd for name in names], dtype=float)
-    correlation = np.array(result.correlation.matrix, dtype=float)
-    if correlation.shape != (len(result.correlation.names),) * 2 or not names:
-        raise InputError(
-            "must be a square matrix with a row for each parameter", field="correlation", file=place
-        )
-    means = np.array([known[name].mean for name in names], dtype=float)
-    return FittedValues(
-        names, means, correlation[np.ix_(chosen, chosen)] * np.outer(sds, sds), place
-    )

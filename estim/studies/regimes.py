@@ -3,26 +3,26 @@ over the top.
 
 Over the plane of true tilt and angle of release; the uncertainty of a border is that of what is
 known of the body, that of a run also of where it lies.  All of it comes from draws of what was
-stated, or of a fit.
+stated.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from estim.arrays import FloatArray, Named
-from estim.campaign import Campaign
-from estim.common import QUANTILES, Finding, InputError
+from estim.campaign import EFFECTS, Campaign
+from estim.common import QUANTILES, Finding, InputError, Stream, stream
 from estim.curves import Borders, borders_of, farthest_stop, steepest_tilt, turning_contours
-from estim.studies.known_values import FittedValues, KnownValues, known_values
+from estim.problem import Parameter
 from estim.studies.ramp_end import RampEnd, ramp_end_of
 from estim.studies.run_places import RunPlace, place_of
 
-_N_PHI = 361
+_N_PHI, _N_DRAW = 361, 2000
 # m between contours, and how many at most
 _STEPS, _CONTOURS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0), 10
 _FAR_DRAWS, _FAR_EVERY = 300, 2  # of how far it gets, and every so many tilts
@@ -48,7 +48,6 @@ class BodyMap(Borders):
         (n,) rad.
     uphill, downhill : whether the map shows these tilts.
     left_out : symbols of what the campaign states beside, which the map leaves out.
-    known : what the draws come from.
     """
 
     body: str
@@ -62,7 +61,6 @@ class BodyMap(Borders):
     runs: tuple[RunPlace, ...]
     end: RampEnd
     left_out: tuple[str, ...]
-    known: KnownValues
 
     @property
     def uphill(self) -> bool:
@@ -74,26 +72,18 @@ class BodyMap(Borders):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What contradicts a recording; nothing where the values were fitted to it."""
-        return (
-            ()
-            if self.known.fitted
-            else tuple(finding for place in self.runs for finding in place.findings)
-        )
+        """What contradicts a recording."""
+        return tuple(finding for place in self.runs for finding in place.findings)
 
 
 def map_bodies(
-    campaign: Campaign,
-    bodies: Sequence[str] = (),
-    *,
-    ramp_length: float | None = None,
-    fitted: FittedValues | None = None,
-    seed: int,
+    campaign: Campaign, bodies: Sequence[str] = (), *, ramp_length: float | None = None, seed: int
 ) -> tuple[BodyMap, ...]:
     """The maps of `bodies`, or of every body of a campaign that has runs.
 
     ramp_length (m from the release) : in place of that of the campaign.
-    fitted : a fit, in place of what was stated.  Raises InputError.
+
+    Raises InputError.
     """
     of_run = {name: campaign.body_of(name) for name in campaign.run_names}
     chosen = tuple(dict.fromkeys(bodies)) or tuple(
@@ -115,13 +105,13 @@ def map_bodies(
                 file=campaign.path,
             )
     names = [name for name, body in of_run.items() if body in chosen]
-    known = known_values(campaign, names, seed=seed, fitted=fitted)
+    draws = _stated(campaign, names, seed=seed)
     return tuple(
         _map_body(
             campaign,
             body,
             [name for name in names if of_run[name] == body],
-            known,
+            draws,
             ramp_length=ramp_length,
         )
         for body in chosen
@@ -132,12 +122,12 @@ def _map_body(
     campaign: Campaign,
     body: str,
     names: Sequence[str],
-    known: KnownValues,
+    draws: Mapping[str, FloatArray],
     *,
     ramp_length: float | None,
 ) -> BodyMap:
     runs = [campaign.problem([name]).runs[0] for name in names]
-    arguments = {run.name: run.bind(known.draws) for run in runs}
+    arguments = {run.name: run.bind(draws) for run in runs}
     first = arguments[names[0]]
     places = tuple(place_of(campaign, run, arguments[run.name]) for run in runs)
     recorded = max(place.farthest for place in places)
@@ -161,9 +151,25 @@ def _map_body(
         farthest=np.quantile(farthest, QUANTILES, axis=0, method="higher"),
         runs=places,
         end=end,
-        left_out=known.additional_effects(runs),
-        known=known,
+        left_out=tuple(
+            kind.notation.symbol
+            for name, kind in EFFECTS.items()
+            if any(name in run.arguments for run in runs)
+        ),
     )
+
+
+def _stated(campaign: Campaign, names: Sequence[str], *, seed: int) -> dict[str, FloatArray]:
+    """Draws (n_draw, 1) from the priors of every parameter of the runs; one name is one unknown,
+    whichever runs depend on it.
+    """
+    parameters: dict[str, Parameter] = {}
+    for name in names:
+        problem = campaign.problem([name])
+        used = problem.runs[0].curve_parameters
+        parameters.update({p.name: p for p in problem.parameters if p.name in used})
+    rng = stream(seed, Stream.REGIMES)
+    return {name: p.prior.draw(rng, _N_DRAW)[:, None] for name, p in parameters.items()}
 
 
 def _first(arguments: Named, n_draw: int) -> dict[str, float | FloatArray]:
