@@ -51,7 +51,8 @@ class ProfileSearch:
 
     def objectives(self, points: FloatArray) -> FloatArray:
         """(n_point,) -2 log density, inf where there is none."""
-        draws = self.coordinates.values(points)
+        # the exponential of a logarithm may lie beyond a limit, in its last digit
+        draws = np.clip(self.coordinates.values(points), *self.posterior.problem.support())
         with np.errstate(all="ignore"):
             return _minus_twice(in_blocks(self.posterior.log_density, draws, _AT_ONCE))
 
