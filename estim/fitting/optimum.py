@@ -279,6 +279,8 @@ def _optimum_of(
         step = float(steps[search.posterior.names.index(unheld.parameters[0].name)])
         if math.isfinite(step):
             unheld = replace(unheld, kind=Kind.STEPS_OPEN, size=step)
+            # which of its images were met is chance
+            optimum = replace(optimum, others=optimum.others[:0])
     return replace(optimum, unheld=unheld)
 
 
