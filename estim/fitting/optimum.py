@@ -481,7 +481,9 @@ def _scanned(
     ends = list(tried)
     # scans, each from a better point
     for _ in range(3):
-        optima, before = further_optima(search, best[0], symmetry.period), best
+        # which of its images is lower in the last digits is chance
+        centre, before = symmetry.nearest(best[0], search.start_values), best
+        optima = further_optima(search, centre, symmetry.period)
         spread, limit = spread_at(search, best), chi2_limit(search, best)
         fresh: list[FloatArray] = []
         for point, chi2 in zip(optima, search.chi2_at(optima), strict=True):

@@ -40,7 +40,7 @@ from estim.given_numbers import check_probability
 from estim.levenberg_marquardt import End, Start, minima, run_descents
 from estim.problem import Parameter
 
-_MODE_SETTLED = 1e-9  # fall still promised at the mode
+_SETTLED = 1e-9  # fall still promised at a mode
 _HIDDEN = 1e-6  # difference of the objective
 _LITTLE = 1e-4  # standard deviations of a parameter, the others held
 _MOST_VALLEYS = 3
@@ -181,9 +181,7 @@ def contour(
 def _prepared(fit: Fit, level: float) -> tuple[ProfileSearch, End]:
     """The search for rises up to `level`, and the mode."""
     search = search_of(fit.posterior, fit.values, fit.cov, level, squared=True)
-    (mode,) = minima(
-        search, [Start(search.coordinates.of(fit.values), (), tolerance=_MODE_SETTLED)]
-    )
+    (mode,) = minima(search, [Start(search.coordinates.of(fit.values), (), tolerance=_SETTLED)])
     return search, mode
 
 
@@ -274,7 +272,8 @@ def _intervals(
         for k in outward:
             explored[k].ends.update({p: next(crossed) for p in sides[k][2]})
             explored[k].valleys[:] = minima(
-                search, [Start(dip.values, (), dip) for dip in dips(explored[k].path)]
+                search,
+                [Start(dip.values, (), dip, tolerance=_SETTLED) for dip in dips(explored[k].path)],
             )
         if fit.problem.robust:  # whose narrow optima hold next to nothing
             break

@@ -19,7 +19,7 @@ _LOST = 16.0  # times the level
 # the objective: no end, but a search that lost its way; and standard deviations at which rounding
 # errors end it
 _FAR, _DECADES, _JUMP, _NOWHERE = 100.0, math.log(1e8), 0.1, 1e6
-_SETTLED = 1e-6  # of a height: a point on the level
+_SETTLED = 1e-4  # of a height: a point on the level
 
 
 def path(
