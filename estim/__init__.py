@@ -12,22 +12,14 @@ until `estim.__main__` has looked.
 def __getattr__(name: str) -> object:
     from importlib import import_module
 
-    try:
-        if name == "__version__":
-            return import_module("estim.versions").version("estim")
-        homes = _homes()
-        if name != "__all__" and name not in homes:
-            raise AttributeError(f"module 'estim' has no attribute {name!r}")
-        found = sorted(homes) if name == "__all__" else getattr(import_module(homes[name]), name)
-        globals()[name] = found
-        return found
-    except ImportError as error:
-        from estim.shadowed_modules import in_the_way, namesake_behind
-
-        file = namesake_behind(error)
-        if file:
-            raise ImportError(in_the_way(file)) from error
-        raise
+    if name == "__version__":
+        return import_module("estim.versions").version("estim")
+    homes = _homes()
+    if name != "__all__" and name not in homes:
+        raise AttributeError(f"module 'estim' has no attribute {name!r}")
+    found = sorted(homes) if name == "__all__" else getattr(import_module(homes[name]), name)
+    globals()[name] = found
+    return found
 
 
 def __dir__() -> list[str]:

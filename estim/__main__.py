@@ -1,7 +1,6 @@
 """The way in: `python -m estim` and the command `estim`.
 
-A file beside the data that has the name of a module is not imported, or named in one line where the
-path insists on it.
+A file beside the data that has the name of a module is not imported.
 """
 
 from __future__ import annotations
@@ -10,10 +9,9 @@ import gc
 import os
 import sys
 
-from estim.shadowed_modules import forget_working_folder, in_the_way, namesake_behind
+from estim.shadowed_modules import forget_working_folder
 
-# those of `estim.cli.commands`, which cannot be imported yet
-_BAD_INPUT, _INTERRUPTED = 2, 130
+_INTERRUPTED = 130  # that of `estim.cli.commands`, which cannot be imported yet
 # made before garbage is looked for: modules make many that stay, and looking through them took a
 # tenth of a short command
 _OBJECTS = 500_000
@@ -21,9 +19,7 @@ _THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # read when NumPy is loa
 
 
 def main() -> None:
-    """Run the command line.  Exits with 2 and one line on stderr where a file is in the way of a
-    module.
-    """
+    """Run the command line."""
     gc.set_threshold(_OBJECTS)
     if "OMP_NUM_THREADS" not in os.environ:
         # the matrices are small: a second thread of linear algebra only waits for the first
@@ -33,12 +29,6 @@ def main() -> None:
         from estim.cli.commands import main as command
 
         command()
-    except Exception as error:
-        file = namesake_behind(error)
-        if not file:
-            raise
-        sys.stderr.write(f"error: {in_the_way(file)}\n")
-        sys.exit(_BAD_INPUT)
     except KeyboardInterrupt:  # while modules are loaded; later `exit_code` says so
         sys.stderr.write("interrupted\n")
         sys.exit(_INTERRUPTED)

@@ -1,4 +1,4 @@
-"""Files beside the data that have the name of a module: never imported, or named in one line."""
+"""Files beside the data that have the name of a module: never imported."""
 
 from __future__ import annotations
 
@@ -78,61 +78,6 @@ def test_a_model_that_the_path_insists_on_is_left_alone(
     assert not (tmp_path / "imported").exists()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("file", "text"),
-    [
-        pytest.param("random.py", "x = 1", marks=pytest.mark.statistics),
-        pytest.param("numpy.py", "x = 1", marks=pytest.mark.statistics),
-        ("numpy/__init__.py", "x = 1"),
-        ("csv.py", "x = 1"),
-        ("typing.py", "x = 1"),
-        ("click.py", "print 'Python 2'"),
-        ("emcee.py", "open('not there')"),
-        ("types.py", "x = 1"),
-    ],
-)
-def test_a_module_that_the_path_insists_on_is_named(
-    tmp_path: Path, project: Path, file: str, text: str
-) -> None:
-    own = tmp_path / file
-    own.parent.mkdir(exist_ok=True)
-    own.write_text(text)
-    start = (
-        "import sys; sys.path[0] = sys.argv[1]; sys.argv[1:] = sys.argv[2:]; from "
-        "estim.__main__ import main; main()"
-    )
-    words = ["-c", start, str(tmp_path), "fit", str(LINE.write(tmp_path)), "--max-steps", "50"]
-    done = run(words, project, cwd=project)
-    assert done.returncode == 2
-    assert done.stderr.startswith(f"error: {own}: is in the way: ")
-    assert done.stderr.count("\n") == 1
-
-
-def test_an_error_of_our_own_is_not_blamed_on_a_file(tmp_path: Path, project: Path) -> None:
-    (tmp_path / "turtle.py").write_text("x = 1")  # there, but nobody imports it
-    start = (
-        "import estim.cli.commands as commands, estim.__main__\n\ndef broken(): raise "
-        "ImportError('ours')\n\n"
-    )
-    start += "commands.main = broken\nestim.__main__.main()"
-    done = run(["-c", start], project, cwd=tmp_path)
-    assert done.returncode == 1
-    assert done.stderr.endswith("ImportError: ours\n")
-
-
-def test_a_script_beside_its_own_random_is_told(
-    tmp_path: Path, project: Path, replica: Path
-) -> None:
-    (tmp_path / "random.py").write_text("def shake(): pass\n")
-    (tmp_path / "script.py").write_text("import estim\nprint('line')\nestim.load_campaign\n")
-    done = run(["script.py"], project, cwd=tmp_path)
-    assert done.stdout == "line\n"
-    assert done.stderr.splitlines()[-1].startswith(
-        f"ImportError: {tmp_path / 'random.py'}: is in the way: "
-    )
-
-
 def test_a_script_uses_its_own_model_beside_estim(tmp_path: Path, project: Path) -> None:
     (tmp_path / "model.py").write_text("g = 9.81\n")
     (tmp_path / "script.py").write_text("import estim, model\nprint(estim.budget, model.g)\n")
@@ -161,15 +106,3 @@ def test_one_thread_of_linear_algebra_unless_said(
     )
     main()
     assert seen == [threads]
-
-
-def test_a_file_of_data_is_in_the_way_of_no_module(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from estim.shadowed_modules import namesake_behind
-
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    for name in ("random.toml", f"{'a' * 300}.csv.toml", "csv"):
-        assert namesake_behind(OSError(13, "Permission denied", name)) == ""
-    assert namesake_behind(OSError(13, "Permission denied", "random.py")) == "random.py"

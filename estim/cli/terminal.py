@@ -37,7 +37,6 @@ from estim.common import (
     require_room,
     write_whole,
 )
-from estim.shadowed_modules import namesake_behind
 
 if TYPE_CHECKING:
     from estim.campaign import Campaign
@@ -101,7 +100,7 @@ def _code(command: Callable[[], object]) -> int:
     # of a file that a person named, looked for where nothing opens it: too long a name, a folder of
     # others
     except OSError as error:
-        if error.filename is None or namesake_behind(error):
+        if error.filename is None:
             raise
         say(
             f"error: {error.filename}: cannot be used ({(error.strerror or str(error)).lower()})",
