@@ -546,17 +546,6 @@ def test_names_that_can_be_told_apart_pass(formula: str) -> None:
     assert len(read_formula(formula).names) == 2
 
 
-def test_parameters_that_only_look_like_those_of_a_curve_are_refused_with_their_letters() -> None:
-    x = np.arange(9.0)
-    for curve, given in (
-        ("a*x + b", {"start": {"\u0430": 1.0, "b": 0.0}}),
-        ("a*x", {"start": {"a": 1.0}, "derived": {"\u0430": "2*a"}}),
-        (lambda x, **named: sum(named.values()) * x, {"start": {"a": 1.0, "\u0430": 0.0}}),
-    ):
-        with pytest.raises(InputError, match=r"a, \u0430 \(cyrillic small letter a\)"):
-            fit_curve(curve, x, 2.0 * x + 0.1 * (-1.0) ** x, u_y=0.1, **given)
-
-
 @pytest.mark.parametrize("text", ["y0 + v0 t - 1/2 a t^2", "2x", "a x", "sin x", "3 sin(x)"])
 def test_a_formula_as_on_paper_is_told_to_write_its_products(text: str) -> None:
     with pytest.raises(InputError, match=r"write products with \*"):

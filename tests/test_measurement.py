@@ -652,19 +652,6 @@ def test_a_result_whose_square_is_no_number_is_refused_in_one_line(
             way(read.values, read.inputs)
 
 
-def test_two_inputs_that_only_look_alike_are_refused(tmp_path):
-    rows = (
-        '[inputs.a]\nvalue = "1.0(1)"\n[inputs."\\u0430"]\nvalue = '
-        '"2.0(1)"\n[measurand.y]\nformula = "a"\n[measurand.z]\nformula = "\\u0430"\n'
-    )
-    with pytest.raises(
-        InputError,
-        match=r"model.toml:2: 'inputs' has two names that look alike.*: a, \u0430 \(cyrillic "
-        r"small letter a\)",
-    ):
-        read_model(model(tmp_path, 'title = "t"\n' + rows))
-
-
 def test_draws_in_two_separate_groups_are_told(rng):
     """An angle at the cut of arctan2: 0.0 with u = 3.1 is a value that never occurs.  The square of
     a value about 0, and one with long tails, have one group.

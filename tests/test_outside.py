@@ -19,7 +19,7 @@ from tracker_files import point_mass, trk
 from estim import InputError, load_campaign
 from estim.cli.commands import cli
 from estim.common.errors import EstimError
-from estim.common.lookalikes import first_alike
+from estim.common.lookalikes import folded
 from estim.common.storage import read_file, write_whole
 from estim.line.theta_min_series import read_theta_min
 from estim.studies.reanalysis import _published
@@ -226,15 +226,10 @@ ALIKE = [
     ("a", "A"),
     ("straße", "STRASSE"),
     ("ﬁt", "fit"),
-    ("run-а", "run-a"),
-    ("СО2", "CO2"),
     ("\u03a91", "\u21261"),
-    ("а", "A"),
-    ("ΑΒ", "ab"),
     ("x.", "x"),
     ("K1", "\u212a1"),
     ("\uff52un", "run"),
-    ("ruп-х", "ruп-x"),
     ("В", "в"),
 ]
 APART = [
@@ -264,8 +259,8 @@ def test_names_that_are_taken_for_the_same_are_refused_with_both_places(
         + f'[[runs]]\nname = "{other}"\nfile = "in.csv"\n'
     )
     rule = (
-        r"c\.toml:15: 'name' must differ from another name in more than case or letters that "
-        r"look alike \(the other stands on line 9\): "
+        r"c\.toml:15: 'name' must differ from another name in more than case or Unicode form "
+        r"\(the other stands on line 9\): "
     )
     with pytest.raises(InputError, match=rule + re.escape(other)):
         load_campaign(home / "c.toml")
@@ -273,11 +268,11 @@ def test_names_that_are_taken_for_the_same_are_refused_with_both_places(
 
 @pytest.mark.parametrize(("one", "other"), APART)
 def test_names_that_can_be_told_apart_are_taken(one: str, other: str) -> None:
-    assert first_alike([one, "between", other]) is None
+    assert folded(one) != folded(other)
 
 
 def test_names_of_the_report_are_refused_in_any_form(home: Path) -> None:
-    for name in ("Report.md", "ﬁgures", "FIGURES", "rеport.md", "draws.nc."):
+    for name in ("Report.md", "ﬁgures", "FIGURES", "draws.nc."):
         (home / "c.toml").write_text(CURVE.replace('name = "a"', f'name = "{name}"'))
         with pytest.raises(InputError, match="must not be the name of a file of the report"):
             load_campaign(home / "c.toml")

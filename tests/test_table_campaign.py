@@ -607,21 +607,6 @@ def test_a_copied_row_is_told_where_the_result_is(tmp_path: Path, command: list[
         ) == told, done.output
 
 
-def test_a_parameter_on_the_command_line_or_in_a_campaign_that_only_looks_like_one_is_told(
-    table: Path,
-) -> None:
-    said = told("fit", table, "--formula", "a + b*x", "--start", "\u0430=1")
-    assert (
-        "'--start' names no parameter of the formula (a, b): a, \u0430 (cyrillic small letter a)"
-        in said
-    )
-    text = text_of_table(table, TableChoices(formula="a + b*x")).replace("a = {", '"\u0430" = {')
-    (table.parent / "kept.toml").write_text(text)
-    assert "is not in the formula (a, b): a, \u0430 (cyrillic small letter a)" in told(
-        "fit", table.parent / "kept.toml"
-    )
-
-
 @pytest.mark.parametrize("said", [["--x", "x"], ["--y", "x"], []])
 def test_two_columns_of_one_name_are_refused_in_one_line(tmp_path: Path, said: list[str]) -> None:
     (tmp_path / "twice.csv").write_text("x;x\n1;2.1\n2;3.9\n3;6.2\n4;8.1\n")

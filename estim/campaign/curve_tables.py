@@ -24,7 +24,7 @@ from estim.campaign.curve_keys import (
     ReadingErrorTable,
 )
 from estim.campaign.prior_table import PriorKeys, read_source
-from estim.common import InputError, phrase, same_looks
+from estim.common import InputError, phrase
 from estim.curves import SIGMA, Formula, Limits, ModelSum, read_formula, read_model, within
 from estim.problem import Flat, Prior
 from estim.reading import KeyPath, Places, bare_name
@@ -214,11 +214,9 @@ def check_parameters(
     for path, level in _levels(table, runs):
         for name in level.parameters:
             if name not in formula.names:
-                lookalikes = same_looks((*formula.names, name)) or None
                 raise source.error(
                     f"is not in the formula ({', '.join(formula.names)})",
                     (*path, "parameters", name),
-                    value=lookalikes,
                 )
     for name in table.errors:
         if not name.isidentifier() or name in formula.names or name.startswith(SIGMA):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 
-from estim.common import REPORT_FILES, first_alike, forms
+from estim.common import REPORT_FILES, folded
 from estim.reading import Places
 
 _MAX_NAME = 100  # bytes
@@ -31,10 +31,7 @@ def check_run_names(names: Sequence[str], places: Places) -> None:
                 len(name.encode()) <= _MAX_NAME,
                 f"must be short enough for the name of a file: at most {_MAX_NAME} bytes",
             ),
-            (
-                not any(form in _REPORT for form in forms(name)),
-                "must not be the name of a file of the report",
-            ),
+            (folded(name) not in _REPORT, "must not be the name of a file of the report"),
             (
                 re.fullmatch(r"\w[\w.+-]*", name),
                 "must be made of letters, digits and . _ + -, a letter or digit first",
@@ -42,18 +39,21 @@ def check_run_names(names: Sequence[str], places: Places) -> None:
         ):
             if not holds:
                 raise places.error(rule, ("runs", i, "name"), value=name)
-    if pair := first_alike(names):
-        later, first = pair
+    indices: dict[str, int] = {}
+    for later, name in enumerate(names):
+        first = indices.setdefault(folded(name), later)
+        if first == later:
+            continue
         line = places.lines.get(("runs", first, "name"))
         rule = (
             "must be unique"
-            if names[later] == names[first]
-            else "must differ from another name in more than case or letters that look alike"
+            if name == names[first]
+            else "must differ from another name in more than case or Unicode form"
         )
         raise places.error(
             rule if line is None else f"{rule} (the other stands on line {line})",
             ("runs", later, "name"),
-            value=names[later],
+            value=name,
         )
 
 

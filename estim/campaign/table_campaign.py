@@ -22,16 +22,7 @@ from estim.campaign.curve_tables import of_several, variable_of
 from estim.campaign.dialect_table import TRACK_KEYS
 from estim.campaign.loading import bound
 from estim.campaign.toml_text import toml_text
-from estim.common import (
-    InputError,
-    in_file,
-    listed,
-    read_number,
-    read_quantity,
-    same_looks,
-    same_unit,
-    shorten,
-)
+from estim.common import InputError, in_file, listed, read_number, read_quantity, same_unit, shorten
 from estim.curves import Formula, Limits, called_by_name, linear_in, read_formula
 from estim.reading import (
     COLUMNS,
@@ -471,11 +462,10 @@ def _check_parameters(formula: Formula, choices: TableChoices) -> None:
     ):
         for name in names:
             if name not in formula.names:
-                lookalikes = same_looks((*formula.names, name))
                 raise InputError(
                     "names no parameter of the formula",
                     field=option,
-                    value=lookalikes or name,
+                    value=name,
                     quoted=", ".join(formula.names),
                 )
     for name in choices.value:

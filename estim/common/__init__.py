@@ -52,7 +52,7 @@ from estim.common.unit_symbols import (
     same_numbers,
     same_unit,
 )
-from estim.common.lookalikes import first_alike, forms, same_looks
+from estim.common.lookalikes import folded, same_looks
 from estim.common.phrases import (
     LANGUAGES,
     PhraseTable,

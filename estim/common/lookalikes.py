@@ -1,15 +1,13 @@
-"""Names that a file system or a reader takes for the same: another case, another form of the same
-letters, letters that look alike.
+"""Names that a file system takes for the same, or a reader: nobody distinguishes a Cyrillic а from
+a Latin a.
 
-Folders are named after runs.  Windows and macOS do not distinguish `Run` from `run`, nor macOS one
-Unicode form from another, Windows drops a full stop at the end, and nobody distinguishes a Cyrillic
-а from a Latin a.  Source of the pairs: Unicode Technical Standard 39, confusables.txt, the letters
-of Greek and Cyrillic that look like Latin ones.
+Source of the pairs: Unicode Technical Standard 39, confusables.txt, the letters of Greek and
+Cyrillic that look like Latin ones.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from unicodedata import name as name_of
 from unicodedata import normalize
 
@@ -18,28 +16,11 @@ _GREEK = ("ΑΒΕΖΗΙΚΜΝΟΡΤΥΧοϲϳ", "ABEZHIKMNOPTYXocj")
 _LATIN = str.maketrans(_CYRILLIC[0] + _GREEK[0], _CYRILLIC[1] + _GREEK[1])
 
 
-def forms(name: str) -> tuple[str, str]:
-    """What is left of a name without case and Unicode form, and without the script of letters that
-    look alike either.
+def folded(name: str) -> str:
+    """What Windows and macOS see of the name of a folder: neither case nor Unicode form, nor a full
+    stop at the end.
     """
-    return _folded(_normalised(name)), _folded(_looks(name))
-
-
-def _folded(text: str) -> str:
-    return normalize("NFKC", text.casefold()).rstrip(".")
-
-
-def first_alike(names: Sequence[str]) -> tuple[int, int] | None:
-    """Indices of two names that are taken for the same, the later one first; None where all
-    differ.
-    """
-    first_index: dict[tuple[int, str], int] = {}
-    for i, name in enumerate(names):
-        for key in enumerate(forms(name)):
-            if key in first_index:
-                return i, first_index[key]
-        first_index |= dict.fromkeys(enumerate(forms(name)), i)
-    return None
+    return _normalised(name.casefold()).rstrip(".")
 
 
 def same_looks(names: Iterable[str]) -> str:

@@ -16,7 +16,7 @@ from itertools import count
 import numpy as np
 
 from estim.arrays import Named
-from estim.common import InputError, Notation, same_looks
+from estim.common import InputError, Notation
 from estim.curves.derived_units import unit_that_follows as unit_that_follows
 from estim.curves.formula import Formula, check_names, evaluate, read_formula
 from estim.problem import Derived
@@ -153,12 +153,6 @@ def check_derived_names(
         if quantity.name in everything:
             raise InputError(
                 "is the name of something else here: choose another", field=quantity.name
-            )
-        if lookalikes := same_looks((*everything, quantity.name)):
-            raise InputError(
-                "looks like the name of something else here: choose another",
-                field=quantity.name,
-                value=lookalikes,
             )
         for name in quantity.own:
             if name not in everything:

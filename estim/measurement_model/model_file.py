@@ -20,7 +20,7 @@ from msgspec import Meta
 
 from estim.arrays import all_finite
 from estim.campaign import KeyTable, checked
-from estim.common import InputError, read_with_unit, same_looks
+from estim.common import InputError, read_with_unit
 from estim.curves import RESERVED, Formula, evaluate, read_formula, unit_that_follows
 from estim.measurement_model.input_tables import InputTable, inputs_of
 from estim.propagation import Input, IntervalKind
@@ -247,12 +247,6 @@ def _check_names(
 ) -> None:
     """Each formula names inputs and outputs above it, and every input is used."""
     known = [quantity.name for quantity in quantities]
-    if lookalikes := same_looks((*known, *(output.name for output in outputs))):
-        raise places.error(
-            "has two names that look alike: write both in the letters of one alphabet",
-            ("inputs",),
-            value=lookalikes,
-        )
     used: set[str] = set()
     for output in outputs:
         path = _place_of_formula(output, places)
