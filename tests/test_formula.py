@@ -10,7 +10,6 @@ import time
 import numpy as np
 import pytest
 
-from estim import fit_curve
 from estim.common.errors import InputError
 from estim.curves.formula import FUNCTIONS, MAX_LENGTH, _compiled, evaluate, read_formula
 from estim.curves.function import wrap_function
