@@ -19,7 +19,6 @@ from estim.curve_fitting.tables import read_table
 from estim.reading.dialect import Dialect, name_and_unit
 from estim.reading.layout import read_layout
 from estim.reading.named_columns import read_columns
-from estim.reading.workbook import _uncomputed_of_ods
 
 
 def _needs_package(file: str) -> None:
@@ -200,15 +199,27 @@ def test_what_is_neither_a_file_nor_a_frame_is_refused() -> None:
         read_table(3)
 
 
-def test_cells_of_an_ods_without_a_value_stand_wherever_they_are_repeated() -> None:
-    content = (
-        b'<d xmlns:table="t"><table:table table:name="A"><table:table-row/>'
-        b'<table:table-row table:number-rows-repeated="2"><table:table-cell/>'
-        b'<table:table-cell table:formula="of:=NA()" table:number-columns-repeated="2"/>'
-        b"</table:table-row></table:table></d>"
-    )
-    places = {(row, column): "=NA()" for row in (1, 2) for column in (1, 2)}
-    assert _uncomputed_of_ods(content) == {"A": places}
+@pytest.mark.parametrize(
+    ("name", "part", "xml"),
+    [
+        ("a.xlsx", "xl/workbook.xml", '<s><row r="1048576"><c/></row><row><c r="XFD1"/></row></s>'),
+        (
+            "a.ods",
+            "content.xml",
+            '<d xmlns:table="t" xmlns:office="o"><table:table><table:table-row '
+            'table:number-rows-repeated="1000000"><table:table-cell office:value-type="float" '
+            'table:number-columns-repeated="1000"/></table:table-row></table:table></d>',
+        ),
+    ],
+)
+def test_a_sheet_that_would_fill_the_memory_is_refused(
+    tmp_path: Path, name: str, part: str, xml: str
+) -> None:
+    pytest.importorskip("python_calamine")
+    with zipfile.ZipFile(tmp_path / name, "w") as archive:
+        archive.writestr(part, xml)
+    with pytest.raises(InputError, match="'sheet' must have at most 4000000 cells"):
+        read_table(tmp_path / name)
 
 
 AXES = "time,seconds_elapsed,z,y,x\n" + "".join(
