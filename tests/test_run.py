@@ -273,20 +273,24 @@ REFUSED = {
     ),
     "date for a number": (
         _changed(1, (0, "2015-02-27")),
-        "a.csv:3: 't_s' must be a number: 2015-02-27",
+        "a.csv:3: 't_s' must be a number (as 1234.5 or 2e3; a time as 13:05:00): 2015-02-27",
     ),
-    "underscore in a number": (_changed(2, (1, "1_000")), "a.csv:4: 'x_m' must be a number: 1_000"),
+    "underscore in a number": (
+        _changed(2, (1, "1_000")),
+        "a.csv:4: 'x_m' must be a number (as 1234.5 or 2e3; a time as 13:05:00): 1_000",
+    ),
     "digits of another script": (
         _changed(2, (1, "\u0661\u0662")),
-        "a.csv:4: 'x_m' must be a number: \u0661\u0662",
+        "a.csv:4: 'x_m' must be a number (as 1234.5 or 2e3; a time as 13:05:00): \u0661\u0662",
     ),
-    "wide digits": (_changed(2, (1, "\uff11.5")), "a.csv:4: 'x_m' must be a number: \uff11.5"),
+    "wide digits": (
+        _changed(2, (1, "\uff11.5")),
+        "a.csv:4: 'x_m' must be a number (as 1234.5 or 2e3; a time as 13:05:00): \uff11.5",
+    ),
     "text behind quotes": (
         _changed(2, (1, '"1"2')),
         "a.csv:4: 'row' cannot be split into cells (',' expected after '\"'): 0.2,\"1\"2",
     ),
-    "blank cell": (_changed(3, (1, "")), "a.csv:5: 'x_m' must be a number: "),
-    "nan": (_changed(4, (1, "nan")), "a.csv:6: 'x_m' must be a number: nan"),
     "inf": (_changed(5, (1, "-inf")), "a.csv:7: 'x_m' must be a number: -inf"),
     "too large": (_changed(0, (1, "1e999")), "a.csv:2: 'x_m' must be finite: 1e999"),
     "cell too many": (_changed(1, (1, "0.004,9")), "a.csv:3: 'row' must have 2 cells, not 3: "),
@@ -345,7 +349,7 @@ def test_quotes_around_whole_cells_are_read(write):
 def test_many_digits_and_a_letter_are_refused_at_once(write):
     start = time.process_time()
     for header in ("t_s,x_m", "t,x"):
-        with pytest.raises(InputError, match=r":4: 'x(_m)?' must be a number: 111"):
+        with pytest.raises(InputError, match=r":4: 'x(_m)?' must be a number .*: 111"):
             read_run(write(table(header).replace("0.009", "1" * 90_000 + "x")), name="one")
     assert time.process_time() - start < 2.0
 

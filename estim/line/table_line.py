@@ -265,11 +265,7 @@ def straight_line(
                 for word in (bare_name(name), table.units[name] or "1")
             )
         ),
-        told=columns_sentence(
-            used,
-            table.unread,
-            () if stated else [axis for axis, u in (("x", u_x), ("y", u_y)) if u is None],
-        ),
+        told=columns_sentence(used, table.unread),
         facts=(*table.facts, *table.warnings),
         correlated=tuple(stated.words),
         findings=tuple(points_findings(fit)),

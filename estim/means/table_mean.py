@@ -100,10 +100,6 @@ def mean_of_table(
         table.units[name] or "1",
         result,
         tuple(labels),
-        columns_sentence(
-            [*used, *([("group", group, "")] if group else [])],
-            table.unread,
-            "y" if errors is None and group is None else "",
-        ),
+        columns_sentence([*used, *([("group", group, "")] if group else [])], table.unread),
         (*table.facts, *table.warnings),
     )

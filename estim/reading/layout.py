@@ -43,14 +43,8 @@ from estim.reading.table import (
 _ONE_COLUMN = ";"  # stands in no row then
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(\s*(±|\+/?-)\s*\d+(,\d+)?|\(\d+(,\d+)?\))?", re.ASCII)
 _RULE = re.compile(r"[-=_+|\s]+")  # a line drawn below the header
-_UNITS = (
-    "s ms us ns ps min h d m cm mm um nm km kg g mg N mN kN Pa hPa kPa MPa bar mbar J mJ "
-    "kJ eV keV MeV W mW kW V mV kV uV A mA uA nA pA Ohm ohm kOhm "
-    "Hz kHz MHz GHz K C F H uF nF pF mH uH T mT uT G Wb lx cd lm dB Bq kBq Sv mol l L ml "
-    "mL deg rad mrad sr px frame frames counts count arb a.u. au "
-    "% ° °C °F Ω kΩ MΩ Å ′ ″ 1"
-)
-_SYMBOLS = frozenset(_UNITS.split()) - {"1"}
+# in a line of units, beside those whose size is known
+_FURTHER_UNITS = {"px", "frame", "frames", "count", "counts", "arb", "a.u.", "au", "dB"}
 _NO_UNIT = {"1", "-", "--", "–", "—", "dimensionless", "unitless", "none", "n/a"}
 _NUMBER_FIRST = re.compile(r"(?!1\s*/|10\s*[\^⁻⁰¹²³⁴⁵⁶⁷⁸⁹])[+-]?[.,]?\d")  # but 1/s, 10^-3 N
 _BEGINS_WITH_A_NUMBER = re.compile(r"\W{0,3}\d")
@@ -73,8 +67,6 @@ _SUMS = {
     "desviación estándar",
 }
 _EXTREMES = {"min", "max", "minimum", "maximum", "mín", "máx"}  # Max may be a person
-_SEPARATORS = re.compile(r"[/*·⋅^ ()\[\]]|[-−]?\d+|[⁻¹²³]+")
-
 _LONG_WORD = re.compile(r"[^\W\d_]{3}")
 _LETTER = re.compile(r"[^\W\d_]")
 _NAMED_BY_A_NUMBER = re.compile(  # 10 periods (s), 2θ (°), 1/T (1/K), 1/T
@@ -121,7 +113,7 @@ def read_layout(path: Path, dialect: Dialect, *, needed: Sequence[str] = ()) -> 
     if any(_is_a_row(row, like=split[-1]) for row in ends):
         split += ends
         ends = []
-    if dialect.columns is None and dialect.header is None and _is_transposed(split):
+    if dialect.columns is None and _is_transposed(split):
         split = _transposed(split)
         facts.append(phrase("names of the columns stand in the first cell of each line"))
     else:
@@ -137,26 +129,10 @@ def read_layout(path: Path, dialect: Dialect, *, needed: Sequence[str] = ()) -> 
                 lines=below_it,
             )
         )
-    split, thousands = _without_thousands(split, dialect)
-    facts += thousands
-    start = _start(split, delimiter) if dialect.header is None else int(dialect.header)
+    start = _start(split, delimiter)
     above = split[:start]
     percent = any(row.line.lstrip().startswith("%") for row in above)
     rows = [row for row in split[start:] if not (percent and row.line.lstrip().startswith("%"))]
-    heads = [
-        cells
-        for row in above
-        if len(cells := _trimmed(row.cells)) > 1 and not any(map(holds_a_value, cells))
-    ]
-    repeated = [row for row in rows if _trimmed(row.cells) in heads]
-    if repeated:
-        rows = [row for row in rows if row not in repeated]
-        same = line_numbers([row.number for row in repeated])
-        facts.append(
-            phrase("lines that repeat the head of the table were not read ({lines})", lines=same)
-        )
-    if not rows:
-        raise InputError("has no rows of numbers below the line of names")
     names, header_line, units = _header(above, below, rows, delimiter, dialect, needed)
     if not names:
         for width in [n for row in above if (n := len(_trimmed(row.cells))) > 1]:
@@ -286,37 +262,6 @@ def _transposed(rows: Sequence[Row]) -> list[Row]:
     width = max(len(_trimmed(row.cells)) for row in rows)
     cells = [[*row.cells, *[""] * width][:width] for row in rows]
     return [Row(i, "\t".join(row), list(row)) for i, row in enumerate(zip(*cells, strict=True), 1)]
-
-
-def _without_thousands(rows: list[Row], dialect: Dialect) -> tuple[list[Row], list[str]]:
-    """Rows without marks between thousands, where the decimal mark is stated and a number has both:
-    1.234,5.  Alone, 1.234 shows nothing, and is left as it is.
-    """
-    if dialect.decimal is None:
-        return rows, []
-    mark, part = (",", r"[. '\u00a0\u202f]") if dialect.decimal == "comma" else (".", "[, ']")
-    grouped = re.compile(rf"[+-]?[1-9]\d{{0,2}}({part})\d{{3}}(\1\d{{3}})*(\{mark}\d*)?", re.ASCII)
-    matches = [
-        (row, cell, match)
-        for row in rows
-        for cell in row.cells
-        if (match := grouped.fullmatch(cell)) and match[3]
-    ]
-    if not matches:
-        return rows, []
-    row, cell, match = matches[0]
-
-    def ungrouped(cell: str) -> str:
-        own_match = grouped.fullmatch(cell)
-        return cell.replace(match[1], "") if own_match and own_match[1] == match[1] else cell
-
-    note = phrase(
-        "'{mark}' parts thousands, as in {cell} (line {line})",
-        mark=match[1],
-        cell=cell,
-        line=row.number,
-    )
-    return [row._replace(cells=[ungrouped(cell) for cell in row.cells]) for row in rows], [note]
 
 
 def _is_one_column(lines: Lines, dialect: Dialect) -> bool:
@@ -514,7 +459,7 @@ def _header(
         row = next(row for row in rows if len(row.cells) != width)
         return cells_differ(row, width, delimiter)
 
-    if not dialect.header and above:
+    if above:
         _refuse_half_a_row(above, fits)
     if dialect.columns is not None:
         if not fits(dialect.columns):
@@ -525,11 +470,6 @@ def _header(
                 line=rows[0].number,
             )
         return dialect.columns, None, []
-    if dialect.header:
-        cells = _trimmed(_cells(above[0].line.strip().lstrip("%# "), delimiter)[columns])
-        if not fits(cells):
-            raise odd_row(len(cells))
-        return tuple(cells), above[0].number, []
     units: list[str] = []
     for i, (number, line, untrimmed) in reversed(list(enumerate(above))):
         percent = line.lstrip().startswith("%")
@@ -603,25 +543,19 @@ def _all_in(needed: Sequence[str], cells: Sequence[str]) -> bool:
 
 def _are_units(cells: Sequence[str]) -> bool:
     """Whether a line below the names holds units alone."""
-    return all(_is_in_symbols(unit) for cell in cells if (unit := _unit_in(cell))) and any(
-        cell not in ("", "1") for cell in cells
+    units = {*map(_unit_in, cells)} - {"", "1"}
+    known = all(
+        unit in _FURTHER_UNITS
+        or (is_unit(unit) and unit != "t" and not _NUMBER_FIRST.match(unit))  # t is rather a name
+        for unit in units
     )
+    return known and any(cell not in ("", "1") for cell in cells)
 
 
 def _unit_in(cell: str) -> str:
     """The unit in a cell below a name, without brackets; "1" for a pure number."""
     unit = cell.strip("()[] ")
     return "1" if unit.lower() in _NO_UNIT else unit
-
-
-def _is_in_symbols(unit: str) -> bool:
-    """Whether a unit is made of symbols that are known."""
-    words = [part for part in _SEPARATORS.split(unit.replace("µ", "u").replace("μ", "u")) if part]
-    return unit == "1" or (
-        _NUMBER_FIRST.match(unit) is None
-        and bool(words)
-        and all(word in _SYMBOLS for word in words)
-    )
 
 
 def cells_differ(row: Row, width: int, delimiter: str) -> InputError:
