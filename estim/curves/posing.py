@@ -29,12 +29,10 @@ def pose_points(
     deviation: float = 0.0,
     correlated: ArrayLike | bool = False,
     level: str = "",
-    inherited: Collection[str] = (),
     further_points: Sequence[Points] = (),
 ) -> CurveProblem:
     """The problem of one data set, with starts found from its points where none is given.
 
-    inherited : parameters whose starts come from the points of other data sets.
     further_points : x, y and u_y of other data sets of the same curve, that help to find starts.
     settings : of the parameters of its curve.
     level : behind the names of what is unknown of its errors.  Raises InputError.
@@ -64,7 +62,6 @@ def pose_points(
         errors,
         deviation=deviation,
         correlated=correlated,
-        chosen={*begin} - {*start} | {*inherited},
         level=level,
     )
     if named is None:
@@ -89,8 +86,7 @@ def pose_sets(
 
     settings : data set -> those of its parameters.  arguments : the parameters of its curve; own :
         those of them that no other data set shares.
-    pose : makes the problem of one data set from its name, settings, `inherited` and
-        `further_points`.
+    pose : makes the problem of one data set from its name, settings and `further_points`.
     known_starts : parameter -> start that is known already.  A shared parameter then starts where
         the first data set put it, as it does where all points are pooled.  None: each data set
         finds its own starts.
@@ -107,7 +103,6 @@ def pose_sets(
         parts[name] = pose(
             name,
             replace(of_set, start={**of_set.start, **inherited}),
-            inherited=inherited,
             further_points=further_points,
         )
         if known_starts is not None:
