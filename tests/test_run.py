@@ -250,7 +250,7 @@ REFUSED = {
     "only comments": ("# nothing\n\n# here\n", "a.csv: has no rows of numbers"),
     "no header": (
         table().split("\n", 1)[1],
-        "a.csv:1: 'header' has no line of column names: name its 2 columns from left to right",
+        "a.csv:1: 'header' has no line of column names: name all 2 from left to right",
     ),
     "unknown column": (
         table("t_s,x_cm"),

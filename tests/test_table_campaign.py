@@ -601,7 +601,7 @@ def test_a_copied_row_is_told_where_the_result_is(tmp_path: Path, command: list[
             standalone_mode=False,
         )
         assert (
-            "line 6 is identical to line 5: if it is a copy, it is counted twice, so remove it"
+            "rows identical to an earlier one: 6 (a copy is counted twice, so remove it)"
             in done.output
         ) == told, done.output
 

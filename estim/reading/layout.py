@@ -5,11 +5,9 @@ above them.
 from __future__ import annotations
 
 import csv
-import math
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from statistics import fmean, median, stdev
 
 from estim.common import InputError, in_its_file, is_unit, phrase
 from estim.reading.cell_formats import holds_a_value, in_plain_numbers
@@ -41,7 +39,6 @@ from estim.reading.table import (
 )
 
 _ONE_COLUMN = ";"  # stands in no row then
-_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(\s*(±|\+/?-)\s*\d+(,\d+)?|\(\d+(,\d+)?\))?", re.ASCII)
 _RULE = re.compile(r"[-=_+|\s]+")  # a line drawn below the header
 # in a line of units, beside those whose size is known
 _FURTHER_UNITS = {"px", "frame", "frames", "count", "counts", "arb", "a.u.", "au", "dB"}
@@ -54,7 +51,7 @@ _COMMENT = re.compile(r"comments?", re.IGNORECASE)  # LabVIEW names a column tha
 _OF_SUMS = (
     "mean average avg median sum total stdev stddev mittelwert mittel summe gesamt durchschnitt "
     "standardabweichung media promedio mediana suma moyenne somme std sd sem stabw stabwn "
-    "std.dev. variance varianz"
+    "std.dev. variance varianz min max minimum maximum mín máx"
 )
 _SUMS = {
     *_OF_SUMS.split(),
@@ -66,7 +63,6 @@ _SUMS = {
     "st. dev.",
     "desviación estándar",
 }
-_EXTREMES = {"min", "max", "minimum", "maximum", "mín", "máx"}  # Max may be a person
 _LONG_WORD = re.compile(r"[^\W\d_]{3}")
 _LETTER = re.compile(r"[^\W\d_]")
 _NAMED_BY_A_NUMBER = re.compile(  # 10 periods (s), 2θ (°), 1/T (1/K), 1/T
@@ -184,48 +180,30 @@ def _footer(lines: Lines) -> tuple[Lines, Lines]:
 def _without_sums(rows: list[Row]) -> tuple[list[Row], list[Row]]:
     """The rows, and those at the end that are labelled as the mean, the sum and so on of the
     others, where no other row is.
+
+    Raises InputError where such a label stands among others and may be that of a reading.
     """
-    if not _sum_word(rows[-1]):
-        return rows, []
     words = [_sum_word(row) for row in rows]
     end = next((i for i, word in enumerate(words) if word), len(rows))
     last = words[end:]
-    alone = all(last) and len(set(last)) == len(last) and 2 * end > len(rows)
-    alone = alone and all(_sums_up(row, rows[:end]) for row in rows[end:])
-    return (rows[:end], rows[end:]) if alone else (rows, [])
-
-
-def _sums_up(row: Row, above: Sequence[Row]) -> bool:
-    """Whether a row that calls itself a mean, a sum and so on says so where other rows have a
-    number, or has such a number of one column, to 1 %: else the word may be a label.
-    """
-    for i, cell in enumerate(row.cells):
-        column = [other.cells[i] for other in above if i < len(other.cells)]
-        numbers = [value for text in column if (value := _plain_number(text)) is not None]
-        word = cell.strip(" :=").casefold()
-        if word in _SUMS | _EXTREMES and 2 * len(numbers) >= len(column) > 0:
-            return True
-        if word in _EXTREMES:
-            return False
-        value = _plain_number(cell)
-        if value is not None and len(numbers) > 1:
-            known = (fmean(numbers), math.fsum(numbers), median(numbers), stdev(numbers))
-            if any(abs(value - sum_) <= 0.01 * abs(sum_) for sum_ in known):
-                return True
-    return False
-
-
-def _plain_number(text: str) -> float | None:
-    try:
-        return float(text.strip().replace(",", "."))
-    except ValueError:
-        return None
+    if not all(last) or len(set(last)) < len(last) or 2 * end <= len(rows):
+        return rows, []
+    for row, word in zip(rows[end:], last, strict=True):
+        place = [cell.strip(" :=").casefold() for cell in row.cells].index(word)
+        above = [other.cells[place : place + 1] for other in rows[:end]]
+        if 2 * sum(any(map(looks_like_a_number, cells)) for cells in above) < len(above):
+            rule = (
+                f"may be a reading, or the {word} of those above it: put a # before the line, or "
+                "give the reading another name"
+            )
+            raise InputError(rule, field="row", value=row.line.strip(), line=row.number)
+    return rows[:end], rows[end:]
 
 
 def _sum_word(row: Row) -> str:
     """The label of a row with a value, if it is mean, sum and so on."""
     words = (cell.strip(" :=").casefold() for cell in row.cells)
-    word = next((word for word in words if word in _SUMS | _EXTREMES), "")
+    word = next((word for word in words if word in _SUMS), "")
     return word if any(map(holds_a_value, row.cells)) else ""
 
 
@@ -265,32 +243,23 @@ def _transposed(rows: Sequence[Row]) -> list[Row]:
 
 
 def _is_one_column(lines: Lines, dialect: Dialect) -> bool:
-    """Whether each row is one number, perhaps with a decimal comma and its uncertainty: as stated,
-    or as a name with its unit above them shows, `t (s)` or `t in s`.
+    """Whether each row is one value, as a name with its unit above them shows, `t (s)` or `t in s`;
+    or the last one is, and the comma is the decimal mark.
     """
-
-    def has_comma(line: str) -> bool:
-        return dialect.decimal != "point" and bool(_DECIMAL_COMMA.fullmatch(line.strip()))
-
-    above = [line for _, line in lines if not (has_comma(line) or holds_a_value(line.strip()))]
-    last = lines[-1][1]
-    if last in above[-1:]:
+    above = [line for _, line in lines if not holds_a_value(line.strip())]
+    if lines[-1][1] in above[-1:]:
         return False
     named = len(above) == 1 and "," not in above[0] and is_unit(name_and_unit(above[0])[1])
-    return named or (dialect.decimal == "comma" and has_comma(last))
+    return named or dialect.decimal == "comma"
 
 
 def _no_names(first: Row, delimiter: str) -> InputError:
     """The error for a table whose columns have no names."""
-    width = len(first.cells)
     rule = (
-        f"has no line of column names: name its {width} columns from left to right "
-        "(--columns a,b,...; columns = [...] in a campaign)"
-        if width > 1
-        else "has no line with the name of its column: give it one (--columns a; columns = "
-        '["a"] in a campaign)'
+        f"has no line of column names: name all {len(first.cells)} from left to right (--columns "
+        "a,b,...; columns = [...] in a campaign)"
     )
-    if delimiter == "," and width == 2:
+    if delimiter == ",":
         rule += (
             "; the comma is taken to part the cells: if it is the decimal mark, say --decimal "
             'comma (decimal = "comma" in a campaign)'

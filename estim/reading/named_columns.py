@@ -8,7 +8,7 @@ reports them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -69,7 +69,7 @@ def _columns(
     rows = [row._replace(cells=_cells_of(row, layout)) for row in layout.rows]
     mark = decimal_mark(layout, rows, indices)
     numbers, values, left_out = [], [], dict[str, list[int]]()
-    lines, copies = dict[tuple[str, ...], int](), dict[int, int]()
+    lines, copies = set[tuple[str, ...]](), list[int]()
     for row in rows:
         cells = {name: row.cells[index] for name, index in zip(needed, indices, strict=True)}
         empty = [name for name, cell in cells.items() if is_missing(cell)]
@@ -77,8 +77,9 @@ def _columns(
         if blank is not None:
             left_out.setdefault(blank, []).append(row.number)
             continue
-        if (first := lines.setdefault(tuple(row.cells), row.number)) != row.number:
-            copies[row.number] = first
+        if tuple(row.cells) in lines:
+            copies.append(row.number)
+        lines.add(tuple(row.cells))
         numbers.append(row.number)
         values.append(
             [
@@ -218,31 +219,18 @@ def _left_out(name: str, lines: Sequence[int]) -> str:
     )
 
 
-def _copied(copies: Mapping[int, int], table: FloatArray) -> list[str]:
+def _copied(copies: Sequence[int], table: FloatArray) -> list[str]:
     """The warning about lines that repeat an earlier one in every cell, where no other value of the
     first of several columns stands twice.
-
-    copies : line -> the earlier one.
     """
     if not copies or table.shape[1] < 2 or np.unique(table[:, 0]).size < len(table) - len(copies):
         return []
-    if len(copies) == 1:
-        ((line, first),) = copies.items()
-        return [
-            phrase(
-                "line {line} is identical to line {first}: if it is a copy, it is counted "
-                "twice, so remove it",
-                line=line,
-                first=first,
-            )
-        ]
-    words = phrase(
-        "{n} rows are identical to an earlier one (lines {lines}): if they are copies, "
-        "they are counted twice, so remove them",
-        n=len(copies),
-        lines=line_numbers(list(copies)),
-    )
-    return [words]
+    return [
+        phrase(
+            "rows identical to an earlier one: {lines} (a copy is counted twice, so remove it)",
+            lines=line_numbers(copies),
+        )
+    ]
 
 
 def columns_sentence(read: Sequence[tuple[str, str, str]], unread: Sequence[str]) -> str:
