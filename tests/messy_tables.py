@@ -280,6 +280,6 @@ MESSY = {
             "",
             *_rows(lambda t, u: f"{t}\t{u}"),
         ),
-        ("--x", "Time", "--y", "Voltage"),
+        ("--x", "t", "--y", "U"),
     ),
 }

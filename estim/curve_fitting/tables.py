@@ -139,7 +139,7 @@ def read_table(
         raise InputError("must be a file or a data frame", field="source", value=source)
     stated = {"sheet": sheet, "range": range, "decimal": decimal}
     changes: dict[str, Any] = {key: value for key, value in stated.items() if value is not None}
-    layout = read_layout(Path(source), replace(dialect, **changes), needed=columns or ())
+    layout = read_layout(Path(source), replace(dialect, **changes))
     names = list(columns or numeric_columns(layout))
     table = table_of(layout, names, 1)
     keys = _keys(names)

@@ -185,7 +185,7 @@ def straight_line(
     correlated : errors that points share.
     """
     stated = correlated or LineCovariances()
-    layout = read_layout(path, dialect, needed=[name for name in (columns.x, columns.y) if name])
+    layout = read_layout(path, dialect)
     columns = _with_axes(columns, layout)
     candidates = [name for name in layout.names if columns.x in (name, bare_name(name))]
     if columns.x == columns.y and len(candidates) < 2:

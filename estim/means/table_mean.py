@@ -52,7 +52,7 @@ def mean_of_table(
         beside groups.  group : column that names the group of a reading, in any words.
     Raises InputError with file, line, column, rule and value.
     """
-    layout = read_layout(path, dialect, needed=[name for name in (y, u_y, group) if name])
+    layout = read_layout(path, dialect)
     names = [bare_name(name) for name in value_columns(layout, (u_y, group))]
     if y is None and len(names) != 1:
         rule = "must be named by --y"

@@ -21,7 +21,6 @@ from estim.reading.cells import (
 from estim.reading.dialect import (
     Dialect,
     bare_name,
-    is_column,
     is_uncertainty,
     name_and_unit,
     names_and_units,
@@ -72,9 +71,9 @@ _NAMED_BY_A_NUMBER = re.compile(  # 10 periods (s), 2θ (°), 1/T (1/K), 1/T
 
 
 @in_its_file
-def read_layout(path: Path, dialect: Dialect, *, needed: Sequence[str] = ()) -> Layout:
-    """How the table at `path` is laid out.  needed : names of columns that distinguish the header
-    from other lines.  Raises InputError, also where the columns have no names.
+def read_layout(path: Path, dialect: Dialect) -> Layout:
+    """How the table at `path` is laid out.  Raises InputError, also where the columns have no
+    names.
     """
     source = read_source(path, dialect)
     lines = numbered_lines(source.text)
@@ -129,7 +128,7 @@ def read_layout(path: Path, dialect: Dialect, *, needed: Sequence[str] = ()) -> 
     above = split[:start]
     percent = any(row.line.lstrip().startswith("%") for row in above)
     rows = [row for row in split[start:] if not (percent and row.line.lstrip().startswith("%"))]
-    names, header_line, units = _header(above, below, rows, delimiter, dialect, needed)
+    names, header_line, units = _header(above, below, rows, delimiter, dialect)
     if not names:
         for width in [n for row in above if (n := len(_trimmed(row.cells))) > 1]:
             odd = [row for row in rows if len(_trimmed(row.cells)) != width]
@@ -402,12 +401,7 @@ def _trimmed(cells: list[str]) -> list[str]:
 
 
 def _header(
-    above: Sequence[Row],
-    below: Lines,
-    rows: Sequence[Row],
-    delimiter: str,
-    dialect: Dialect,
-    needed: Sequence[str],
+    above: Sequence[Row], below: Lines, rows: Sequence[Row], delimiter: str, dialect: Dialect
 ) -> tuple[tuple[str, ...], int | None, list[str]]:
     """Names of the columns, their line, and the cells of a line of units below it.  above : lines
     over the numbers, which stand in `rows`; below : all lines with comments.
@@ -422,11 +416,6 @@ def _header(
 
     def are_names(cells: Sequence[str]) -> bool:
         return fits(cells) and not any(map(looks_like_a_number, cells))
-
-    def odd_row(width: int) -> InputError:
-        """The error for the first row that has another number of cells than there are names."""
-        row = next(row for row in rows if len(row.cells) != width)
-        return cells_differ(row, width, delimiter)
 
     if above:
         _refuse_half_a_row(above, fits)
@@ -450,15 +439,9 @@ def _header(
         if _RULE.fullmatch(line) or (percent and not are_names(cells)):
             continue
         over = _trimmed(above[i - 1].cells) if i else []
-        of_units = _are_units(untrimmed) and fits(untrimmed)
-        below_names = of_units or (
-            are_names(cells) and _all_in(needed, over) and not _all_in(needed, cells)
-        )
-        if fits(over) and below_names and not (units and of_units):
-            units = units or (untrimmed if of_units else cells)
+        if not units and fits(over) and fits(untrimmed) and _are_units(untrimmed):
+            units = untrimmed
             continue
-        if not are_names(cells) and any(name in cells for name in needed):
-            raise odd_row(len(cells))
         return (tuple(cells), number, units) if are_names(cells) else ((), None, [])
     comments = [
         (number, line.lstrip("# \t").rstrip())
@@ -506,10 +489,6 @@ def _is_named_by_a_number(cell: str) -> bool:
     )
 
 
-def _all_in(needed: Sequence[str], cells: Sequence[str]) -> bool:
-    return bool(needed) and all(is_column(name, cells) for name in needed)
-
-
 def _are_units(cells: Sequence[str]) -> bool:
     """Whether a line below the names holds units alone."""
     units = {*map(_unit_in, cells)} - {"", "1"}
@@ -532,15 +511,10 @@ def cells_differ(row: Row, width: int, delimiter: str) -> InputError:
     cells = len(row.cells)
     # a blank last cell has no comma
     commas = delimiter == "," and 2 * width - (width > 2) <= cells <= 2 * width
-    cure = (
-        '--decimal comma; decimal = "comma" in a campaign'
-        if width == 1
-        else "write decimal points, or separate the cells by semicolons"
-    )
     hint = ""
     if commas:
-        hint = f" (decimal commas? {cure})"
+        hint = " (decimal commas? write decimal points, or separate the cells by semicolons)"
     elif cells == 1 and _BEGINS_WITH_A_WORD.match(row.line):
         hint = " (a remark? Put a # before it)"
-    rule = f"must have {width} {'cell' if width == 1 else 'cells'}, not {cells}{hint}"
+    rule = f"must have {width} cells, not {cells}{hint}"
     return InputError(rule, field="row", value=row.line.strip(), line=row.number)

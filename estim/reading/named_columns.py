@@ -38,7 +38,7 @@ def read_columns(
     Raises InputError with file, line, field, rule and value; where the file may be read in two
     ways, the rule names the key that resolves it.
     """
-    return table_of(read_layout(path, dialect, needed=needed), needed, min_rows)
+    return table_of(read_layout(path, dialect), needed, min_rows)
 
 
 def table_of(
@@ -135,7 +135,7 @@ def read_known_columns(
     it is left out.  Raises InputError as `read_columns` does, and where a column has an uncertain
     place or another unit than its name states.
     """
-    layout = read_layout(path, dialect, needed=known)
+    layout = read_layout(path, dialect)
     called = {name: ours for name in layout.names if (ours := own_name(name)) in known}
 
     def refused(rule: str, field: str, value: str | None = None, quoted: str = "") -> InputError:
