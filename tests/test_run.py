@@ -160,16 +160,6 @@ def test_no_other_mark_ends_a_row(write, mark):
         read_run(write(table().replace("0.2,0.009\n", f"0.2,0.009{mark}0.25,0.012\n")), name="one")
 
 
-def test_a_carriage_return_alone_does_not_end_a_comment_among_other_lines(write):
-    for names in ("t_s,x_m", "t,x"):
-        with pytest.raises(
-            InputError,
-            match=r"^a\.csv:9: 'row' must not follow a comment after a carriage return alone",
-        ):
-            read_run(write(table(names) + "# again\r0.6,99\n"), name="one")
-    assert read_run(write(table() + "# again\r\r\n"), name="one").n_row == 6
-
-
 COMMAS = [
     ("t_s,x_m,_n", "0,5,1"),
     ("t_s,x_m,_n,_m", "0,5,1,2"),
