@@ -511,7 +511,8 @@ MISTAKES = {
         "table, not true or false"),
     "unreadable quantity": (
         'phi_deg = "4.0(4)"', 'phi_deg = "about 4"', "phi_deg",
-        "'phi_deg' must be a number as 4.0, or read like \"4.0 +/- 0.4\" or \"4.0(4)\": about 4",
+        "'phi_deg' must be a number as 4.0, or read like \"4.0 +/- 0.4\" or \"4.0(4)\", without "
+        "a unit: about 4",
     ),
     "number that is none": ("g = 9.81", "g = nan", "g =", "'g' must be finite: nan"),
     "unknown body": (

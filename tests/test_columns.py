@@ -91,7 +91,7 @@ def test_a_table_is_read_as_it_is_written(
         (
             "t;y\n1,5;1\n2.5;2\n",
             {"decimal": "comma"},
-            "a.csv:3: 't' must be a number with a decimal comma, not a point: 2.5",
+            "a.csv:3: 't' must be a number .as 1234,5 or 2e3; .*: 2.5",
         ),
         (
             "t;y\n1.234,5;1\n2.345,5;2\n",
@@ -101,14 +101,14 @@ def test_a_table_is_read_as_it_is_written(
         (
             "t;y\n1;2\n1 000;3\n1;2\n",
             {},
-            "a.csv:3: 't' must be a number without marks between thousands: 1 000",
+            "a.csv:3: 't' must be a number .as 1234.5 or 2e3; .*: 1 000",
         ),
         ("t,y\n0,5,1,2\n1,0,2,0\n", {}, r"a.csv:2: 'row' must have 2 cells, not 4 \(decimal"),
         ("t,y,n\n1,2,3\n4,5,6\n", {}, "a.csv:2: 'row' may hold decimal commas: .* --decimal point"),
         (
             "0.1\t0.2\t3\n0.1\t0.2\t3\n",
             {},
-            r"a.csv:1: 'header' has no line of column names: name its 3 columns .*--columns "
+            r"a.csv:1: 'header' has no line of column names: name all 3 .*--columns "
             r"a,b,\.\.\.; columns = ",
         ),
         (
@@ -128,7 +128,11 @@ def test_a_table_is_read_as_it_is_written(
             {},
             "a.csv:2: 'row' is a row with another number of cells .*--skip-rows",
         ),
-        ("t,y\n13:00,1\n13:01,2\n", {}, r"a.csv:2: 't' must be a number .*, as 13:05:00\): 13:00"),
+        (
+            "t,y\n13:00,1\n13:01,2\n",
+            {},
+            r"a.csv:2: 't' must be a number .* a time as 13:05:00\): 13:00",
+        ),
         ("t,y\n0.1,1\n0.2,2\n0.3,3\n0.4,4,1\n", {}, "a.csv:5: 'row' must have 2 cells, not 3: 0.4"),
         ("t,y\n0.1,1x\n0.2,2\n0.3,2\n", {}, "a.csv:2: 'row' must be a row of numbers"),
         (
@@ -136,13 +140,13 @@ def test_a_table_is_read_as_it_is_written(
             {},
             "a.csv:2: 'row' must be a row of numbers.* names, which begin with a letter",
         ),
-        ("t,y\n0.1,1\n0.2,2x\n0.3,2\n", {}, "a.csv:3: 'y' must be a number: 2x"),
+        ("t,y\n0.1,1\n0.2,2x\n0.3,2\n", {}, "a.csv:3: 'y' must be a number .*: 2x"),
         (
             "t,y\n0.1,1\n0.2,2x10^3\n0.3,2\n",
             {},
-            r"a.csv:3: 'y' must be a number \(a power of ten is written as in 2e3\): 2x10\^3",
+            r"a.csv:3: 'y' must be a number \(as 1234.5 or 2e3; .*\): 2x10\^3",
         ),
-        ("t,y\n0,1\n% 1,2\n1,3\n2,3\n", {}, "a.csv:3: 't' must be a number: % 1"),
+        ("t,y\n0,1\n% 1,2\n1,3\n2,3\n", {}, "a.csv:3: 't' must be a number .*: % 1"),
         (
             "t,y\n0,inf\n1,3\n2,3\n",
             {},
@@ -151,7 +155,9 @@ def test_a_table_is_read_as_it_is_written(
         ("t,y\n", {}, "a.csv:1: 'row' must hold cells that are numbers"),
         (b"PK\x03\x04 and so on", {}, "a.csv: cannot be read as an archive"),
         (b"t,y\n1,2\n\xff\n", {"encoding": "utf-8"}, "'encoding' cannot be read as utf-8"),
-        ("t,y\n1,2\n2,3\n", {"header": True, "skip_rows": 3}, "a.csv: has no rows of numbers"),
+        ("t,y\n1,2\n2,3\n", {"skip_rows": 3}, "a.csv: has no rows of numbers"),
+        ("t;y\n0;2.030,5\n1;4.980,0\n", {"decimal": "comma"}, "a.csv:2: 'y' must be a number .*"),
+        ("t,y\n0.5,2\n1,3\nt,y\n2,4\n", {}, "a.csv:4: 't' must be a number: t"),
     ],
 )
 def test_what_may_be_read_in_two_ways_is_one_line_with_the_cure(
@@ -168,8 +174,6 @@ def test_what_may_be_read_in_two_ways_is_one_line_with_the_cure(
         ({"delimiter": "%"}, "'delimiter' must be one of tab"),
         ({"skip_rows": -1}, "'skip_rows' must be"),
         ({"columns": ("a", "a")}, "'columns' must name"),
-        ({"header": False}, "'columns' is missing"),
-        ({"columns": ("a", "b"), "header": True}, "'header' cannot be true"),
     ],
 )
 def test_a_dialect_that_makes_no_sense_is_refused(said: dict, says: str) -> None:
@@ -397,22 +401,20 @@ def test_uncertainties_stand_in_cells_or_in_a_column(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("head", "cells", "says"),
+    ("head", "cells", "unit"),
     [
-        ("x", ["20.0 °C", "30.0 °C", "313.15 K"], "must be in °C, as the cells above it"),
-        ("x (°C)", ["20", "30", "313.15 K"], None),
-        ("x (°C)", ["293.15 K", "303.15 K", "313.15 K"], "must be in °C, as the header says"),
-        ("x (K)", ["20.0(5) °C", "30.0(5) °C", "40.0(5) °C"], "must be in K, as the header says"),
-        ("x", ["1.0 Hz", "2.0 rad/s", "3.0 Hz"], "must be in Hz, as the cells above it"),
-        ("x", ["1.0 rad/s", "2.0 rad/s", "3.0 Hz"], "must be in rad/s, as the cells above it"),
-        ("x (Hz)", ["1.0 °/s", "2.0 °/s", "3.0 °/s"], "must be in Hz, as the header says"),
+        ("x", ["20.0 °C", "30.0 °C", "313.15 K"], "°C"),
+        ("x (°C)", ["293.15 K", "303.15 K", "313.15 K"], "°C"),
+        ("x (K)", ["20.0(5) °C", "30.0(5) °C", "40.0(5) °C"], "K"),
+        ("x", ["1.0 Hz", "2.0 rad/s", "3.0 Hz"], "Hz"),
+        ("x", ["1.0 rad/s", "2.0 rad/s", "3.0 Hz"], "rad/s"),
+        ("x (Hz)", ["1.0 °/s", "2.0 °/s", "3.0 °/s"], "Hz"),
+        ("x", ["1.0 mV", "2.0 V", "3.0 V"], "mV"),
     ],
 )
-def test_units_that_no_factor_turns_are_not_mixed(
-    tmp_path: Path, head: str, cells: list[str], says: str | None
-) -> None:
+def test_units_are_not_mixed(tmp_path: Path, head: str, cells: list[str], unit: str) -> None:
     text = "".join(f"{i};{cell}\n" for i, cell in enumerate(cells))
-    with pytest.raises(InputError, match=says):
+    with pytest.raises(InputError, match=f"must be written like the cells .* and in {unit}: "):
         read(tmp_path / "a.csv", f"t;{head}\n{text}", ("x",))
 
 
@@ -421,8 +423,7 @@ def test_units_that_no_factor_turns_are_not_mixed(
     [
         ("x", ["20 °C", "30 deg C", "40 C"], [20, 30, 40]),
         ("x", ["20 °", "30 deg", "40 °"], [20, 30, 40]),
-        ("x", ["1 K", "2 mK", "3 K"], [1, 2e-3, 3]),
-        ("x", ["1 Hz", "2 s^-1", "3 kHz"], [1, 2, 3000]),
+        ("x", ["1 Hz", "2 s^-1", "3 Hz"], [1, 2, 3]),
         ("u_x (K)", ["1 °C", "2 °C", "3 K"], [1, 2, 3]),
     ],
 )
@@ -446,8 +447,6 @@ SUMMED = ["n;t;y", "1;1,5;2,5", "2;2,5;3,5", "3;3,5;4"]
         ([*SUMMED, ";;", "Total;7,5;10"], "6"),
         ([*SUMMED, "Mittelwert;2,5;3,33", "Stabw;1;0,76"], "5, 6"),
         ([*SUMMED, "", "min;1,5;2,5", "Max:;3,5;4"], "6, 7"),
-        (["n;t;y", "a;1,5;2,5", "b;2,5;3,5", "c;3,5;4", "Average;2,5;3,33"], "5"),
-        (["t;y;n", "1,5;2,5;", "2,5;3,5;", "3,5;4;", "2,5;3,33;mean value"], "5"),
     ],
 )
 def test_a_row_of_means_or_sums_is_no_reading(tmp_path: Path, rows: list[str], lines: str) -> None:
@@ -464,9 +463,6 @@ def test_a_row_of_means_or_sums_is_no_reading(tmp_path: Path, rows: list[str], l
         ["n;t;y", "sum;1,5;2,5", "mean;2,5;3,5", "c;3,5;4"],
         ["n;t;y", "a;1,5;2,5", "mean;2,5;3,5", "b;3,5;4", "mean;3,5;4"],
         ["n;t;y", "sum;1,5;2,5", "mean;2,5;3,5", "total;3,5;4"],
-        ["level;t;y", "baja;1,5;2,5", "alta;2,5;3,5", "media;9,5;4"],
-        ["t;y;n", "1,5;2,5;", "2,5;3,5;", "3,5;4;sum"],
-        ["n;t;y", "Anna;1,5;2,5", "Eva;2,5;3,5", "Max;2,0;3,0"],
     ],
 )
 def test_rows_that_are_called_so_among_others_are_read(tmp_path: Path, rows: list[str]) -> None:
@@ -474,15 +470,28 @@ def test_rows_that_are_called_so_among_others_are_read(tmp_path: Path, rows: lis
     assert len(found["y"]) == len(rows) - 1
 
 
+@pytest.mark.parametrize(
+    "rows",
+    [
+        ["n;t;y", "a;1,5;2,5", "b;2,5;3,5", "c;3,5;4", "Average;2,5;3,33"],
+        ["t;y;n", "1,5;2,5;", "2,5;3,5;", "3,5;4;", "2,5;3,33;mean value"],
+        ["level;t;y", "baja;1,5;2,5", "alta;2,5;3,5", "media;9,5;4"],
+        ["n;t;y", "Anna;1,5;2,5", "Eva;2,5;3,5", "Max;2,0;3,0"],
+    ],
+)
+def test_what_may_be_a_mean_or_a_reading_is_asked(tmp_path: Path, rows: list[str]) -> None:
+    with pytest.raises(InputError, match=rf"a.csv:{len(rows)}: 'row' may be a reading, or the "):
+        read(tmp_path / "a.csv", "\n".join(rows) + "\n")
+
+
 COPIES = [
     (
         "t,y\n1,5\n2,6\n2,6\n3,7\n",
-        "line 4 is identical to line 3: if it is a copy, it is counted twice, so remove it",
+        "rows identical to an earlier one: 4 (a copy is counted twice, so remove it)",
     ),
     (
         "t,y\n1,5\n2,6\n3,7\n1,5\n2,6\n",
-        "2 rows are identical to an earlier one (lines 5, 6): if they are copies, they are "
-        "counted twice, so remove them",
+        "rows identical to an earlier one: 5, 6 (a copy is counted twice, so remove it)",
     ),
     ("t;y;n\n1;5;1\n2;6;2\n2;6;3\n3;7;4\n", ""),  # another reading, by its number
     ("t,y\n1,5\n1,6\n2,6\n2,6\n3,7\n", ""),  # readings at the same t

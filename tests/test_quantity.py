@@ -118,29 +118,23 @@ def test_what_is_no_quantity_is_refused(source):
     with pytest.raises(
         InputError,
         match=r"^'phi_deg' must be a number [^\"]+, or read like \"4\.0 \+/- 0\.4\" or "
-        r"\"4\.0\(4\)\": ",
+        r"\"4\.0\(4\)\", without a unit: ",
     ) as caught:
         read_quantity(source, field="phi_deg")
     assert caught.value.value == source.strip()
 
 
 @pytest.mark.parametrize(
-    ("source", "cure"),
+    "source",
     [
-        *((text, "without a unit (it is in that of the key or axis)") for text in (
-            "9.81 m/s2", "9.81 m/s^2", "3.69°", "3.69(40)°", "2.0(1) m/s", "2 %", "4.0 +/- 0.4 mm",
-            "(4.0 ± 0.4) °C", "9,81 m/s²", "5e3 V",
-            "1.5 1/s", "30mV",
-        )),
-        ("2,0(1)", "as 2.0(1)"), ("2,0 ± 0,1", "as 2.0 ± 0.1"), ("0,03", "as 0.03"),
-        ("1,5e-3", "as 1.5e-3"), ("4.0 4.1", "as 4.0"),
-        ("1,2,3", "as 4.0"), ("1/2", "as 4.0"), ("2;3", "as 4.0"), ("1.2.3", "as 4.0"),
+        *("9.81 m/s2", "9.81 m/s^2", "3.69°", "3.69(40)°", "2.0(1) m/s", "2 %", "4.0 +/- 0.4 mm"),
+        *("(4.0 ± 0.4) °C", "9,81 m/s²", "5e3 V", "1.5 1/s", "30mV", "2,0(1)", "2,0 ± 0,1"),
+        *("0,03", "1,5e-3", "4.0 4.1", "1,2,3", "1/2", "2;3", "1.2.3"),
     ],
-)  # fmt: skip
-def test_the_usual_slips_are_told_with_their_cure(source: str, cure: str) -> None:
-    with pytest.raises(InputError) as caught:
+)
+def test_the_usual_slips_are_told_how_a_number_is_written(source: str) -> None:
+    with pytest.raises(InputError, match=r"or \"4.0\(4\)\", without a unit: "):
         read_quantity(source, field="g")
-    assert f"must be a number {cure}, or read like" in caught.value.rule
 
 
 @pytest.mark.parametrize("source", ["nan", "inf", "-inf", "1e400", "4 +/- inf", math.nan, math.inf])

@@ -160,16 +160,6 @@ def test_no_other_mark_ends_a_row(write, mark):
         read_run(write(table().replace("0.2,0.009\n", f"0.2,0.009{mark}0.25,0.012\n")), name="one")
 
 
-def test_a_carriage_return_alone_does_not_end_a_comment_among_other_lines(write):
-    for names in ("t_s,x_m", "t,x"):
-        with pytest.raises(
-            InputError,
-            match=r"^a\.csv:9: 'row' must not follow a comment after a carriage return alone",
-        ):
-            read_run(write(table(names) + "# again\r0.6,99\n"), name="one")
-    assert read_run(write(table() + "# again\r\r\n"), name="one").n_row == 6
-
-
 COMMAS = [
     ("t_s,x_m,_n", "0,5,1"),
     ("t_s,x_m,_n,_m", "0,5,1,2"),
@@ -250,7 +240,7 @@ REFUSED = {
     "only comments": ("# nothing\n\n# here\n", "a.csv: has no rows of numbers"),
     "no header": (
         table().split("\n", 1)[1],
-        "a.csv:1: 'header' has no line of column names: name its 2 columns from left to right",
+        "a.csv:1: 'header' has no line of column names: name all 2 from left to right",
     ),
     "unknown column": (
         table("t_s,x_cm"),
@@ -273,20 +263,24 @@ REFUSED = {
     ),
     "date for a number": (
         _changed(1, (0, "2015-02-27")),
-        "a.csv:3: 't_s' must be a number: 2015-02-27",
+        "a.csv:3: 't_s' must be a number (as 1234.5 or 2e3; a time as 13:05:00): 2015-02-27",
     ),
-    "underscore in a number": (_changed(2, (1, "1_000")), "a.csv:4: 'x_m' must be a number: 1_000"),
+    "underscore in a number": (
+        _changed(2, (1, "1_000")),
+        "a.csv:4: 'x_m' must be a number (as 1234.5 or 2e3; a time as 13:05:00): 1_000",
+    ),
     "digits of another script": (
         _changed(2, (1, "\u0661\u0662")),
-        "a.csv:4: 'x_m' must be a number: \u0661\u0662",
+        "a.csv:4: 'x_m' must be a number (as 1234.5 or 2e3; a time as 13:05:00): \u0661\u0662",
     ),
-    "wide digits": (_changed(2, (1, "\uff11.5")), "a.csv:4: 'x_m' must be a number: \uff11.5"),
+    "wide digits": (
+        _changed(2, (1, "\uff11.5")),
+        "a.csv:4: 'x_m' must be a number (as 1234.5 or 2e3; a time as 13:05:00): \uff11.5",
+    ),
     "text behind quotes": (
         _changed(2, (1, '"1"2')),
         "a.csv:4: 'row' cannot be split into cells (',' expected after '\"'): 0.2,\"1\"2",
     ),
-    "blank cell": (_changed(3, (1, "")), "a.csv:5: 'x_m' must be a number: "),
-    "nan": (_changed(4, (1, "nan")), "a.csv:6: 'x_m' must be a number: nan"),
     "inf": (_changed(5, (1, "-inf")), "a.csv:7: 'x_m' must be a number: -inf"),
     "too large": (_changed(0, (1, "1e999")), "a.csv:2: 'x_m' must be finite: 1e999"),
     "cell too many": (_changed(1, (1, "0.004,9")), "a.csv:3: 'row' must have 2 cells, not 3: "),
@@ -345,7 +339,7 @@ def test_quotes_around_whole_cells_are_read(write):
 def test_many_digits_and_a_letter_are_refused_at_once(write):
     start = time.process_time()
     for header in ("t_s,x_m", "t,x"):
-        with pytest.raises(InputError, match=r":4: 'x(_m)?' must be a number: 111"):
+        with pytest.raises(InputError, match=r":4: 'x(_m)?' must be a number .*: 111"):
             read_run(write(table(header).replace("0.009", "1" * 90_000 + "x")), name="one")
     assert time.process_time() - start < 2.0
 

@@ -256,7 +256,7 @@ def test_a_formula_may_be_one_in_t(table: Path) -> None:
         (["--formula", "a*x", "--delimiter", "%"], "'--delimiter' must be one of tab"),
         (
             ["--formula", "a*x", "--decimal", "point"],
-            r"data.csv:3: 'time \[s\]' must be a number with a decimal point, not a comma",
+            r"data.csv:3: 'time \[s\]' must be a number .as 1234.5 or 2e3",
         ),
         (["--formula", "a*x", "--u-y", "none"], "data.csv:2: 'none' is missing"),
     ],
@@ -338,7 +338,6 @@ def test_a_campaign_says_how_its_tables_are_written(table: Path) -> None:
     for key, says in (
         ("skip_rows = -1", r"c\.toml:14: 'skip_rows' must be"),
         ('columns = ["t", "t"]', r"c\.toml:14: 'columns' must name"),
-        ("header = false", r"c\.toml:\d+: 'columns' is missing"),
         ('decimal = "dot"', r"c\.toml:14: 'decimal' "),
     ):
         path.write_text(f"{text}\n{key}\n")
@@ -602,7 +601,7 @@ def test_a_copied_row_is_told_where_the_result_is(tmp_path: Path, command: list[
             standalone_mode=False,
         )
         assert (
-            "line 6 is identical to line 5: if it is a copy, it is counted twice, so remove it"
+            "rows identical to an earlier one: 6 (a copy is counted twice, so remove it)"
             in done.output
         ) == told, done.output
 

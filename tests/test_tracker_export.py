@@ -210,27 +210,33 @@ REFUSED = {
     "two x": (text(names="t x x v"), "a.txt:2: 'x' occurs twice in the header"),
     "mixed decimals": (
         MIXED,
-        "a.txt:6: 't' must be a number with a decimal comma, not a point: 0.12",
+        "a.txt:6: 't' must be a number (as 1234,5 or 2e3; a time as 13:05:00): 0.12",
     ),
     "mixed decimals in the speeds alone": (
         text().replace("7.500E-01", "7,500E-01"),
-        "a.txt:5: 'v' must be a number with a decimal point, not a comma: 7,500E-01",
+        "a.txt:5: 'v' must be a number (as 1234.5 or 2e3; a time as 13:05:00): 7,500E-01",
     ),
     "nothing below the names": ("t,x,a\n", "a.txt: 'track unnamed' must hold at least 5 points: 0"),
     "decimal commas between commas": (
         text(",", comma=True),
         "(decimal commas? write decimal points, or separate the cells by semicolons): 0,000E+00",
     ),
-    "a date": (text(";").replace("8.000E-02;", "12.mai;"), "a.txt:5: 't' must be a number: 12.mai"),
+    "a date": (
+        text(";").replace("8.000E-02;", "12.mai;"),
+        "a.txt:5: 't' must be a number (as 1234.5 or 2e3; a time as 13:05:00): 12.mai",
+    ),
     "another date": (
         text(";").replace("8.000E-02;", "2019-02-17;"),
-        "a.txt:5: 't' must be a number: 2019-02-17",
+        "a.txt:5: 't' must be a number (as 1234.5 or 2e3; a time as 13:05:00): 2019-02-17",
     ),
     "word": (text().replace("1.300E-01", "far"), "a.txt:5: 'x' must be a number: far"),
-    "underscore": (text().replace("1.300E-01", "1_3"), "a.txt:5: 'x' must be a number: 1_3"),
+    "underscore": (
+        text().replace("1.300E-01", "1_3"),
+        "a.txt:5: 'x' must be a number (as 1234.5 or 2e3; a time as 13:05:00): 1_3",
+    ),
     "thousands": (
         text().replace("1.300E-01", "1,300.5"),
-        "a.txt:5: 'x' must be a number without marks between thousands: 1,300.5",
+        "a.txt:5: 'x' must be a number (as 1234.5 or 2e3; a time as 13:05:00): 1,300.5",
     ),
     "no positions": (
         text(rows=[(t, None, None, v) for t, _, _, v in ROWS]),

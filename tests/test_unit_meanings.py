@@ -62,18 +62,10 @@ def test_angles_are_known_by_every_name_that_they_have() -> None:
     assert not any(map(is_angle, ("%", "1", "°/s", "K", "°C", "month")))
 
 
-def rule_of(
-    text: str,
-    x: str,
-    y: str,
-    stated: str,
-    *,
-    density: bool | None = False,
-    number: float | None = None,
-) -> str | None:
+def rule_of(text: str, x: str, y: str, stated: str, *, density: bool | None = False) -> str | None:
     """What is said of `p` in that formula."""
     return contradiction(
-        read_formula(text), AxisNames("x", x, "y", y), "p", stated, density=density, number=number
+        read_formula(text), AxisNames("x", x, "y", y), "p", stated, density=density
     )
 
 
@@ -81,7 +73,6 @@ def rule_of(
     ("text", "x", "y", "stated", "says"),
     [
         ("s0 + 9.81*sin(p)*x**2/2", "s", "m", "°", "must be in rad"),
-        ("9.81*cos(1.5*p)*x", "s", "m", "mrad", "must be in rad"),
         ("9.81*cos(p*x)", "s", "m", "°/s", "must be in 1/s"),
         ("a*log(x)*sin(p)", "s", "m", "deg", "must be in rad"),
         ("9.81*sin(x + p)", "rad", "m", "°", "must be in rad"),
@@ -130,7 +121,6 @@ def test_a_unit_that_some_reading_allows_is_taken(text: str, x: str, y: str, sta
 def test_a_rule_that_takes_a_number_to_be_pure_says_the_way_out() -> None:
     assert "a number in the formula" in (rule_of("p*x/2", "s", "m", "m") or "")
     assert "a number in the formula" not in (rule_of("p*x", "s", "m", "m") or "")
-    assert "write 0.01 m/s for 1 cm/s" in (rule_of("p*x/2", "s", "m", "cm/s", number=1.0) or "")
     assert rule_of("p*x*b", "m/s²", "N·m", "kg") is None  # the way out
 
 
@@ -204,7 +194,7 @@ def test_units_are_put_together_by_what_they_mean(
 def test_the_sine_of_milliradians_is_refused_as_that_of_degrees() -> None:
     for unit, says in (
         ("mrad", "write the column in radians"),
-        ("Grad", r"write sin\(radians\(2 \* x\)\)"),
+        ("Grad", r"write radians\(\.\.\.\) around it"),
         ("º", "radians"),
     ):
         with pytest.raises(InputError, match=f"takes sin of an angle in {unit}, .*{says}"):
@@ -217,8 +207,10 @@ def test_the_sine_of_milliradians_is_refused_as_that_of_degrees() -> None:
     "text", ["atan(x/a)", "c - 2*asin(x/a)", "arctan2(x, a)/2 + c", "-acos(x/a)"]
 )
 def test_an_arctangent_gives_no_degrees(text: str) -> None:
-    for unit, says in (("°", r"write degrees\(a"), ("mrad", "write the column in radians")):
-        with pytest.raises(InputError, match=f"which is in radians, to give y in {unit}: {says}"):
+    for unit, says in (("°", r"write degrees\("), ("mrad", "write the column in radians")):
+        with pytest.raises(
+            InputError, match=f"gives an angle in radians, and y is in {unit}: {says}"
+        ):
             refuse_degrees(read_formula(text), AxisNames("x", "m", "y", unit))
     refuse_degrees(read_formula(text), AxisNames("x", "m", "y", "rad"))
     refuse_degrees(read_formula(f"degrees({text})"), AxisNames("x", "m", "y", "°"))
@@ -226,7 +218,7 @@ def test_an_arctangent_gives_no_degrees(text: str) -> None:
     refuse_degrees(read_formula(f"180/pi*({text})"), AxisNames("x", "m", "y", "°"))
 
 
-def test_only_numbers_that_somebody_stated_are_turned() -> None:
+def test_a_unit_that_contradicts_the_axes_is_refused_with_any_start() -> None:
     given = {"u_y": 0.1, "axes": AxisNames("t", "s", "s", "m"), "scan": False}
     for start in ({}, {"s0": 1.0}):
         with pytest.raises(
@@ -241,8 +233,6 @@ def test_only_numbers_that_somebody_stated_are_turned() -> None:
                 start=start,
                 **given,
             )
-    with pytest.raises(InputError, match=r"write 0\.004 m/s for 4 mm/s"):
-        fit_curve("s0 + v*x", T, T, units={"v": "mm/s"}, start={"v": 4.0}, **given)
 
 
 @pytest.mark.parametrize(
@@ -286,7 +276,7 @@ def test_the_commands_refuse_and_take_the_same(tmp_path: Path) -> None:
     line(tmp_path, "t (s),s (m)")
     said = ("fit", tmp_path / "a.csv", "--u-y", 0.01, "--out", tmp_path / "out")
     message = refused(*said, "--formula", "s0 + 9.81*sin(alpha)*t**2/2", "--start", "alpha=5 °")
-    assert re.search("'alpha' must be in rad here.*write 0.0872665 rad for 5°", message)
+    assert re.search("'alpha' must be in rad here", message)
     line(tmp_path, "t (s),N (10^400)")
     assert "'v' must be in (10^400)/s here" in refused(
         *said, "--formula", "a + v*t", "--start", "v=1 10^999 m/s"
@@ -328,9 +318,7 @@ def campaign(
 
 
 def test_a_header_says_the_unit_of_an_axis_that_the_campaign_does_not(tmp_path: Path) -> None:
-    with pytest.raises(
-        InputError, match=r"c\.toml:10: 'tau' must be in s here.*write 1 s for 1000 ms"
-    ):
+    with pytest.raises(InputError, match=r"c\.toml:10: 'tau' must be in s here"):
         load_campaign(campaign(tmp_path))
     load_campaign(campaign(tmp_path, tau='start = 1.0, unit = "s"'))
     load_campaign(campaign(tmp_path, headers=("t,U (V)",)))  # nobody says the unit

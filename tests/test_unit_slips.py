@@ -56,17 +56,14 @@ def test_values_change_with_their_unit() -> None:
 @pytest.mark.parametrize(
     ("start", "says"),
     [
-        (
-            "tau=5000 ms",
-            r"'tau' must be in s here.*; nothing is converted: write 5 s for 5000 ms: ms$",
-        ),
-        ("tau=3 min", r"write 180 s for 3 min"),
+        ("tau=5000 ms", r"'tau' must be in s here.*; nothing is converted: ms$"),
+        ("tau=3 min", "'tau' must be in s here"),
         (
             "tau=2 V",
             r"'tau' must be in s here, as the formula and the units of the axes say; "
             r"nothing is converted: V$",
         ),
-        ("U=2000 mV", r"'U' must be in V here.*write 2 V for 2000 mV"),
+        ("U=2000 mV", "'U' must be in V here"),
     ],
 )
 def test_a_start_in_another_unit_than_follows_is_refused(
@@ -172,15 +169,13 @@ def test_times_of_events_say_the_unit_of_a_lifetime(tmp_path: Path) -> None:
     for unit in ("us", "ns"):
         (tmp_path / f"{unit}.toml").write_text(text.replace("UNIT", unit))
     load_campaign(tmp_path / "us.toml")
-    with pytest.raises(InputError, match=r"must be in µs here.*write 0.002 µs for 2 ns"):
+    with pytest.raises(InputError, match=r"must be in µs here"):
         load_campaign(tmp_path / "ns.toml")
 
 
 def test_python_refuses_the_same() -> None:
     x, axes = np.linspace(0.0, 10.0, 21), AxisNames("t", "s", "U", "V")
-    with pytest.raises(
-        InputError, match=r"'units\[tau\]' must be in s here.*write 0.005 s for 5 ms"
-    ):
+    with pytest.raises(InputError, match=r"'units\[tau\]' must be in s here"):
         fit_curve(
             "U*exp(-x/tau)",
             x,
@@ -205,8 +200,8 @@ def test_python_refuses_the_same() -> None:
 @pytest.mark.parametrize(
     ("formula", "instead"),
     [
-        ("I0*cos(angle - phi)**2 + b", r"write cos\(radians\(angle - phi\)\)"),
-        ("I0*sin(2*angle)", r"write sin\(radians\(2 \* angle\)\)"),
+        ("I0*cos(angle - phi)**2 + b", r"write radians\(\.\.\.\) around it"),
+        ("I0*sin(2*angle)", r"write radians\(\.\.\.\) around it"),
         ("I0*cos(radians(angle - phi))**2 + b", ""),
         ("I0*cos(pi/180*angle - phi)", ""),
         ("I0*cos(k*angle)", ""),
@@ -218,10 +213,7 @@ def test_a_cosine_of_degrees_is_refused(formula: str, instead: str) -> None:
     start = {name: 1.0 for name in ("I0", "phi", "b", "k") if name in formula}
     text = formula.replace("angle", "x")
     if instead:
-        with pytest.raises(
-            InputError,
-            match=f"'curve' takes .* of an angle in °, .*{instead.replace('angle', 'x')}",
-        ):
+        with pytest.raises(InputError, match=f"'curve' takes .* of an angle in °, .*{instead}"):
             fit_curve(
                 text,
                 angle,

@@ -242,8 +242,7 @@ class RunOfCurve:
             for key, of in (("u_y", "y"), ("u_y[plus]", "y"), ("u_x", "x"))
             if key in self.columns
         ]
-        without_u = [axis for axis in ("x", "y") if self.stated(f"u_{axis}")[0] is None]
-        return columns_sentence(columns, table.unread, () if self.curve.noise else without_u)
+        return columns_sentence(columns, table.unread)
 
 
 def _require_unit_of_axis(table: Table, u: str, of: str, unit: str) -> None:

@@ -1,5 +1,5 @@
 """The keys that state how the tables of runs are written: `columns`, `delimiter`, `decimal`,
-`skip_rows`, `header`, `encoding`, `sheet`, `range`, `dates`, `since`, `time_unit`; and those that
+`skip_rows`, `encoding`, `sheet`, `range`, `dates`, `since`, `time_unit`; and those that
 state how a file of the program Tracker is read.
 """
 
@@ -22,7 +22,6 @@ class DialectKeys(KeyTable, frozen=True):
     delimiter: str | None = None
     decimal: Decimal | None = None
     skip_rows: int | None = None
-    header: bool | None = None
     encoding: Encoding | None = None
     sheet: str | None = None
     range: str | None = None
@@ -45,7 +44,7 @@ def dialect_of(levels: Sequence[tuple[KeyPath, DialectKeys]], places: Places) ->
         return Dialect(**{key: value for key, (value, _) in entries.items()})
     except InputError as error:
         field = str(error.field)
-        _, path = entries.get(field) or entries["header"]
+        _, path = entries[field]
         raise places.error(error.rule, (*path, field), value=error.value) from None
 
 

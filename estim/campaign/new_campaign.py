@@ -107,4 +107,4 @@ def columns_of(file: Path, choices: TableChoices) -> tuple[str, ...]:
 
 
 def _layout(file: Path, choices: TableChoices) -> Layout:
-    return read_layout(file, choices.dialect, needed=choices.named_columns)
+    return read_layout(file, choices.dialect)

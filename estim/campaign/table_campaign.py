@@ -267,7 +267,7 @@ def _columns_of_run(file: Path, choices: TableChoices) -> tuple[str, ...] | None
     """
     if not choices.named_columns:
         return choices.dialect.columns
-    layout = read_layout(file, choices.dialect, needed=choices.named_columns)
+    layout = read_layout(file, choices.dialect)
     names, speed = layout.names, False
     if choices.y is not None:
         y = _axis(choices.y, layout)
@@ -341,7 +341,7 @@ def _axes(
             Axis(column, "", units.get(column, "m")) for column in (choices.x or "t", choices.y)
         )
         return [x], y, choices.u_x, choices.u_y
-    layout = read_layout(file, choices.dialect, needed=choices.named_columns)
+    layout = read_layout(file, choices.dialect)
     values = value_columns(layout, (choices.u_x, choices.u_y, choices.trials))
     x_name, y_name, further = choices.x, choices.y, [*choices.further_x]
     called = [

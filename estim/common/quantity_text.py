@@ -151,17 +151,6 @@ def require_clear_share(text: str, *, field: str, line: int | None = None) -> No
     )
 
 
-def _number_words(text: str) -> str:
-    """How a plain number would be written in place of `text`."""
-    match = _WITH_UNIT.fullmatch(text)
-    if match is None:
-        return "as 4.0"
-    unit = (match[2] or "").strip()
-    if unit and (is_unit(unit) or _WORD.fullmatch(unit)):
-        return "without a unit (it is in that of the key or axis)"
-    return f"as {text.replace(',', '.')}" if "," in text and not unit else "as 4.0"
-
-
 def _read_text(text: str, field: str) -> Quantity:
     if len(text) > _LONGEST:
         raise InputError(
@@ -171,7 +160,7 @@ def _read_text(text: str, field: str) -> Quantity:
         return Quantity(read_number(_as_typed(text)))
     except ValueError:
         require_clear_share(text, field=field)
-    rule = f'must be a number {_number_words(text)}, or read like "4.0 +/- 0.4" or "4.0(4)"'
+    rule = 'must be a number as 4.0, or read like "4.0 +/- 0.4" or "4.0(4)", without a unit'
     if "_" in text or any(mark.isdecimal() and not mark.isascii() for mark in text):
         raise InputError(rule, field=field, value=text)
     from uncertainties import ufloat_fromstr

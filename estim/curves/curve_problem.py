@@ -179,11 +179,10 @@ def pose_curve(
     *,
     deviation: float = 0.0,
     correlated: ArrayLike | bool = False,
-    chosen: Collection[str] = (),
     level: str = "",
 ) -> CurveProblem:
     """The problem that points, their curve and the settings of its parameters pose, as for
-    `pose_points`, where each has a start; nobody stated the start of those `chosen`.
+    `pose_points`, where each has a start.
 
     Raises InputError where an argument breaks a rule, naming it: "u_y", or "units[tau]" of a
     parameter, with the index of a value.
@@ -251,13 +250,7 @@ def pose_curve(
         read, axes, (*names, *ties), density=(density := counted is not None and counted.density)
     )
     refuse_degrees(read, axes)
-    check_units(
-        read,
-        axes,
-        units,
-        {name: value for name, value in {**exact, **values}.items() if name not in chosen},
-        density=density,
-    )
+    check_units(read, axes, units, density=density)
     parameter_units = {
         name: unit for name, unit in {**of_curve, **units}.items() if name not in following
     }

@@ -22,7 +22,7 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Literal
 
-from estim.curves.formula import CONSTANTS, Formula, angles_in, names_in
+from estim.curves.formula import CONSTANTS, Formula
 
 Dimension = tuple[float, float]
 """Powers of the unit of x and of that of y."""
@@ -63,14 +63,12 @@ def certain_dimensions(
     *,
     density: bool | None = False,
     x_is: Literal["an angle", "like y"] | None = None,
-    any_number: bool = False,
 ) -> Mapping[str, Dimension]:
     """Name -> unit of each parameter that the formula determines without a guess at the units of
     its numbers; nothing where it does not add up.
 
     density : whether the whole has the unit of y over that of x, None where it may have any.
     x_is : what follows from its unit, where the formula does not add up else.
-    any_number : whether no number but an exponent is taken to be pure.
     """
     known: tuple[dict[str, _Row], ...] = (
         ({}, {_X: {}})
@@ -80,7 +78,7 @@ def certain_dimensions(
         else ({},)
     )
     for is_density in (density, None):
-        for is_pure in (_none,) if any_number else (is_count_or_half, _none):
+        for is_pure in (is_count_or_half, _none):
             for axis in known:
                 left_open = _OF_ANGLES | (_LOGARITHMS if is_density is None else frozenset())
                 system = _System(dict(axis), left_open=left_open, is_pure=is_pure)
@@ -89,39 +87,25 @@ def certain_dimensions(
     return {}
 
 
-def pure_angles(formula: Formula) -> set[str]:
-    """Names of what must be a pure number for the argument of a sine, cosine or tangent to be one,
-    whatever stands around that.
-    """
-    pure: set[str] = set()
-    for angle in angles_in(formula.tree):
-        system = _System(left_open=_OF_ANGLES | _LOGARITHMS, is_pure=is_pure_in_angle)
-        system.add_equation(_dimension(angle, system), {})
-        if not system.contradicted:
-            names = names_in(angle) & {*formula.names}
-            pure |= {name for name in names if not system.reduced({name: Fraction(1)})}
-    return pure
-
-
-def arc_among_terms(tree: ast.expr) -> ast.expr | None:
-    """An arcsine, arccosine or arctangent that a formula gives, alone or as a term, perhaps with a
-    number before it; None where there is none.
+def gives_radians(tree: ast.expr) -> bool:
+    """Whether a formula gives an arcsine, arccosine or arctangent, alone or as a term, perhaps with
+    a number before it.
     """
     match tree:
         case ast.Call(func=ast.Name(id=name)) if name in ARCS:
-            return tree
+            return True
         case ast.UnaryOp(operand=one):
-            return arc_among_terms(one)
+            return gives_radians(one)
         case ast.BinOp(left=left, op=ast.Add() | ast.Sub(), right=right):
-            return arc_among_terms(left) or arc_among_terms(right)
+            return gives_radians(left) or gives_radians(right)
         case (
             ast.BinOp(left=ast.Constant(value=float(number)), op=ast.Mult(), right=one)
             | ast.BinOp(
                 left=one, op=ast.Mult() | ast.Div(), right=ast.Constant(value=float(number))
             )
         ) if is_pure_in_angle(number):
-            return arc_among_terms(one)
-    return None
+            return gives_radians(one)
+    return False
 
 
 def is_pure_in_angle(number: float) -> bool:

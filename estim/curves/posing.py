@@ -17,7 +17,6 @@ from estim.curves.curve_problem import CurveProblem, pose_curve
 from estim.curves.data_set import DataSet
 from estim.curves.named import Points, provisional, started, unstarted, within
 from estim.curves.parameter_settings import ParameterSettings
-from estim.curves.quantities import refuse_quantities, without_units
 from estim.curves.several_abscissas import OfPoints
 from estim.curves.systematic_errors import Component
 
@@ -30,12 +29,10 @@ def pose_points(
     deviation: float = 0.0,
     correlated: ArrayLike | bool = False,
     level: str = "",
-    inherited: Collection[str] = (),
     further_points: Sequence[Points] = (),
 ) -> CurveProblem:
     """The problem of one data set, with starts found from its points where none is given.
 
-    inherited : parameters whose starts come from the points of other data sets.
     further_points : x, y and u_y of other data sets of the same curve, that help to find starts.
     settings : of the parameters of its curve.
     level : behind the names of what is unknown of its errors.  Raises InputError.
@@ -45,14 +42,6 @@ def pose_points(
         if not isinstance(mapping, Mapping):
             rule = "must be a mapping from names of parameters to what is said of each"
             raise InputError(rule, field=field, value=mapping)
-    refuse_quantities(
-        cov_y=points.cov_y,
-        cov_x=points.cov_x,
-        r_xy=points.r_xy,
-        deviation=deviation,
-        correlated=correlated,
-    )
-    points, settings = without_units(points, settings)
     start, bounds, fixed = settings.start, settings.bounds, settings.fixed
     if isinstance(curve, OfPoints):  # is searched for none
         known = {**fixed, **settings.tied}
@@ -73,7 +62,6 @@ def pose_points(
         errors,
         deviation=deviation,
         correlated=correlated,
-        chosen={*begin} - {*start} | {*inherited},
         level=level,
     )
     if named is None:
@@ -98,8 +86,7 @@ def pose_sets(
 
     settings : data set -> those of its parameters.  arguments : the parameters of its curve; own :
         those of them that no other data set shares.
-    pose : makes the problem of one data set from its name, settings, `inherited` and
-        `further_points`.
+    pose : makes the problem of one data set from its name, settings and `further_points`.
     known_starts : parameter -> start that is known already.  A shared parameter then starts where
         the first data set put it, as it does where all points are pooled.  None: each data set
         finds its own starts.
@@ -116,7 +103,6 @@ def pose_sets(
         parts[name] = pose(
             name,
             replace(of_set, start={**of_set.start, **inherited}),
-            inherited=inherited,
             further_points=further_points,
         )
         if known_starts is not None:

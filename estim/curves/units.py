@@ -5,31 +5,16 @@ x, a in that of y.
 from __future__ import annotations
 
 import ast
-import copy
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Literal
 
-from estim.common import (
-    InputError,
-    in_unit,
-    is_angle,
-    is_in_degrees,
-    powers_in,
-    same_unit,
-    with_unit,
-)
+from estim.common import InputError, is_angle, is_in_degrees, powers_in, same_unit
 from estim.curves.derived_units import LONGEST, Factors, power_text
-from estim.curves.dimensions import (
-    angles_of,
-    arc_among_terms,
-    certain_dimensions,
-    is_pure_in_angle,
-    pure_angles,
-)
-from estim.curves.formula import Formula, Renamed
+from estim.curves.dimensions import angles_of, certain_dimensions, gives_radians, is_pure_in_angle
+from estim.curves.formula import Formula
 
 
 @dataclass(frozen=True)
@@ -79,23 +64,18 @@ def units_of(
 
 
 def contradiction(
-    curve: object,
-    axes: AxisNames,
-    name: str,
-    stated: str | None,
-    *,
-    density: bool | None,
-    number: object = None,
+    curve: object, axes: AxisNames, name: str, stated: str | None, *, density: bool | None
 ) -> str | None:
     """The rule that the unit stated for a parameter breaks, since the axes and the formula imply
     another; None where nothing shows that.
 
-    number : what was stated in that unit.  An axis in "1" may have a unit that nobody stated:
-        nothing follows from it, unless y are counts in bins.
+    An axis in "1" may have a unit that nobody stated: nothing follows from it, unless y are counts
+    in bins.
     """
     if stated is None or not isinstance(curve, Formula):
         return None
-    power_x, power_y = _powers(curve, axes, name, stated, density)
+    powers = certain_dimensions(curve, density=density, x_is=_x_is(axes))
+    power_x, power_y = powers.get(name, (math.nan, math.nan))
     counts = bool(density and power_x)
     unknown = (power_x and axes.x_unit == "1") or (power_y and axes.y_unit == "1" and not counts)
     follows = None if unknown else _unit(power_x, power_y, axes.x_unit, axes.y_unit, longest=80)
@@ -109,54 +89,21 @@ def contradiction(
         return None
     follows = "rad" if follows == "1" and is_angle(stated) else follows
     what = "a pure number" if follows == "1" else f"in {follows}"
-    message = (
+    rule = (
         f"must be {what} here, as the formula and the units of the axes say; nothing is converted"
     )
-    converted = (
-        in_unit(number, stated, follows)
-        if isinstance(number, int | float) and not isinstance(number, bool)
-        else None
-    )
-    if converted is not None:
-        return (
-            f"{message}: write {with_unit(f'{converted:.6g}', follows)} for "
-            f"{with_unit(f'{number:g}', stated)}"
-        )
-    certain = certain_dimensions(curve, density=density, x_is=_x_is(axes), any_number=True).get(
-        name
-    ) == (power_x, power_y)
-    return (
-        message
-        if certain or is_angle(stated)
-        else f"{message} (a number in the formula that has a unit of its own is better a parameter "
-        "with a value)"
-    )
-
-
-def _powers(
-    curve: Formula, axes: AxisNames, name: str, stated: str, density: bool | None
-) -> tuple[float, float]:
-    """Powers of the units of x and y that a parameter has for certain, nan where none follow."""
-    if is_angle(stated) and name in pure_angles(curve):
-        return 0.0, 0.0
-    return certain_dimensions(curve, density=density, x_is=_x_is(axes)).get(
-        name, (math.nan, math.nan)
+    numbers = any(isinstance(node, ast.Constant) for node in ast.walk(curve.tree))
+    return rule + numbers * (
+        " (a number in the formula that has a unit of its own is better a parameter with a value)"
     )
 
 
 def check_units(
-    curve: object,
-    axes: AxisNames,
-    units: Mapping[str, str],
-    numbers: Mapping[str, float],
-    *,
-    density: bool | None,
+    curve: object, axes: AxisNames, units: Mapping[str, str], *, density: bool | None
 ) -> None:
-    """Raises InputError where a stated unit is another than the one that follows.  numbers : starts
-    and values.
-    """
+    """Raises InputError where a stated unit is another than the one that follows."""
     for name, unit in units.items():
-        rule = contradiction(curve, axes, name, unit, density=density, number=numbers.get(name))
+        rule = contradiction(curve, axes, name, unit, density=density)
         if rule is not None:
             raise InputError(rule, field=f"units[{name}]", value=unit)
 
@@ -168,53 +115,24 @@ def refuse_degrees(curve: object, axes: AxisNames) -> None:
     if not isinstance(curve, Formula):
         return
     units = axes.x_unit, axes.y_unit
-    in_others = [is_angle(unit) and same_unit(unit, "rad") is False for unit in units]
-    if in_others[1] and (arc := arc_among_terms(curve.tree)) is not None:
-        written = _as_written(arc, curve.variable)
+    x_in_others, y_in_others = (
+        is_angle(unit) and same_unit(unit, "rad") is False for unit in units
+    )
+
+    def refused(what: str, unit: str, function: str) -> InputError:
         cure = (
-            f"write degrees({written})"
-            if is_in_degrees(axes.y_unit)
-            else "write the column in radians"
+            f"write {function} around it" if is_in_degrees(unit) else "write the column in radians"
         )
-        raise InputError(
-            f"adds {written}, which is in radians, to give y in {axes.y_unit}: {cure}",
-            field="curve",
-            value=curve.text,
-        )
-    for function, angle, power in angles_of(curve) if any(in_others) else ():
-        of_y = not power[0]
-        unit = units[of_y]
-        if in_others[of_y] and _turns_nothing(angle):
-            written = _as_written(angle, curve.variable)
-            cure = (
-                f"write {function}(radians({written}))"
-                if is_in_degrees(unit)
-                else "write the column in radians"
-            )
-            raise InputError(
-                f"takes {function} of an angle in {unit}, but {function} takes radians: {cure}",
-                field="curve",
-                value=curve.text,
-            )
+        return InputError(f"{what}: {cure}", field="curve", value=curve.text)
 
-
-def _as_written(part: ast.expr, variable: str) -> str:
-    """Part of a formula as its user would write it, with the name that x has there."""
-    renamed = Renamed("x", variable).visit(copy.deepcopy(part))
-    return ast.unparse(_Written().visit(renamed))
-
-
-class _Written(ast.NodeTransformer):
-    """Whole numbers without a point, and a power written as such."""
-
-    def visit_Constant(self, node: ast.Constant) -> ast.Constant:
-        is_integer = isinstance(node.value, float) and node.value.is_integer()
-        return ast.Constant(int(node.value)) if is_integer else node  # type: ignore[arg-type]
-
-    def visit_Call(self, node: ast.Call) -> ast.expr:
-        self.generic_visit(node)
-        power = isinstance(node.func, ast.Name) and node.func.id == "power"
-        return ast.BinOp(node.args[0], ast.Pow(), node.args[1]) if power else node
+    if y_in_others and gives_radians(curve.tree):
+        unit = axes.y_unit
+        raise refused(f"gives an angle in radians, and y is in {unit}", unit, "degrees(...)")
+    for function, angle, power in angles_of(curve) if x_in_others or y_in_others else ():
+        unit = units[not power[0]]
+        if (x_in_others if power[0] else y_in_others) and _turns_nothing(angle):
+            what = f"takes {function} of an angle in {unit}, but {function} takes radians"
+            raise refused(what, unit, "radians(...)")
 
 
 def _turns_nothing(angle: ast.expr) -> bool:

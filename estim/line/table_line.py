@@ -185,7 +185,7 @@ def straight_line(
     correlated : errors that points share.
     """
     stated = correlated or LineCovariances()
-    layout = read_layout(path, dialect, needed=[name for name in (columns.x, columns.y) if name])
+    layout = read_layout(path, dialect)
     columns = _with_axes(columns, layout)
     candidates = [name for name in layout.names if columns.x in (name, bare_name(name))]
     if columns.x == columns.y and len(candidates) < 2:
@@ -265,11 +265,7 @@ def straight_line(
                 for word in (bare_name(name), table.units[name] or "1")
             )
         ),
-        told=columns_sentence(
-            used,
-            table.unread,
-            () if stated else [axis for axis, u in (("x", u_x), ("y", u_y)) if u is None],
-        ),
+        told=columns_sentence(used, table.unread),
         facts=(*table.facts, *table.warnings),
         correlated=tuple(stated.words),
         findings=tuple(points_findings(fit)),

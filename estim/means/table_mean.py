@@ -52,7 +52,7 @@ def mean_of_table(
         beside groups.  group : column that names the group of a reading, in any words.
     Raises InputError with file, line, column, rule and value.
     """
-    layout = read_layout(path, dialect, needed=[name for name in (y, u_y, group) if name])
+    layout = read_layout(path, dialect)
     names = [bare_name(name) for name in value_columns(layout, (u_y, group))]
     if y is None and len(names) != 1:
         rule = "must be named by --y"
@@ -100,10 +100,6 @@ def mean_of_table(
         table.units[name] or "1",
         result,
         tuple(labels),
-        columns_sentence(
-            [*used, *([("group", group, "")] if group else [])],
-            table.unread,
-            "y" if errors is None and group is None else "",
-        ),
+        columns_sentence([*used, *([("group", group, "")] if group else [])], table.unread),
         (*table.facts, *table.warnings),
     )

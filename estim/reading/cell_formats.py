@@ -17,7 +17,7 @@ from itertools import pairwise
 from estim.common import InputError, in_unit, is_unit, phrase, require_clear_share, same_numbers
 from estim.reading.cells import Row, is_missing, looks_like_a_number
 from estim.reading.dialect import bare_name, is_uncertainty, uncertainty_of
-from estim.reading.table import Layout, line_numbers
+from estim.reading.table import Layout
 
 _NUMBER = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)"
 _QUANTITY = re.compile(
@@ -79,45 +79,27 @@ def _quantity(cell: str) -> re.Match[str] | None:
 def _quantities(table: Layout, index: int, cells: Sequence[tuple[int, str]]) -> Layout:
     name, stated = table.names[index], table.units[index]
     values = dict[int, list[str]]()
-    converted: dict[str, list[int]] = {}
     unit, with_u, differences = stated, None, is_uncertainty(bare_name(name))
     for number, cell in cells:
         require_clear_share(cell, field=name, line=number)
         match = _quantity(cell)
         with_this = match is not None and bool(match[3] or match[4])
-        unit_here = match[6].strip("[]() ") if match is not None and match[6] else ""
+        unit_here = match[6].strip("[]() ") if match is not None and match[6] else stated
         with_u = with_this if with_u is None else with_u
         unit = unit or unit_here
-        if match is None or with_this != with_u or (not unit_here and unit != stated):
+        if match is None or with_this != with_u or not _same(unit_here, unit, differences):
             rule = (
-                "must be written like the cells above it: all with a unit or none, all with an "
-                "uncertainty or none"
+                "must be written like the cells above it: all with an uncertainty or none, all "
+                f"with a unit or none{f', and in {unit}' if unit else ''}"
             )
             raise InputError(rule, field=name, value=cell, line=number)
         _, value, digits, plus_minus, power, _ = match.groups()
-        texts = [value + (power or "")]
+        values[number] = [value + (power or "")]
         if digits:
-            texts.append(_last_digits(value, digits, power or ""))
+            values[number].append(_last_digits(value, digits, power or ""))
         elif plus_minus:
-            texts.append(plus_minus + (power or ""))
-        if unit_here and unit_here != unit and not _same(unit_here, unit, differences):
-            like = "the header says" if stated else "the cells above it are"
-            texts = [_converted(text, unit_here, unit, name, number, like) for text in texts]
-            converted.setdefault(unit_here, []).append(number)
-        values[number] = texts
-    notes = [
-        phrase(
-            "1 value of '{name}' in {unit} was converted to {wanted} (line {lines})"
-            if len(lines) == 1
-            else "{n} values of '{name}' in {unit} were converted to {wanted} (lines {lines})",
-            n=len(lines),
-            name=name,
-            unit=unit_in_cells,
-            wanted=unit,
-            lines=line_numbers(lines),
-        )
-        for unit_in_cells, lines in converted.items()
-    ]
+            values[number].append(plus_minus + (power or ""))
+    notes = []
     if unit and not stated:
         notes.append(
             phrase("the values of '{name}' are in {unit}, as its cells say", name=name, unit=unit)
@@ -132,6 +114,9 @@ def _quantities(table: Layout, index: int, cells: Sequence[tuple[int, str]]) -> 
 
 
 def _same(unit: str, other: str, differences: bool) -> bool:
+    """Whether numbers in two units are the same, and not only may be."""
+    if unit == other:
+        return True
     same = same_numbers(unit, other, differences=differences)
     return same is True and in_unit(1.0, unit, other) in (1.0, None)
 
@@ -143,15 +128,6 @@ def _last_digits(value: str, digits: str, power: str) -> str:
     mantissa, _, exponent = value.lower().partition("e")
     decimals = len(mantissa.replace(",", ".").partition(".")[2])
     return f"{digits}e{int(exponent or 0) + int(power[1:] or 0) - decimals}"
-
-
-def _converted(text: str, unit: str, target: str, name: str, number: int, like: str) -> str:
-    factor = in_unit(1.0, unit, target)
-    if factor is None or re.fullmatch(r"[+-]?[1-9]\d{0,2},\d{3}", text):
-        raise InputError(
-            f"must be in {target}, as {like}", field=name, value=f"{text} {unit}", line=number
-        )
-    return _without_mark(Decimal(text.replace(",", ".")) * Decimal(repr(factor)))
 
 
 def _without_mark(value: Decimal) -> str:

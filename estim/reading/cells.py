@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*|,\d+)?|[.,]\d+)([eE][+-]?\d{1,4})?", re.ASCII)
-_GROUPED = re.compile(r"[+-]?\d{1,3}([., '’\u00a0\u202f]\d{3})+([.,]\d*)?", re.ASCII)
 _MISSING = {"", "nan", "na", "n/a", "-", "--", "−", "null"}
 _MARKS = re.compile(r"[\t;,|]")
 _TOO_NARROW = re.compile(r"#{3,}")  # what a spreadsheet shows of a number wider than its column
@@ -37,11 +36,6 @@ class Row(NamedTuple):
 def looks_like_a_number(cell: str) -> bool:
     """Whether a cell is a number with a decimal point or a decimal comma."""
     return _NUMBER.fullmatch(cell) is not None
-
-
-def has_thousands(cell: str) -> bool:
-    """Whether a cell is a number with marks between its thousands."""
-    return _GROUPED.fullmatch(cell) is not None
 
 
 def is_missing(cell: str) -> bool:

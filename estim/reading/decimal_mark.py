@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from estim.common import EXTREME, InputError, extreme, read_number
-from estim.reading.cells import Row, has_thousands, is_spreadsheet_error, looks_like_a_number
+from estim.reading.cells import Row, looks_like_a_number
 from estim.reading.dialect import cell_name
 from estim.reading.layout import Layout
 
@@ -62,23 +62,7 @@ def number_in(row: Row, name: str, cell: str, mark: str, position: tuple[int, in
             rule = EXTREME if np.isfinite(value) else "must be finite"
             raise row_refused(row, rule, name, cell, named)
         return value
-    hint = ""
-    if looks_like_a_number(cell):
-        hint = (
-            " with a decimal point, not a comma"
-            if mark == "."
-            else " with a decimal comma, not a point"
-        )
-    elif has_thousands(cell):
-        hint = " without marks between thousands"
-    elif re.fullmatch(r"\d{1,2}:\d\d", cell, re.ASCII):
-        hint = " (a time? write hours, minutes and seconds, as 13:05:00)"
-    elif re.fullmatch(r".*\d\s*[x×*·]\s*10.*", cell, re.ASCII):
-        hint = " (a power of ten is written as in 2e3)"
-    elif is_spreadsheet_error(cell):
-        hint = " (leave the row out where there is none)"
-    elif cell.startswith("="):
-        hint = ": the file holds a formula without its value (open it in a spreadsheet and save it)"
+    hint = f" (as 1234{mark}5 or 2e3; a time as 13:05:00)" if re.search(r"\d", cell) else ""
     raise row_refused(row, f"must be a number{hint}", name, cell, named)
 
 

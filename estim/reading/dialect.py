@@ -58,7 +58,6 @@ class Dialect:
     columns : names of all columns from left to right, in place of a header.
     delimiter : what separates the cells, or its name (`tab`).
     skip_rows : lines left unread at the top.
-    header : whether the line after those holds the names, whatever it looks like.
     sheet : of a workbook, or the name of a table in a zip archive.
     range : the cells that are read, A3:D40, A3:D or 3:40; a line of a text is a row.
     dates : the order of day and month in 03/05/2024.
@@ -70,7 +69,6 @@ class Dialect:
     delimiter: str | None = None
     decimal: Decimal | None = None
     skip_rows: int | None = None
-    header: bool | None = None
     encoding: Encoding | None = None
     sheet: str | None = None
     range: str | None = None
@@ -99,14 +97,6 @@ class Dialect:
                     field="columns",
                     value=", ".join(self.columns),
                 )
-            if self.header:
-                raise InputError(
-                    "cannot be true together with 'columns', which give the names", field="header"
-                )
-        elif self.header is False:
-            raise InputError(
-                "is missing: a table without a line of names needs them", field="columns"
-            )
 
     @property
     def mark(self) -> str | None:
@@ -262,7 +252,7 @@ def dialect_of_options(options: Mapping[str, Any]) -> Dialect:
     """
     columns = options.get("columns")
     names = None if columns is None else tuple(name.strip() for name in columns.split(","))
-    keys = Dialect.__dataclass_fields__.keys() - {"columns", "header"}
+    keys = Dialect.__dataclass_fields__.keys() - {"columns"}
     try:
         return Dialect(names, **{key: options.get(key) for key in keys})
     except InputError as error:

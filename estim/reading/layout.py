@@ -5,11 +5,9 @@ above them.
 from __future__ import annotations
 
 import csv
-import math
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from statistics import fmean, median, stdev
 
 from estim.common import InputError, in_its_file, is_unit, phrase
 from estim.reading.cell_formats import holds_a_value, in_plain_numbers
@@ -23,7 +21,6 @@ from estim.reading.cells import (
 from estim.reading.dialect import (
     Dialect,
     bare_name,
-    is_column,
     is_uncertainty,
     name_and_unit,
     names_and_units,
@@ -41,16 +38,9 @@ from estim.reading.table import (
 )
 
 _ONE_COLUMN = ";"  # stands in no row then
-_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(\s*(±|\+/?-)\s*\d+(,\d+)?|\(\d+(,\d+)?\))?", re.ASCII)
 _RULE = re.compile(r"[-=_+|\s]+")  # a line drawn below the header
-_UNITS = (
-    "s ms us ns ps min h d m cm mm um nm km kg g mg N mN kN Pa hPa kPa MPa bar mbar J mJ "
-    "kJ eV keV MeV W mW kW V mV kV uV A mA uA nA pA Ohm ohm kOhm "
-    "Hz kHz MHz GHz K C F H uF nF pF mH uH T mT uT G Wb lx cd lm dB Bq kBq Sv mol l L ml "
-    "mL deg rad mrad sr px frame frames counts count arb a.u. au "
-    "% ° °C °F Ω kΩ MΩ Å ′ ″ 1"
-)
-_SYMBOLS = frozenset(_UNITS.split()) - {"1"}
+# in a line of units, beside those whose size is known
+_FURTHER_UNITS = {"px", "frame", "frames", "count", "counts", "arb", "a.u.", "au", "dB"}
 _NO_UNIT = {"1", "-", "--", "–", "—", "dimensionless", "unitless", "none", "n/a"}
 _NUMBER_FIRST = re.compile(r"(?!1\s*/|10\s*[\^⁻⁰¹²³⁴⁵⁶⁷⁸⁹])[+-]?[.,]?\d")  # but 1/s, 10^-3 N
 _BEGINS_WITH_A_NUMBER = re.compile(r"\W{0,3}\d")
@@ -60,7 +50,7 @@ _COMMENT = re.compile(r"comments?", re.IGNORECASE)  # LabVIEW names a column tha
 _OF_SUMS = (
     "mean average avg median sum total stdev stddev mittelwert mittel summe gesamt durchschnitt "
     "standardabweichung media promedio mediana suma moyenne somme std sd sem stabw stabwn "
-    "std.dev. variance varianz"
+    "std.dev. variance varianz min max minimum maximum mín máx"
 )
 _SUMS = {
     *_OF_SUMS.split(),
@@ -72,9 +62,6 @@ _SUMS = {
     "st. dev.",
     "desviación estándar",
 }
-_EXTREMES = {"min", "max", "minimum", "maximum", "mín", "máx"}  # Max may be a person
-_SEPARATORS = re.compile(r"[/*·⋅^ ()\[\]]|[-−]?\d+|[⁻¹²³]+")
-
 _LONG_WORD = re.compile(r"[^\W\d_]{3}")
 _LETTER = re.compile(r"[^\W\d_]")
 _NAMED_BY_A_NUMBER = re.compile(  # 10 periods (s), 2θ (°), 1/T (1/K), 1/T
@@ -84,9 +71,9 @@ _NAMED_BY_A_NUMBER = re.compile(  # 10 periods (s), 2θ (°), 1/T (1/K), 1/T
 
 
 @in_its_file
-def read_layout(path: Path, dialect: Dialect, *, needed: Sequence[str] = ()) -> Layout:
-    """How the table at `path` is laid out.  needed : names of columns that distinguish the header
-    from other lines.  Raises InputError, also where the columns have no names.
+def read_layout(path: Path, dialect: Dialect) -> Layout:
+    """How the table at `path` is laid out.  Raises InputError, also where the columns have no
+    names.
     """
     source = read_source(path, dialect)
     lines = numbered_lines(source.text)
@@ -121,7 +108,7 @@ def read_layout(path: Path, dialect: Dialect, *, needed: Sequence[str] = ()) -> 
     if any(_is_a_row(row, like=split[-1]) for row in ends):
         split += ends
         ends = []
-    if dialect.columns is None and dialect.header is None and _is_transposed(split):
+    if dialect.columns is None and _is_transposed(split):
         split = _transposed(split)
         facts.append(phrase("names of the columns stand in the first cell of each line"))
     else:
@@ -137,27 +124,11 @@ def read_layout(path: Path, dialect: Dialect, *, needed: Sequence[str] = ()) -> 
                 lines=below_it,
             )
         )
-    split, thousands = _without_thousands(split, dialect)
-    facts += thousands
-    start = _start(split, delimiter) if dialect.header is None else int(dialect.header)
+    start = _start(split, delimiter)
     above = split[:start]
     percent = any(row.line.lstrip().startswith("%") for row in above)
     rows = [row for row in split[start:] if not (percent and row.line.lstrip().startswith("%"))]
-    heads = [
-        cells
-        for row in above
-        if len(cells := _trimmed(row.cells)) > 1 and not any(map(holds_a_value, cells))
-    ]
-    repeated = [row for row in rows if _trimmed(row.cells) in heads]
-    if repeated:
-        rows = [row for row in rows if row not in repeated]
-        same = line_numbers([row.number for row in repeated])
-        facts.append(
-            phrase("lines that repeat the head of the table were not read ({lines})", lines=same)
-        )
-    if not rows:
-        raise InputError("has no rows of numbers below the line of names")
-    names, header_line, units = _header(above, below, rows, delimiter, dialect, needed)
+    names, header_line, units = _header(above, below, rows, delimiter, dialect)
     if not names:
         for width in [n for row in above if (n := len(_trimmed(row.cells))) > 1]:
             odd = [row for row in rows if len(_trimmed(row.cells)) != width]
@@ -208,48 +179,30 @@ def _footer(lines: Lines) -> tuple[Lines, Lines]:
 def _without_sums(rows: list[Row]) -> tuple[list[Row], list[Row]]:
     """The rows, and those at the end that are labelled as the mean, the sum and so on of the
     others, where no other row is.
+
+    Raises InputError where such a label stands among others and may be that of a reading.
     """
-    if not _sum_word(rows[-1]):
-        return rows, []
     words = [_sum_word(row) for row in rows]
     end = next((i for i, word in enumerate(words) if word), len(rows))
     last = words[end:]
-    alone = all(last) and len(set(last)) == len(last) and 2 * end > len(rows)
-    alone = alone and all(_sums_up(row, rows[:end]) for row in rows[end:])
-    return (rows[:end], rows[end:]) if alone else (rows, [])
-
-
-def _sums_up(row: Row, above: Sequence[Row]) -> bool:
-    """Whether a row that calls itself a mean, a sum and so on says so where other rows have a
-    number, or has such a number of one column, to 1 %: else the word may be a label.
-    """
-    for i, cell in enumerate(row.cells):
-        column = [other.cells[i] for other in above if i < len(other.cells)]
-        numbers = [value for text in column if (value := _plain_number(text)) is not None]
-        word = cell.strip(" :=").casefold()
-        if word in _SUMS | _EXTREMES and 2 * len(numbers) >= len(column) > 0:
-            return True
-        if word in _EXTREMES:
-            return False
-        value = _plain_number(cell)
-        if value is not None and len(numbers) > 1:
-            known = (fmean(numbers), math.fsum(numbers), median(numbers), stdev(numbers))
-            if any(abs(value - sum_) <= 0.01 * abs(sum_) for sum_ in known):
-                return True
-    return False
-
-
-def _plain_number(text: str) -> float | None:
-    try:
-        return float(text.strip().replace(",", "."))
-    except ValueError:
-        return None
+    if not all(last) or len(set(last)) < len(last) or 2 * end <= len(rows):
+        return rows, []
+    for row, word in zip(rows[end:], last, strict=True):
+        place = [cell.strip(" :=").casefold() for cell in row.cells].index(word)
+        above = [other.cells[place : place + 1] for other in rows[:end]]
+        if 2 * sum(any(map(looks_like_a_number, cells)) for cells in above) < len(above):
+            rule = (
+                f"may be a reading, or the {word} of those above it: put a # before the line, or "
+                "give the reading another name"
+            )
+            raise InputError(rule, field="row", value=row.line.strip(), line=row.number)
+    return rows[:end], rows[end:]
 
 
 def _sum_word(row: Row) -> str:
     """The label of a row with a value, if it is mean, sum and so on."""
     words = (cell.strip(" :=").casefold() for cell in row.cells)
-    word = next((word for word in words if word in _SUMS | _EXTREMES), "")
+    word = next((word for word in words if word in _SUMS), "")
     return word if any(map(holds_a_value, row.cells)) else ""
 
 
@@ -288,64 +241,24 @@ def _transposed(rows: Sequence[Row]) -> list[Row]:
     return [Row(i, "\t".join(row), list(row)) for i, row in enumerate(zip(*cells, strict=True), 1)]
 
 
-def _without_thousands(rows: list[Row], dialect: Dialect) -> tuple[list[Row], list[str]]:
-    """Rows without marks between thousands, where the decimal mark is stated and a number has both:
-    1.234,5.  Alone, 1.234 shows nothing, and is left as it is.
-    """
-    if dialect.decimal is None:
-        return rows, []
-    mark, part = (",", r"[. '\u00a0\u202f]") if dialect.decimal == "comma" else (".", "[, ']")
-    grouped = re.compile(rf"[+-]?[1-9]\d{{0,2}}({part})\d{{3}}(\1\d{{3}})*(\{mark}\d*)?", re.ASCII)
-    matches = [
-        (row, cell, match)
-        for row in rows
-        for cell in row.cells
-        if (match := grouped.fullmatch(cell)) and match[3]
-    ]
-    if not matches:
-        return rows, []
-    row, cell, match = matches[0]
-
-    def ungrouped(cell: str) -> str:
-        own_match = grouped.fullmatch(cell)
-        return cell.replace(match[1], "") if own_match and own_match[1] == match[1] else cell
-
-    note = phrase(
-        "'{mark}' parts thousands, as in {cell} (line {line})",
-        mark=match[1],
-        cell=cell,
-        line=row.number,
-    )
-    return [row._replace(cells=[ungrouped(cell) for cell in row.cells]) for row in rows], [note]
-
-
 def _is_one_column(lines: Lines, dialect: Dialect) -> bool:
-    """Whether each row is one number, perhaps with a decimal comma and its uncertainty: as stated,
-    or as a name with its unit above them shows, `t (s)` or `t in s`.
+    """Whether each row is one value, as a name with its unit above them shows, `t (s)` or `t in s`;
+    or the last one is, and the comma is the decimal mark.
     """
-
-    def has_comma(line: str) -> bool:
-        return dialect.decimal != "point" and bool(_DECIMAL_COMMA.fullmatch(line.strip()))
-
-    above = [line for _, line in lines if not (has_comma(line) or holds_a_value(line.strip()))]
-    last = lines[-1][1]
-    if last in above[-1:]:
+    above = [line for _, line in lines if not holds_a_value(line.strip())]
+    if lines[-1][1] in above[-1:]:
         return False
     named = len(above) == 1 and "," not in above[0] and is_unit(name_and_unit(above[0])[1])
-    return named or (dialect.decimal == "comma" and has_comma(last))
+    return named or dialect.decimal == "comma"
 
 
 def _no_names(first: Row, delimiter: str) -> InputError:
     """The error for a table whose columns have no names."""
-    width = len(first.cells)
     rule = (
-        f"has no line of column names: name its {width} columns from left to right "
-        "(--columns a,b,...; columns = [...] in a campaign)"
-        if width > 1
-        else "has no line with the name of its column: give it one (--columns a; columns = "
-        '["a"] in a campaign)'
+        f"has no line of column names: name all {len(first.cells)} from left to right (--columns "
+        "a,b,...; columns = [...] in a campaign)"
     )
-    if delimiter == "," and width == 2:
+    if delimiter == ",":
         rule += (
             "; the comma is taken to part the cells: if it is the decimal mark, say --decimal "
             'comma (decimal = "comma" in a campaign)'
@@ -488,12 +401,7 @@ def _trimmed(cells: list[str]) -> list[str]:
 
 
 def _header(
-    above: Sequence[Row],
-    below: Lines,
-    rows: Sequence[Row],
-    delimiter: str,
-    dialect: Dialect,
-    needed: Sequence[str],
+    above: Sequence[Row], below: Lines, rows: Sequence[Row], delimiter: str, dialect: Dialect
 ) -> tuple[tuple[str, ...], int | None, list[str]]:
     """Names of the columns, their line, and the cells of a line of units below it.  above : lines
     over the numbers, which stand in `rows`; below : all lines with comments.
@@ -509,12 +417,7 @@ def _header(
     def are_names(cells: Sequence[str]) -> bool:
         return fits(cells) and not any(map(looks_like_a_number, cells))
 
-    def odd_row(width: int) -> InputError:
-        """The error for the first row that has another number of cells than there are names."""
-        row = next(row for row in rows if len(row.cells) != width)
-        return cells_differ(row, width, delimiter)
-
-    if not dialect.header and above:
+    if above:
         _refuse_half_a_row(above, fits)
     if dialect.columns is not None:
         if not fits(dialect.columns):
@@ -525,11 +428,6 @@ def _header(
                 line=rows[0].number,
             )
         return dialect.columns, None, []
-    if dialect.header:
-        cells = _trimmed(_cells(above[0].line.strip().lstrip("%# "), delimiter)[columns])
-        if not fits(cells):
-            raise odd_row(len(cells))
-        return tuple(cells), above[0].number, []
     units: list[str] = []
     for i, (number, line, untrimmed) in reversed(list(enumerate(above))):
         percent = line.lstrip().startswith("%")
@@ -541,15 +439,9 @@ def _header(
         if _RULE.fullmatch(line) or (percent and not are_names(cells)):
             continue
         over = _trimmed(above[i - 1].cells) if i else []
-        of_units = _are_units(untrimmed) and fits(untrimmed)
-        below_names = of_units or (
-            are_names(cells) and _all_in(needed, over) and not _all_in(needed, cells)
-        )
-        if fits(over) and below_names and not (units and of_units):
-            units = units or (untrimmed if of_units else cells)
+        if not units and fits(over) and fits(untrimmed) and _are_units(untrimmed):
+            units = untrimmed
             continue
-        if not are_names(cells) and any(name in cells for name in needed):
-            raise odd_row(len(cells))
         return (tuple(cells), number, units) if are_names(cells) else ((), None, [])
     comments = [
         (number, line.lstrip("# \t").rstrip())
@@ -597,15 +489,15 @@ def _is_named_by_a_number(cell: str) -> bool:
     )
 
 
-def _all_in(needed: Sequence[str], cells: Sequence[str]) -> bool:
-    return bool(needed) and all(is_column(name, cells) for name in needed)
-
-
 def _are_units(cells: Sequence[str]) -> bool:
     """Whether a line below the names holds units alone."""
-    return all(_is_in_symbols(unit) for cell in cells if (unit := _unit_in(cell))) and any(
-        cell not in ("", "1") for cell in cells
+    units = {*map(_unit_in, cells)} - {"", "1"}
+    known = all(
+        unit in _FURTHER_UNITS
+        or (is_unit(unit) and unit != "t" and not _NUMBER_FIRST.match(unit))  # t is rather a name
+        for unit in units
     )
+    return known and any(cell not in ("", "1") for cell in cells)
 
 
 def _unit_in(cell: str) -> str:
@@ -614,30 +506,15 @@ def _unit_in(cell: str) -> str:
     return "1" if unit.lower() in _NO_UNIT else unit
 
 
-def _is_in_symbols(unit: str) -> bool:
-    """Whether a unit is made of symbols that are known."""
-    words = [part for part in _SEPARATORS.split(unit.replace("µ", "u").replace("μ", "u")) if part]
-    return unit == "1" or (
-        _NUMBER_FIRST.match(unit) is None
-        and bool(words)
-        and all(word in _SYMBOLS for word in words)
-    )
-
-
 def cells_differ(row: Row, width: int, delimiter: str) -> InputError:
     """The error for a row that has not `width` cells."""
     cells = len(row.cells)
     # a blank last cell has no comma
     commas = delimiter == "," and 2 * width - (width > 2) <= cells <= 2 * width
-    cure = (
-        '--decimal comma; decimal = "comma" in a campaign'
-        if width == 1
-        else "write decimal points, or separate the cells by semicolons"
-    )
     hint = ""
     if commas:
-        hint = f" (decimal commas? {cure})"
+        hint = " (decimal commas? write decimal points, or separate the cells by semicolons)"
     elif cells == 1 and _BEGINS_WITH_A_WORD.match(row.line):
         hint = " (a remark? Put a # before it)"
-    rule = f"must have {width} {'cell' if width == 1 else 'cells'}, not {cells}{hint}"
+    rule = f"must have {width} cells, not {cells}{hint}"
     return InputError(rule, field="row", value=row.line.strip(), line=row.number)

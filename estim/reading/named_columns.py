@@ -8,8 +8,7 @@ reports them.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -39,29 +38,22 @@ def read_columns(
     Raises InputError with file, line, field, rule and value; where the file may be read in two
     ways, the rule names the key that resolves it.
     """
-    return table_of(read_layout(path, dialect, needed=needed), needed, min_rows)
+    return table_of(read_layout(path, dialect), needed, min_rows)
 
 
 def table_of(
-    layout: Layout,
-    needed: Sequence[str],
-    min_rows: int,
-    *,
-    complete: bool = False,
-    optional: Sequence[str] = (),
+    layout: Layout, needed: Sequence[str], min_rows: int, *, optional: Sequence[str] = ()
 ) -> Table:
     """The columns `needed` of a table that is laid out so, and those that are `optional`, NaN where
-    a cell is empty.  complete : whether an empty cell of the others is refused; else its row is
-    left out.  Raises InputError as `read_columns` does.
+    a cell is empty; where one of the others is, its row is left out.  Raises InputError as
+    `read_columns` does.
     """
     with in_file(layout.file):
-        return _columns(
-            layout, list(dict.fromkeys((*needed, *optional))), min_rows, complete, optional
-        )
+        return _columns(layout, list(dict.fromkeys((*needed, *optional))), min_rows, optional)
 
 
 def _columns(
-    layout: Layout, needed: Sequence[str], min_rows: int, complete: bool, optional: Sequence[str]
+    layout: Layout, needed: Sequence[str], min_rows: int, optional: Sequence[str]
 ) -> Table:
     indices = [place_of(name, layout.names, layout.header_line) for name in needed]
     dialect = layout.dialect
@@ -77,18 +69,17 @@ def _columns(
     rows = [row._replace(cells=_cells_of(row, layout)) for row in layout.rows]
     mark = decimal_mark(layout, rows, indices)
     numbers, values, left_out = [], [], dict[str, list[int]]()
-    lines, copies = dict[tuple[str, ...], int](), dict[int, int]()
+    lines, copies = set[tuple[str, ...]](), list[int]()
     for row in rows:
         cells = {name: row.cells[index] for name, index in zip(needed, indices, strict=True)}
         empty = [name for name, cell in cells.items() if is_missing(cell)]
         blank = next((name for name in empty if name not in optional), None)
-        if blank is not None and complete:
-            raise row_refused(row, "must be a number", blank, cells[blank])
         if blank is not None:
             left_out.setdefault(blank, []).append(row.number)
             continue
-        if (first := lines.setdefault(tuple(row.cells), row.number)) != row.number:
-            copies[row.number] = first
+        if tuple(row.cells) in lines:
+            copies.append(row.number)
+        lines.add(tuple(row.cells))
         numbers.append(row.number)
         values.append(
             [
@@ -99,9 +90,9 @@ def _columns(
             ]
         )
     if len(values) < min_rows:
-        raise InputError(
-            f"must hold at least {min_rows} rows of numbers", field="rows", value=len(values)
-        )
+        rule = f"must hold at least {min_rows} rows of numbers"
+        quoted = "; ".join(_left_out(name, lines) for name, lines in left_out.items())
+        raise InputError(rule, field="rows", value=len(values), quoted=quoted)
     table = np.array(values).reshape(-1, len(needed))
     columns = {name: table[:, i].copy() for i, name in enumerate(needed)}
     at = np.array(numbers)
@@ -140,18 +131,17 @@ def read_known_columns(
     """The columns of the table at `path` that are called as one of `known`, or as other programs
     call these, those `needed` among them.
 
-    Where nothing is stated of how the table is written, any other column must begin with _ and no
-    cell may be empty; else both are left out.  Raises InputError as `read_columns` does, and where
-    a column has an uncertain place or another unit than its name states.
+    Where nothing is stated of how the table is written, any other column must begin with _; else
+    it is left out.  Raises InputError as `read_columns` does, and where a column has an uncertain
+    place or another unit than its name states.
     """
-    stated = dialect != PLAIN
-    layout = read_layout(path, dialect, needed=known)
+    layout = read_layout(path, dialect)
     called = {name: ours for name in layout.names if (ours := own_name(name)) in known}
 
     def refused(rule: str, field: str, value: str | None = None, quoted: str = "") -> InputError:
         return InputError(rule, field=field, value=value, line=layout.header_line, quoted=quoted)
 
-    for name in () if stated else layout.names:
+    for name in layout.names if dialect == PLAIN else ():
         if name not in called and not name.startswith("_"):
             raise refused(
                 f"is not a column name (known: {', '.join(known)}; start a name with _ to skip it)",
@@ -169,7 +159,7 @@ def read_known_columns(
     for name in needed:
         if name not in called.values():
             raise refused("is missing", name, quoted=f"the header has {listed(list(called))}")
-    table = table_of(layout, list(called), min_rows, complete=not stated)
+    table = table_of(layout, list(called), min_rows)
     for name, ours in called.items():
         if ours in UNITS and same_numbers(table.units[name] or UNITS[ours], UNITS[ours]) is False:
             rule = f"must be in {UNITS[ours]}, as its name says; nothing is converted"
@@ -229,40 +219,24 @@ def _left_out(name: str, lines: Sequence[int]) -> str:
     )
 
 
-def _copied(copies: Mapping[int, int], table: FloatArray) -> list[str]:
+def _copied(copies: Sequence[int], table: FloatArray) -> list[str]:
     """The warning about lines that repeat an earlier one in every cell, where no other value of the
     first of several columns stands twice.
-
-    copies : line -> the earlier one.
     """
     if not copies or table.shape[1] < 2 or np.unique(table[:, 0]).size < len(table) - len(copies):
         return []
-    if len(copies) == 1:
-        ((line, first),) = copies.items()
-        return [
-            phrase(
-                "line {line} is identical to line {first}: if it is a copy, it is counted "
-                "twice, so remove it",
-                line=line,
-                first=first,
-            )
-        ]
-    words = phrase(
-        "{n} rows are identical to an earlier one (lines {lines}): if they are copies, "
-        "they are counted twice, so remove them",
-        n=len(copies),
-        lines=line_numbers(list(copies)),
-    )
-    return [words]
+    return [
+        phrase(
+            "rows identical to an earlier one: {lines} (a copy is counted twice, so remove it)",
+            lines=line_numbers(copies),
+        )
+    ]
 
 
-def columns_sentence(
-    read: Sequence[tuple[str, str, str]], unread: Sequence[str], without_u: Sequence[str] = ()
-) -> str:
+def columns_sentence(read: Sequence[tuple[str, str, str]], unread: Sequence[str]) -> str:
     """Which columns are what, and which columns of numbers are not read.
 
     read : "x", its column, its unit or "1" where none is known.
-    without_u : "x" and "y" where no uncertainties are stated: columns that may hold them are named.
     """
     names = names_and_units([column for _, column, _ in read])
     pairs = [
@@ -273,24 +247,4 @@ def columns_sentence(
     columns = phrase("columns: {pairs}", pairs=", ".join(pairs))
     if unread:
         columns += phrase("; columns not used: {columns}", columns=listed(unread))
-    for axis in without_u:
-        of = next((name for key, name, _ in read if key == axis), "")
-        for name in [name for name in unread if _may_be_uncertainty(name, of, axis)][:1]:
-            columns += phrase(
-                "; if '{name}' holds standard uncertainties, say so (--u-{axis}; u_{axis} in a "
-                "campaign)",
-                name=bare_name(name),
-                axis=axis,
-            )
     return columns
-
-
-def _may_be_uncertainty(name: str, column: str, axis: str) -> bool:
-    """Whether a column may hold the uncertainties of another, by its name: dU, ΔU, U_err, of y also
-    err.
-    """
-    short, own = (re.sub(r"[\s_.()]+", "", bare_name(text)) for text in (name, column or "-"))
-    prefixed = rf"(d|Δ|∆|δ|σ|s|sd|std|sigma|err|error|delta){re.escape(own)}"
-    suffixed = rf"{re.escape(own)}(err|error|sd|std|stdev|unc|uncertainty|fehler)"
-    alone = "err|error|errors|sd|std|stdev|sigma|σ|unc|uncertainty|fehler" if axis == "y" else "_"
-    return re.fullmatch(f"{prefixed}|{suffixed}|{alone}", short, re.IGNORECASE) is not None
