@@ -88,11 +88,12 @@ def test_what_may_be_read_in_two_ways_is_refused(
         read_table(tmp_path / "a.csv")
 
 
-def test_a_table_has_units_and_uncertainties(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text(
-        "t (s);U (V);u_U (V)\n0;2,0;0,1\n1;1,2;0,1\n2;0,8;0,1\n3;0,4;0,1\n"
+def test_a_frame_of_pandas_is_read_as_a_table_with_units_and_uncertainties() -> None:
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame(
+        {"t (s)": [0.0, 1.0, 2.0, 3.0], "U (V)": [2.0, 1.2, 0.8, 0.4], "u_U (V)": [0.1] * 4}
     )
-    given = read_table(tmp_path / "a.csv").points("t", "U")
+    given = read_table(frame).points("t", "U")
     assert given["x"].tolist() == [0.0, 1.0, 2.0, 3.0]
     assert given["u_y"].tolist() == [0.1] * 4
     assert given["axes"].y_unit == "V"
@@ -103,10 +104,16 @@ def test_a_table_has_units_and_uncertainties(tmp_path: Path) -> None:
 NAMESAKES = {"t (s)": [0.0, 1.0], "U (V)": [2.0, 1.0], "U (mV)": [7.0, 8.0], "u_U (V)": [0.5, 0.5]}
 
 
-def test_columns_of_one_name_in_two_units_are_two(tmp_path: Path) -> None:
-    rows = (NAMESAKES, *zip(*NAMESAKES.values(), strict=True))
-    (tmp_path / "a.csv").write_text("".join(";".join(map(str, row)) + "\n" for row in rows))
-    table = read_table(tmp_path / "a.csv")
+@pytest.mark.parametrize("framed", [False, True])
+def test_columns_of_one_name_in_two_units_are_two(tmp_path: Path, framed: bool) -> None:
+    if framed:
+        table = read_table(pytest.importorskip("pandas").DataFrame(NAMESAKES))
+    else:
+        lines = [
+            ";".join(map(str, row)) for row in (NAMESAKES, *zip(*NAMESAKES.values(), strict=True))
+        ]
+        (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
+        table = read_table(tmp_path / "a.csv")
     assert {name: table[name].tolist() for name in NAMESAKES} == NAMESAKES
     assert table.units == {"t": "s", "U (V)": "V", "U (mV)": "mV", "u_U": "V"}
     points = table.points("t", "U (V)")
@@ -122,6 +129,8 @@ def test_a_symbol_that_is_a_unit_too_has_uncertainties(tmp_path: Path, y: str, u
     table = read_table(tmp_path / "a.csv")
     assert table.points("x", y)["u_y"].tolist() == [0.1] * 3
     assert table.units[u] == ""
+    frame = pytest.importorskip("pandas").DataFrame({"x": [1.0], y: [2.0], u: [0.1]})
+    assert read_table(frame).points("x", y)["u_y"].tolist() == [0.1]
 
 
 @pytest.mark.parametrize("head", ["T,V,u(T),u(V)", "T (K),V (mL),u(T) (K),u(V)"])
@@ -151,12 +160,15 @@ def test_uncertainties_in_another_unit_are_refused(tmp_path: Path, head: str, sa
     assert table.points("L", "t")["u_y"] is None
 
 
-def test_a_table_has_the_columns_that_are_asked_for_once(tmp_path: Path) -> None:
-    rows = (NAMESAKES, *zip(*NAMESAKES.values(), strict=True))
-    (tmp_path / "a.csv").write_text("".join(";".join(map(str, row)) + "\n" for row in rows))
-    for asked, says in ((["t", "W"], "'W' is missing"), (["t", "U"], "'U' occurs twice")):
+def test_a_frame_has_the_columns_that_are_asked_for_once() -> None:
+    pandas = pytest.importorskip("pandas")
+    for frame, asked, says in (
+        (pandas.DataFrame(NAMESAKES), ["t", "W"], "'W' is missing"),
+        (pandas.DataFrame(NAMESAKES), ["t", "U"], "'U' occurs twice"),
+        (pandas.DataFrame([[1, 2], [3, 4]], columns=["t", "t"]), None, "'t' occurs twice"),
+    ):
         with pytest.raises(InputError, match=says):
-            read_table(tmp_path / "a.csv", columns=asked)
+            read_table(frame, columns=asked)
 
 
 @pytest.mark.parametrize(
@@ -182,9 +194,9 @@ def test_an_archive_that_is_no_table_is_refused_in_one_line(
     assert len(str(done.exception).splitlines()) == 1
 
 
-def test_what_is_no_path_is_refused() -> None:
-    with pytest.raises(InputError, match="must be the path of a file"):
-        read_table(3)  # type: ignore[arg-type]
+def test_what_is_neither_a_file_nor_a_frame_is_refused() -> None:
+    with pytest.raises(InputError, match="must be a file or a data frame"):
+        read_table(3)
 
 
 @pytest.mark.parametrize(

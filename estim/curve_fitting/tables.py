@@ -1,5 +1,5 @@
-"""`read_table`: a table for Python, read as the commands read it, with what `fit_curve` takes of
-it: `fit_curve("a + b*x", **read_table("a.xlsx").points("t", "U"))`.
+"""`read_table`: a table for Python, read as the commands read it, or out of a data frame of pandas,
+with what `fit_curve` takes of it: `fit_curve("a + b*x", **read_table("a.xlsx").points("t", "U"))`.
 """
 
 from __future__ import annotations
@@ -10,9 +10,12 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from estim.arrays import FloatArray
 from estim.common import InputError, listed, same_numbers
 from estim.curves import AxisNames
+from estim.given_numbers import real_numbers
 from estim.reading import (
     PLAIN,
     Decimal,
@@ -21,6 +24,7 @@ from estim.reading import (
     name_and_unit,
     names_and_units,
     numeric_columns,
+    place_of,
     read_layout,
     require_unit,
     table_of,
@@ -105,7 +109,7 @@ def _keys(names: Sequence[str]) -> dict[str, str]:
 
 
 def read_table(
-    source: str | PathLike[str],
+    source: Any,
     *,
     columns: Sequence[str] | None = None,
     sheet: str | None = None,
@@ -113,14 +117,14 @@ def read_table(
     decimal: Decimal | None = None,
     dialect: Dialect = PLAIN,
 ) -> TableColumns:
-    """The columns of numbers in a file (text, .xlsx, .ods, a zip of one table).
+    """The columns of numbers in a file (text, .xlsx, .ods, a zip of one table), or in a data frame.
 
-    source : its path.
+    source : a path, or a data frame.
     columns : those that are read, None for all; a row without a value in one of them is left out.
     sheet, range, decimal : as --sheet, --range and --decimal of the commands.
     dialect : what else is stated of how a file is written.
 
-    A data frame needs no reading: `fit_curve` takes its columns.  Raises InputError.
+    A data frame has units in its names, "U [V]", or in `attrs["units"]`.  Raises InputError.
 
     >>> from estim import fit_curve, read_table
     >>> table = read_table("data/tutorial/tea.csv")
@@ -129,8 +133,10 @@ def read_table(
     >>> fit_curve("room + excess*exp(-x/tau)", **table.points("time", "temperature")).status
     'ok'
     """
+    if hasattr(source, "columns") and hasattr(source, "attrs"):
+        return _of_frame(source, columns)
     if not isinstance(source, str | PathLike):
-        raise InputError("must be the path of a file", field="source", value=source)
+        raise InputError("must be a file or a data frame", field="source", value=source)
     stated = {"sheet": sheet, "range": range, "decimal": decimal}
     changes: dict[str, Any] = {key: value for key, value in stated.items() if value is not None}
     layout = read_layout(Path(source), replace(dialect, **changes))
@@ -141,4 +147,36 @@ def read_table(
         {keys[name]: column for name, column in table.columns.items()},
         {keys[name]: unit for name, unit in table.units.items()},
         (*table.facts, *table.warnings),
+    )
+
+
+def _of_frame(frame: Any, columns: Sequence[str] | None) -> TableColumns:
+    """The columns of a data frame, those of numbers where none are named; rows without a value in
+    one of them are left out.
+    """
+    stated = frame.attrs.get("units", {})
+    called = [str(name) for name in frame.columns]
+    positions = (
+        [
+            i
+            for i in range(len(called))
+            if np.issubdtype(np.asarray(frame.iloc[:, i]).dtype, np.number)
+        ]
+        if columns is None
+        else [place_of(name, called) for name in columns]
+    )
+    if not positions:
+        raise InputError("has no column of numbers", field="table", quoted=str(list(columns or ())))
+    positions = list(dict.fromkeys(positions))
+    table = frame.iloc[:, positions].dropna()
+    names = {called[i]: frame.columns[i] for i in positions}
+    for name in names:
+        place_of(name, called)  # refuses one that occurs twice
+    keys = _keys(list(names))
+    units = {name: unit for name, (_, unit) in zip(names, names_and_units([*names]), strict=True)}
+    n_dropped = len(frame) - len(table)
+    return TableColumns(
+        {keys[name]: real_numbers(table[label].to_numpy(), name) for name, label in names.items()},
+        {keys[name]: stated.get(names[name], unit) for name, unit in units.items()},
+        (f"{n_dropped} rows without a value were left out",) if n_dropped else (),
     )
