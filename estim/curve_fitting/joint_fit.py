@@ -159,6 +159,20 @@ def fit_curves(
             name: {p.name for p in part.parameters} - {*shared, *common}
             for name, part in parts.items()
         }
+    axis_units = {
+        (part.axes.x_unit, part.axes.y_unit)
+        for name, part in parts.items()
+        if data[name].curve is None and data[name].axes is None
+    }
+    if (
+        len(axis_units) > 1
+        or len({part.axes is sets[name].axes for name, part in parts.items()}) > 1
+    ):
+        raise InputError(
+            "must have x and y in the same units: quantities in all data sets, or in none",
+            field="data",
+            value=", ".join(data),
+        )
     joint = join(
         parts,
         own=own,

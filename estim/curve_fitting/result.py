@@ -32,7 +32,7 @@ from estim.common import (
     table,
 )
 from estim.curve_fitting.figures import ConfidenceRegion, Prediction, curve_figure, region_of
-from estim.curves import are_abscissas, at_abscissas
+from estim.curves import are_abscissas, at_abscissas, refuse_quantities
 from estim.discrepancy import FoundDeviation
 from estim.distributions import student_quantile
 from estim.fitting import (
@@ -214,9 +214,10 @@ class CurveFit:
 
         data : as in `predict`.
         """
+        refuse_quantities(x=x)
         if isinstance(x, Mapping) or self._run(data).numbered:
             return self.predict(x, data=data).value
-        return self.predict(np.ravel(real_numbers(x, "x")), data=data).value.reshape(np.shape(x))
+        return self.predict(np.ravel(x), data=data).value.reshape(np.shape(x))
 
     @cached_property
     def residuals(self) -> FloatArray:
@@ -243,6 +244,7 @@ class CurveFit:
             estimated.
         data : name of the data set, where several were fit together.  Raises InputError.
         """
+        refuse_quantities(x=x)
         run = self._run(data)
         if run.numbered or are_abscissas(x):
             curve, abscissas = at_abscissas(run.curve, x)

@@ -175,7 +175,8 @@ def fit_curve(
         {"right_sigma": "left_sigma", "b": "2*a"}; it has neither start nor prior, and is reported
         among what follows from the fit.
     derived : name -> formula of the parameters, like {"g": "4*pi**2/slope"}; a formula may name
-        those before it, `units` have its unit.
+        those before it, `units` have its unit.  x, y, u_x, u_y, start, fixed and bounds may be
+        quantities of pint: the fit is then in SI base units (`estim.curves.quantities`).
     rng : of the simulated tests, or its seed; None always draws the same.
     scan : whether every nonlinear parameter is scanned for other optima; False takes the one that
         the start leads to.  None: True, but not for differential equations (`estim.ode`).

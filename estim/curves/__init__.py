@@ -32,6 +32,7 @@ from estim.curves.curve_problem import (
 )
 from estim.curves.data_set import DataSet
 from estim.curves.posing import pose_points, pose_sets
+from estim.curves.quantities import refuse_quantities
 from estim.curves.regimes import (
     Borders,
     borders_of,

@@ -17,6 +17,7 @@ from estim.curves.curve_problem import CurveProblem, pose_curve
 from estim.curves.data_set import DataSet
 from estim.curves.named import Points, provisional, started, unstarted, within
 from estim.curves.parameter_settings import ParameterSettings
+from estim.curves.quantities import refuse_quantities, without_units
 from estim.curves.several_abscissas import OfPoints
 from estim.curves.systematic_errors import Component
 
@@ -42,6 +43,14 @@ def pose_points(
         if not isinstance(mapping, Mapping):
             rule = "must be a mapping from names of parameters to what is said of each"
             raise InputError(rule, field=field, value=mapping)
+    refuse_quantities(
+        cov_y=points.cov_y,
+        cov_x=points.cov_x,
+        r_xy=points.r_xy,
+        deviation=deviation,
+        correlated=correlated,
+    )
+    points, settings = without_units(points, settings)
     start, bounds, fixed = settings.start, settings.bounds, settings.fixed
     if isinstance(curve, OfPoints):  # is searched for none
         known = {**fixed, **settings.tied}
