@@ -43,6 +43,10 @@ _RULE = re.compile(r"[-=_+|\s]+")  # a line drawn below the header
 _FURTHER_UNITS = {"px", "frame", "frames", "count", "counts", "arb", "a.u.", "au", "dB"}
 _NO_UNIT = {"1", "-", "--", "–", "—", "dimensionless", "unitless", "none", "n/a"}
 _NUMBER_FIRST = re.compile(r"(?!1\s*/|10\s*[\^⁻⁰¹²³⁴⁵⁶⁷⁸⁹])[+-]?[.,]?\d")  # but 1/s, 10^-3 N
+_THOUSANDS = {  # under a stated decimal mark
+    decimal: re.compile(rf"[+-]?[1-9]\d{{0,2}}({marks})\d{{3}}(\1\d{{3}})*{mark}\d*", re.ASCII)
+    for decimal, marks, mark in (("comma", r"[. '\u00a0\u202f]", ","), ("point", "[, ']", r"\."))
+}
 _BEGINS_WITH_A_NUMBER = re.compile(r"\W{0,3}\d")
 _MEANT_AS_A_NUMBER = re.compile(r"[^\w#]{0,3}\d[\W\dxXeE]*")  # ~1, 1/2, 2x10^3, 1 234
 _BEGINS_WITH_A_WORD = re.compile(r"\W{0,9}[^\W\d_]{2}")  # or as >>>>>End of data
@@ -124,6 +128,7 @@ def read_layout(path: Path, dialect: Dialect) -> Layout:
                 lines=below_it,
             )
         )
+    split = [row._replace(cells=_without_thousands(row.cells, dialect)) for row in split]
     start = _start(split, delimiter)
     above = split[:start]
     percent = any(row.line.lstrip().startswith("%") for row in above)
@@ -239,6 +244,18 @@ def _transposed(rows: Sequence[Row]) -> list[Row]:
     width = max(len(_trimmed(row.cells)) for row in rows)
     cells = [[*row.cells, *[""] * width][:width] for row in rows]
     return [Row(i, "\t".join(row), list(row)) for i, row in enumerate(zip(*cells, strict=True), 1)]
+
+
+def _without_thousands(cells: list[str], dialect: Dialect) -> list[str]:
+    """Cells without marks between thousands, where the decimal mark is stated and a number has
+    both: 1.234,5.  Alone, 1.234 shows nothing, and is left as it is.
+    """
+    grouped = _THOUSANDS.get(dialect.decimal or "")
+    if grouped is None:
+        return cells
+    return [
+        cell.replace(match[1], "") if (match := grouped.fullmatch(cell)) else cell for cell in cells
+    ]
 
 
 def _is_one_column(lines: Lines, dialect: Dialect) -> bool:
