@@ -46,13 +46,15 @@ class ResultPair:
 def compare_results(first: Json, second: Json) -> ResultPair:
     """Two `result.json` of any kind, decoded."""
     a, b = (
-        {(estimate.name, estimate.unit): estimate.value for estimate in estimates(record)}
+        {(estimate.name, estimate.unit or "1"): estimate.value for estimate in estimates(record)}
         for record in (first, second)
     )
     both = [Moved(*key, a[key], b[key]) for key in a if key in b]
     lost, gained = (
         tuple(
-            f"{name} ({unit})" if unit else name for name, unit in one if (name, unit) not in other
+            name if unit == "1" else f"{name} ({unit})"
+            for name, unit in one
+            if (name, unit) not in other
         )
         for one, other in ((a, b), (b, a))
     )
