@@ -412,7 +412,8 @@ def test_lines_are_compared_by_their_words_and_by_what_is_estimated() -> None:
         ("0.181", "0.199", [True], [True]),
         ("1.0012", "1.0031", [False], [False]),
         ("0.89", "0.86", [False], [False]),
-        ("Status: ok", "Status: poor", [True], [False]),
+        ("Status: ok", "Status: poor", [True], [True]),
+        ("R-hat", "other", [True], [False]),
         ("is named", "was named", [False], [False]),
     ):
         assert line(last_digits, before, now) == near, (before, now)

@@ -3,8 +3,8 @@ was not compared.
 
 On the machine that made a report all comes out the same.  If nine tenths of the numbers in the
 JSON files are the same to the last digit, this is such a machine, and whatever differs is wrong.
-Another processor, or another version of a package, changes last digits; a chain may then make other
-draws.  There
+Another processor, number of threads or version of a package changes last digits; a chain may then
+make other draws.  There
 
 - names, units, statuses and what was stated must be the same, and estimates must agree within their
   Monte-Carlo errors, which are taken from the recomputation: a forged report could state large
@@ -170,7 +170,7 @@ def _of_lines(
     """Lines with the same words belong together, whatever their numbers.
 
     exact : whether all must be the same.  near : whether all estimates are, but for last digits;
-    then the first page, up to what is folded, must have the same words.
+    then the first page, up to what is folded, must have the same words, and its status always.
     """
     if len(before) > 4 * len(now) + 100:  # comparing takes a time that goes as their product
         yield Difference(WHOLE, f"{len(before)} lines", f"{len(now)} lines")
@@ -180,7 +180,8 @@ def _of_lines(
     first_page = next((i for i, line in enumerate(now) if "<details" in line), len(now))
     for tag, i, j, k, m in matcher.get_opcodes():
         if tag != "equal":
-            wrong = exact or (near and k < first_page)
+            bold = any(line.startswith("**") for line in (*before[i:j], *now[k:m]))  # the status
+            wrong = exact or ((near or bold) and k < first_page)
             yield _shown(i, " / ".join(before[i:j]), " / ".join(now[k:m]), wrong)
             continue
         for at, old, new in zip(range(i, j), before[i:j], now[k:m], strict=True):
