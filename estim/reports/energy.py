@@ -73,7 +73,7 @@ def drift_words(drift: Json) -> str:
         else "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none). After the fit "
         "the rolling resistance is about as uncertain "
         "as its prior ({share} of the prior's width): a loss computed from it would reflect this "
-        "prior and not a measurement, so these data cannot test any statement about a loss. A "
+        "prior and not a measurement, so these data do not determine how large a loss is. A "
         "joint fit of more runs, or a wider prior, lets the data determine it.",
         gain=max(drift["gain"], 0.0),
         p=format_p(drift["p_value"]),
