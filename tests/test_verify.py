@@ -396,6 +396,16 @@ def test_numbers_that_chance_moves_are_told_from_others() -> None:
         assert changed(parameters={"a": a, **others})["parameters.a.mean"]
 
 
+def test_limits_are_estimates_too() -> None:
+    """They are what is quoted of a quantity that lies on an edge: no mean, no sd."""
+    now = {"mcse": 0.01, "q84": 3.0, "limit": {"side": "upper", "limit_95": 4.5}, "upper_95": None}
+    for limit, wrong in ((4.6, False), (4.8, True)):
+        before = {**now, "q84": 3.01, "limit": {**now["limit"], "limit_95": limit}}
+        pair = (json.dumps(before).encode(), json.dumps(now).encode())
+        told = differences({"result.json": pair}, same_versions=False)["result.json"]
+        assert [one.where for one in told if one.wrong] == ["limit.limit_95"] * wrong
+
+
 def test_lines_are_compared_by_their_words_and_by_what_is_estimated() -> None:
     """Where last digits of the results differ, and where other draws were made."""
     last_digits = json.loads(json.dumps(NOW), parse_float=lambda text: float(text) * (1 + 1e-12))

@@ -34,6 +34,7 @@ _FEWEST = 400  # effective draws behind an estimate that states no Monte-Carlo e
 _ERRORS = {
     **dict.fromkeys(("mean", "value", "sd", "u"), 7.0),
     **dict.fromkeys(("median", "q16", "q84", "q025", "q975"), 21.0),
+    **dict.fromkeys(("limit_68", "limit_95", "upper_95"), 21.0),
 }
 _ESTIMATES = (("mean", "sd"), ("value", "u"), ("mean", "u"))
 _STATED = {
@@ -130,18 +131,24 @@ def short(value: object) -> str:
     return shorten(f"{value:.10g}" if isinstance(value, float) else str(value), _WIDTH)
 
 
-def entries_of(where: str, before: Any, now: Any) -> Iterator[Entry]:
-    """Everything that stands in one of two decoded JSON values, or in both; where : their place."""
+def entries_of(where: str, before: Any, now: Any, mcse: float | None = None) -> Iterator[Entry]:
+    """Everything that stands in one of two decoded JSON values, or in both; where : their place.
+
+    mcse : of an estimate, where these are its limits.
+    """
     if isinstance(before, dict) and isinstance(now, dict):
         _, sd = estimate_in(now) or estimate_in(before) or (0.0, None)
+        if is_number(now.get("mcse")):
+            mcse = now["mcse"]
+        elif sd is not None:
+            mcse = sd / math.sqrt(_FEWEST)
         for name in dict.fromkeys([*before, *now]):
             place = f"{where}.{name}" if where else name
             old, new = before.get(name, _NOTHING), now.get(name, _NOTHING)
-            if sd is not None and name in _ERRORS:
-                mcse = now["mcse"] if is_number(now.get("mcse")) else sd / math.sqrt(_FEWEST)
-                yield Entry(place, old, new, _ERRORS[name] * mcse, sd)
+            if mcse is not None and name in _ERRORS:
+                yield Entry(place, old, new, _ERRORS[name] * mcse, sd or 0.0)
             else:
-                yield from entries_of(place, old, new)
+                yield from entries_of(place, old, new, mcse if name == "limit" else None)
     elif isinstance(before, list) and isinstance(now, list) and len(before) == len(now):
         for i, (old, new) in enumerate(zip(before, now, strict=True)):
             yield from entries_of(f"{where}[{i}]", old, new)
