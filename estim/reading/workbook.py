@@ -38,7 +38,7 @@ def sheet_text(data: bytes, dialect: Dialect) -> tuple[str, str, tuple[str, ...]
     parts = _parts(data)
     for name, part in parts.items():
         if name.endswith(".xml"):
-            _check_reach(part, sheets="xl/workbook.xml" not in parts)
+            _check_sheets(part, ods="xl/workbook.xml" not in parts)
     try:
         with CalamineWorkbook.from_filelike(io.BytesIO(_stored(parts))) as book:
             names = list(book.sheet_names)
@@ -81,17 +81,22 @@ def _stored(parts: Files) -> bytes:
     return stream.getvalue()
 
 
-def _check_reach(xml: bytes, *, sheets: bool) -> None:
-    """Raises InputError where a sheet of .xlsx or .ods reaches over too many cells.  sheets :
-    whether there are several in `xml`, as in .ods.
+def _check_sheets(xml: bytes, *, ods: bool) -> None:
+    """Raises InputError where a sheet of .xlsx or .ods (all in one `xml`) reaches over too many
+    cells, or shows an error in a cell of which OpenOffice says that it is the number 0.
     """
     row = column = repeated = last_row = last_column = 0
+    number = False
+
+    def on_end(tag: str, _: Attributes, text: str) -> None:
+        if tag == "p" and number and text.startswith(("#", "Err:")):
+            raise InputError("must be a number", field="cell", value=text, line=row + 1)
 
     def on_start(tag: str, attributes: Attributes, _: int) -> None:
-        nonlocal row, column, repeated, last_row, last_column
+        nonlocal row, column, repeated, last_row, last_column, number
         n, filled = 0, False
         match tag:
-            case "table" if sheets:
+            case "table" if ods:
                 row = repeated = last_row = last_column = 0
             case "row":
                 row, column = int(attributes.get("r", row + 1)), 0
@@ -106,13 +111,14 @@ def _check_reach(xml: bytes, *, sheets: bool) -> None:
             case "table-cell" | "covered-table-cell":
                 n = int(attributes.get("table:number-columns-repeated", 1))
                 filled = "office:value-type" in attributes
+                number = attributes.get("office:value-type", "string") != "string"
         column += n
         if filled:
             last_row, last_column = max(last_row, row + repeated), max(last_column, column)
         if last_row * last_column > _MAX_CELLS:
             raise InputError(f"must have at most {_MAX_CELLS} cells", field="sheet")
 
-    parse_xml(xml, lambda *_: None, on_start)
+    parse_xml(xml, on_end, on_start)
 
 
 def _written(cell: object, dialect: Dialect) -> str:
