@@ -31,14 +31,15 @@ from estim.discrepancy import FoundDeviation, FoundForce, NormalParts
 from estim.distributions import chi2_tail
 from estim.fitting.arrowhead import descend_by_runs, many
 from estim.fitting.fisher_information import information, known_from_data
+from estim.fitting.held_covariances import MAX_ROUNDS, SETTLED, Held, settle_by_runs
 from estim.fitting.incidental_parameters import measure_of, spreads_and_effects
 from estim.fitting.jeffreys import jeffreys_prior
 from estim.fitting.noise_fit import fit_noise
 from estim.fitting.profile_search import search_of
-from estim.fitting.relaxation import LEAST_SHARE, MAX_ROUNDS, SETTLED, Held, settle_by_runs
 from estim.problem import Coordinates, JeffreysPrior, Measure, Posterior, Problem, Symmetry
 
 _FEW_ROUNDS = 6
+_LEAST_SHARE = 0.05  # of a step of rounds that swing
 WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
 # of -2 log density: chains of some seeds go beyond a rise of 27.5, none beyond 30.3; where that
 # without a parameter is higher, its sign is known and it is sampled by size
@@ -78,7 +79,7 @@ class Fit:
     unheld : a parameter that the data hardly keep from infinity, where that was asked and there is
         one.
     held : of many runs, those whose covariance was not taken at the mode
-        (`estim.fitting.relaxation`).
+        (`estim.fitting.held_covariances`).
     """
 
     names: tuple[str, ...]
@@ -306,7 +307,7 @@ def _settle(values: FloatArray, posterior: Posterior) -> tuple[FloatArray, Poste
         ):
             share *= 0.5
         # there, or beside a jump of the covariance: no place where it stays
-        if moved < SETTLED or share < LEAST_SHARE:
+        if moved < SETTLED or share < _LEAST_SHARE:
             break
     return values, posterior, moved
 
