@@ -382,6 +382,34 @@ def test_numbers_that_chance_moves_are_told_from_others() -> None:
     )
 
 
+def test_limits_are_estimates_too() -> None:
+    """They are what is quoted of a quantity that is not measured, or lies on an edge."""
+
+    def of(scale: float, **limits: object) -> dict[str, object]:
+        ends = {"median": 1.3, "q025": 0.05, "q16": 0.4, "q84": 3.0, "q975": 5.2}
+        numbers = {name: scale * end for name, end in ends.items()}
+        return {**numbers, "mcse": 0.01, "upper_95": None, "limit": None, **limits}
+
+    def told(before: dict[str, object], now: dict[str, object]) -> dict[str, Verdict]:
+        beside = {name: (estimate(1.03, 0.49), estimate(1.0, 0.5)) for name in "bc"}
+        both = zip(*beside.values(), strict=True)
+        others, others_now = (dict(zip(beside, values, strict=True)) for values in both)
+        return verdicts(
+            {"parameters": {"a": before, **others}}, {"parameters": {"a": now, **others_now}}
+        )
+
+    measured = {"mean": 1.7, "sd": 1.5}
+    for upper, verdict in ((4.51, Verdict.WITHIN), (1.0, Verdict.WRONG)):
+        before = of(1.002, **measured, upper_95=upper)
+        found = told(before, of(1.0, **measured, upper_95=4.5))
+        assert found["parameters.a.upper_95"] is verdict
+    for limit, verdict in ((4.51, Verdict.WITHIN), (1.0, Verdict.WRONG)):
+        one = {"side": "upper", "edge": 0.0, "limit_68": 1.9, "limit_95": 4.5}
+        found = told(of(1.002, limit={**one, "limit_95": limit}), of(1.0, limit=one))
+        assert found["parameters.a.limit.limit_95"] is verdict
+        assert found["parameters.a.q975"] is Verdict.WITHIN
+
+
 def test_where_the_draws_are_the_same_everything_is() -> None:
     now = {
         "status": "ok",

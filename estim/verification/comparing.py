@@ -41,7 +41,8 @@ _ERRORS = {
     **dict.fromkeys(("mean", "value", "sd", "u"), 1.0),
     "median": 1.3,
     **dict.fromkeys(("q16", "q84"), 1.6),
-    **dict.fromkeys(("q025", "q975"), 3.0),
+    "limit_68": 1.6,
+    **dict.fromkeys(("q025", "q975", "upper_95", "limit_95"), 3.0),
 }
 """Monte-Carlo error of each number of an estimate over that of its mean; of a normal
 distribution, rounded up.
@@ -138,6 +139,17 @@ def estimate_in(node: object) -> tuple[float, float] | None:
     return None
 
 
+def _spread_in(node: object) -> float | None:
+    """The standard deviation of an estimate, of one that is a limit (no mean and sd) half its 68 %
+    interval; None where `node` is none.
+    """
+    if (estimate := estimate_in(node)) is not None:
+        return estimate[1]
+    if isinstance(node, dict) and is_number(node.get("q16")) and is_number(node.get("q84")):
+        return float(0.5 * abs(node["q84"] - node["q16"]))
+    return None
+
+
 def _digest(picture: re.Match[bytes]) -> bytes:
     return b"picture with SHA-256 " + hashlib.sha256(picture[0]).hexdigest().encode()
 
@@ -183,13 +195,13 @@ def _number(cell: str) -> float | str:
 def _moves(before: Any, now: Any) -> Iterator[float]:
     """By how many of its standard deviations each number of each estimate differs."""
     if isinstance(before, dict) and isinstance(now, dict):
-        estimate = estimate_in(now)
+        spread = _spread_in(now)
         for key in now.keys() & before.keys():
             a, b = before[key], now[key]
-            if estimate is None:
+            if spread is None:
                 yield from _moves(a, b)
             elif key in _ERRORS and is_number(a) and is_number(b):
-                spread, change = estimate[1], abs(a - b)
+                change = abs(a - b)
                 bits = _SAME * max(abs(a), abs(b))
                 yield 0.0 if change <= bits else change / spread if spread > 0.0 else math.inf
     elif isinstance(before, list) and isinstance(now, list):
@@ -211,23 +223,24 @@ def _of_values(
     exact: bool = False,
     scale: float = 0.0,
     same_beside: bool = True,
+    spread: float | None = None,
 ) -> Iterator[Difference]:
     """exact : every number that differs by more than the last bits is wrong.  scale : of the
     numbers beside it.  same_beside : whether most numbers of the estimates beside it are of the
-    same draws.
+    same draws.  spread : of the estimate of which this is a part.
     """
     key = _key(path)
     if not exact and key in _DIAGNOSTICS:
         if before != now and key != "versions":
             yield _difference(path, before, now, Verdict.ASIDE)
     elif isinstance(before, dict) and isinstance(now, dict):
-        estimate = None if exact else estimate_in(now)
+        spread = None if exact else _spread_in(now) if key != "limit" else spread
         moved = [move > SAME_DRAWS for move in _moves(before, now)]
-        if estimate is not None:  # beside it stand numbers of draws
+        if spread is not None:  # beside it stand numbers of draws
             # other draws move most numbers of an estimate, and of those beside it: where a few
             # differ, somebody changed them
             few = 2 * sum(moved) <= len(moved) if len(moved) > 2 else not any(moved)
-            same, scale = few and same_beside, 0.0
+            same, scale = few and same_beside if moved else same, 0.0
         else:
             same, scale = not any(moved) if moved else same, _scale([*now.values()])
             same_beside = 2 * sum(moved) <= len(moved)
@@ -235,7 +248,7 @@ def _of_values(
             place = f"{path}.{name}" if path else name
             if name not in now or name not in before:
                 yield _difference(place, before.get(name, ""), now.get(name, ""))
-            elif estimate is None or name not in _ERRORS:
+            elif spread is None or name not in _ERRORS:
                 yield from _of_values(
                     place,
                     before[name],
@@ -244,9 +257,10 @@ def _of_values(
                     exact=exact,
                     scale=scale,
                     same_beside=same_beside,
+                    spread=spread,
                 )
             else:
-                tolerance = SAME_DRAWS * estimate[1] if same else _tolerance(name, now, estimate[1])
+                tolerance = SAME_DRAWS * spread if same else _tolerance(name, now, spread)
                 yield from _of_numbers(place, before[name], now[name], tolerance)
     elif isinstance(before, list) and isinstance(now, list) and len(before) == len(now):
         for i, (old, new) in enumerate(zip(before, now, strict=True)):
