@@ -427,6 +427,24 @@ def test_where_the_draws_are_the_same_everything_is() -> None:
     assert verdicts(one, now)["parameters.a.mean"] is Verdict.WRONG
 
 
+def test_what_the_last_bits_decide_is_not_taken_for_forged() -> None:
+    """On another processor six honest reports of the gallery were not verified."""
+    before = {
+        "what_if": [{"shifts": {"L": -3.66e-9}}],
+        "checks": {"runs": {"p_value": 0.6224, "p_below": 0.3786}},
+    }
+    now = {
+        "what_if": [{"shifts": {"L": -3.72e-9}}],
+        "checks": {"runs": {"p_value": 0.6214, "p_below": 0.3796}},
+    }
+    assert set(verdicts(before, now).values()) == {Verdict.WITHIN}
+    for forged in (
+        {"what_if": [{"shifts": {"L": 0.4}}]},
+        {"checks": {"runs": {"p_value": 0.7, "p_below": 0.3}}},
+    ):
+        assert Verdict.WRONG in verdicts({**before, **forged}, now).values()
+
+
 def test_what_other_draws_hardly_move_by_chance_is_not_taken_for_forged() -> None:
     """Four of its five numbers agree; those of what stands beside it do not."""
     now = {"parameters": {name: estimate(1.0, 0.5) for name in "abc"}}

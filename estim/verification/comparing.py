@@ -35,6 +35,7 @@ SAME_DRAWS = 1e-3
 SDS = 5.0  # Monte-Carlo errors of a difference
 FEWEST = 400  # effective draws behind an estimate that has no stated Monte-Carlo error
 _SAME, _SIMILAR = 1e-9, 1e-3  # relative: the last bits; a number that follows from the same draws
+_COUNTED = 0.1  # relative: of a simulated p-value, whose own error is 20 % where it is small
 _WIDTH = 80  # characters of a difference that are shown
 _PICTURE = re.compile(rb"data:image/png;base64,[\w+/=]+")  # within a page
 _ERRORS = {
@@ -275,7 +276,7 @@ def _of_values(
             )
     elif is_number(before) and is_number(now):
         stated = key in _FIXED
-        tolerance = _SIMILAR * max(abs(before), abs(now))
+        tolerance = _similar_numbers(path, before, now)
         # what is left of a difference that is 0, of the largest number beside it
         yield from _of_numbers(
             path,
@@ -291,6 +292,19 @@ def _of_values(
         stated = words and bool(_STATED & {*re.findall(r"[^.\[\]]+", path)})
         wrong = Verdict.WRONG if same or exact or stated else Verdict.ASIDE
         yield _difference(path, before, now, Verdict.WITHIN if similar else wrong)
+
+
+def _similar_numbers(path: str, before: float, now: float) -> float:
+    """By how much two numbers that follow from the same draws may differ: shifts are in standard
+    deviations and may be nothing but rounding; p-values count simulated data sets, some of which
+    the last bits put on the other side.
+    """
+    least = 0.0
+    if ".shifts." in path:
+        least = SAME_DRAWS
+    elif _key(path) in ("p_value", "p_below"):
+        least = _COUNTED * min(now, 1.0 - now)
+    return max(_SIMILAR * max(abs(before), abs(now)), least)
 
 
 def _difference(
