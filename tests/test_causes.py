@@ -448,3 +448,16 @@ def test_a_start_of_positions_is_found_from_rest(tmp_path: Path) -> None:
 def test_each_cause_is_first_or_tied_with_its_aliases(name: str) -> None:
     _, tied = named(name, "sharp", "speeds", 0)
     assert CASES[name][1] in tied
+
+
+def test_causes_that_gain_the_same_keep_their_order() -> None:
+    """The curve holds both, so that neither gains anything: their order was that of rounding, and
+    the report was not verified on another processor.
+    """
+    campaign = load_campaign(
+        Path(__file__).resolve().parents[1] / "data/gallery/franck_hertz_spacing.toml"
+    )
+    found = explain(campaign.suspects(["even"]), rng=np.random.default_rng(1))
+    *_, first, second = found.candidates
+    assert [cause.name for cause in (first, second)] == ["zero_y", "zero_x"]
+    assert first.gain == pytest.approx(second.gain, abs=1e-9)

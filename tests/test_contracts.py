@@ -293,7 +293,7 @@ def test_a_campaign_poses_its_runs_and_knows_what_may_be_asked(
     assert isinstance(fit, Fit)
     assert fit.success
     campaign.check(names[0])
-    campaign.require_draws(problem)
+    campaign.require_draws(problem, of_priors=True)
     assert campaign._path_of_unknowns(names[0])[0] in ("runs", "curve")
     if campaign.formula is None:
         campaign.require_body()

@@ -339,7 +339,7 @@ def test_a_curve_that_is_finite_nowhere_is_refused_with_the_file(folder: Path) -
         (
             "calibrate",
             "a = {start = 3.0}",
-            r"campaign\.toml:9: 'a' is flat without limits, so that nothing can be simulated",
+            r"campaign\.toml:9: 'a' is flat without limits, so that no true value",
         ),
         (
             "calibrate",
@@ -357,6 +357,16 @@ def test_commands_say_which_parameter_is_in_the_way(
     )
     assert isinstance(ran.exception, InputError)
     assert re.search(says, str(ran.exception))
+
+
+def test_the_fitted_values_are_repeated_where_no_prior_can_be_drawn_from(folder: Path) -> None:
+    only(folder, "U0*exp(-x/tau)", "U0 = {start = 3.0}\ntau = {start = 2.0, low = 0.0}")
+    choices = ("--what", "coverage", "--simulations", "20", "--jobs", "1", "--figures", "none")
+    ran = CliRunner().invoke(
+        cli, ["calibrate", str(folder / "campaign.toml"), "--out", str(folder / "out"), *choices]
+    )
+    assert ran.exit_code == 0, ran.output
+    assert "the 68 % interval of tau covered" in ran.output
 
 
 @pytest.mark.parametrize("command", ["energy", "reanalyse", "line"])

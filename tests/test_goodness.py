@@ -519,3 +519,25 @@ def test_what_all_readings_have_in_common_hides_no_wrong_curve(common: float) ->
     assert not found["right"].failed
     # simulated data sets are rounded as these are, so that p is no 1 and no least one
     assert 0.001 < found["right"].checks["largest"].p_value < 1.0
+
+
+def test_simulated_p_values_do_not_depend_on_the_signs_of_eigenvectors(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """These are a matter of the processor: a report would not be verified on another one."""
+    x = np.linspace(0.0, 5.0, 20)
+    y = 2.0 * x + 1.0 + 0.1 * rng.standard_normal(20)
+    fit = fit_curve("a*x + b", x, y, u_y=0.1, priors={"a": "2.00(3)", "b": "1.0(1)"}).fit
+
+    def p_values() -> list[float]:
+        (goodness,) = check_goodness(fit, rng=np.random.default_rng(1))
+        return [check.p_value for check in goodness.checks.values()]
+
+    before, eigh = p_values(), np.linalg.eigh
+
+    def turned(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        spectrum, basis = eigh(matrix)
+        return spectrum, -basis
+
+    monkeypatch.setattr(np.linalg, "eigh", turned)
+    assert p_values() == before

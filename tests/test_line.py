@@ -319,6 +319,20 @@ def test_points_exact_in_one_coordinate_are_allowed():
     assert only_x.slope == pytest.approx(1.0 / inverse.slope, rel=1e-12)
 
 
+@pytest.mark.parametrize("least", [1e-6, 1e-8, 1e-10])
+@pytest.mark.parametrize("both", [False, True])
+def test_one_very_precise_point_is_one_that_the_line_passes_through(rng, least, both):
+    x = np.arange(10.0)
+    y = 2.0 + 0.5 * x + 0.1 * rng.standard_normal(10)
+    u = np.append(least, np.full(9, 0.1))
+    fit = fit_line(x, y, u_y=u, u_x=1e-3 * u if both else None)
+    slope = np.sum(x * (y - y[0])) / np.sum(x**2)
+    u_slope = 0.1 / np.sqrt(np.sum(x**2))
+    assert (fit.intercept, fit.slope) == pytest.approx((y[0], slope), rel=1e-6)
+    errors = fit.standard_errors["propagated"]
+    assert (errors.u_intercept, errors.u_slope) == pytest.approx((least, u_slope), rel=1e-5)
+
+
 # independent answers
 
 

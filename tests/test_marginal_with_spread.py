@@ -26,12 +26,13 @@ from estim.fitting import Fit, fit_problem
 from estim.fitting.incidental_parameters import spreads_and_effects
 from estim.pipeline import analyse_fit
 from estim.planning.planning import plan
-from estim.problem.priors import HalfNormal, LogNormal, Normal
+from estim.problem.priors import HalfNormal, LogNormal, Normal, Uniform
 from estim.sampling import Optima, conditional, marginal_draws
 from estim.sampling.chain import Chain, Target, sample_posterior
 from estim.sampling.importance import difference
 from estim.sampling.log_density import Density
 from estim.sampling.marginal import MarginalPosterior, sample_marginal
+from estim.sampling.summary import summarise_parameter
 
 LEVELS = """title = "levels of several days"
 kind = "synthetic"
@@ -178,6 +179,30 @@ def test_a_spread_of_slopes_is_that_of_the_exact_integral(
     monkeypatch.setattr(conditional, "log_volume", lambda root: np.zeros(root.shape[0]))
     wrong = sample_marginal(fit, rng=np.random.default_rng(1), **few)
     assert abs(spreads(wrong)[0] / expected[0] - 1.0) > 0.1
+
+
+def test_a_spread_with_limits_on_both_sides_is_a_value_and_does_not_press_the_upper_one() -> None:
+    """Beside its effects it is best at the upper limit whatever the data say."""
+    rng = np.random.default_rng(5)
+    data = {
+        f"r{i}": DataSet(X, 10.0 + 0.25 * rng.standard_normal() + 0.1 * rng.standard_normal(6), 0.1)
+        for i in range(40)
+    }
+    priors = {"s": Uniform(0.0, 0.6), "z": Normal(0.0, 1.0)}
+    fit = fit_curves("c + s*z + 0*x", data, shared=["c", "s"], priors=priors, scan=False).fit
+    assert fit.values[fit.names.index("s")] == pytest.approx(0.6)
+    analysis = analyse_fit(fit, seed=1)
+    assert analysis.diagnosis.ok
+    assert not [told for told in analysis.diagnosis.remarks if told.kind is Kind.LIMIT]
+    drawn = summarise_parameter(fit, "s", analysis.chain.flat[:, fit.names.index("s")])
+    s = np.linspace(0.0, 0.6, 6001)[1:]
+    variance, levels_read = s**2 + 0.01 / 6, np.array([np.mean(read.y) for read in data.values()])
+    log_p = -19.5 * np.log(variance) - 20.0 * np.var(levels_read) / variance
+    p = np.exp(log_p - log_p.max())
+    p /= p.sum()
+    sd = float(np.sqrt(p @ (s - p @ s) ** 2))
+    assert drawn.mean == pytest.approx(p @ s, abs=0.06 * sd)
+    assert drawn.sd == pytest.approx(sd, rel=0.06)
 
 
 @pytest.mark.slow

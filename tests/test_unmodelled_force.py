@@ -281,7 +281,7 @@ def test_other_commands_refuse_it_where_it_is_stated(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=f"{place} estim energy"):
         campaign.require_complete(["class-balanced_1"], "estim energy")
     with pytest.raises(InputError, match=f"{place} estim calibrate"):
-        campaign.require_unknowns(campaign.problem(["class-balanced_1"]), drawn=True)
+        campaign.require_draws(campaign.problem(["class-balanced_1"]), of_priors=True)
 
 
 def test_a_joint_fit_has_forces_by_itself_and_other_commands_take_the_curve_as_complete(
@@ -290,7 +290,7 @@ def test_a_joint_fit_has_forces_by_itself_and_other_commands_take_the_curve_as_c
     campaign = wheel(tmp_path, "")
     campaign.require_complete(["class-balanced_1"], "estim energy")
     alone = campaign.problem(["class-balanced_1"])
-    campaign.require_unknowns(alone, drawn=True)
+    campaign.require_draws(alone, of_priors=True)
     together = campaign.problem(["class-balanced_1", "class-balanced_2"])
     energy = as_complete(alone, "estim energy")
     assert [run.force for run in (*alone.runs, *together.runs, *energy.runs)] == [

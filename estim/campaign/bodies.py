@@ -272,7 +272,7 @@ class RollingCampaign(Campaign):
     def _path_of_unknowns(self, name: str) -> KeyPath:
         return ("runs", [run.name for run in self.source.runs].index(name))
 
-    def require_draws(self, problem: Problem) -> None:
+    def require_draws(self, problem: Problem, *, of_priors: bool) -> None:
         """Every prior of a rolling body can be drawn from; raises InputError for an unmodelled
         force, which simulated data do not contain.
         """

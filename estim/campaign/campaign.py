@@ -183,10 +183,8 @@ class Campaign(ABC):
         ]
         return "\n\n".join([*filter(None, parts), table([phrase(head) for head in _HEADS], rows)])
 
-    def require_unknowns(self, problem: Problem, *, drawn: bool = False) -> None:
-        """Raises InputError where every quantity of a problem of this campaign is exact, or
-        (`drawn`) a prior cannot be drawn from.
-        """
+    def require_unknowns(self, problem: Problem) -> None:
+        """Raises InputError where every quantity of a problem of this campaign is exact."""
         if not problem.parameters:
             rule = (
                 "leaves nothing to fit: every quantity is exact; give at least one an "
@@ -194,8 +192,6 @@ class Campaign(ABC):
             )
             name = problem.runs[0].name
             raise self.source.error(rule, self._path_of_unknowns(name), field=f"run {name}")
-        if drawn:
-            self.require_draws(problem)
 
     @abstractmethod
     def _posed(
@@ -244,8 +240,10 @@ class Campaign(ABC):
         """Where in the file the unknowns of a run are declared."""
 
     @abstractmethod
-    def require_draws(self, problem: Problem) -> None:
-        """Raises InputError where a prior cannot be drawn from, or data cannot be simulated."""
+    def require_draws(self, problem: Problem, *, of_priors: bool) -> None:
+        """Raises InputError where data cannot be simulated, or (`of_priors`) true values cannot be
+        drawn.
+        """
 
     def require_body(self) -> None:
         """Raises InputError where there is no rolling body."""

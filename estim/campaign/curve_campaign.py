@@ -291,9 +291,9 @@ class CurveCampaign(Campaign):
     def _path_of_unknowns(self, name: str) -> KeyPath:
         return ("curve", "parameters")
 
-    def require_draws(self, problem: Problem) -> None:
-        """Raises InputError where the prior of a parameter is flat without limits, so that no true
-        value can be drawn from it.
+    def require_draws(self, problem: Problem, *, of_priors: bool) -> None:
+        """Raises InputError where data cannot be simulated, or (`of_priors`) the prior of a
+        parameter is flat without limits, so that no true value can be drawn from it.
         """
         self.refuse_discrepancy("estim calibrate")
         if self.table.noise is not None and self.table.y is None:
@@ -302,11 +302,12 @@ class CurveCampaign(Campaign):
                 'them in bins (model = "poisson") for that',
                 ("curve", "noise"),
             )
-        for parameter in problem.parameters:
+        for parameter in problem.parameters if of_priors else ():
             if not math.isfinite(parameter.prior.sd):
                 raise self.source.error(
-                    "is flat without limits, so that nothing can be simulated: give it limits "
-                    "(low and high), or a prior",
+                    "is flat without limits, so that no true value can be drawn from it: give it "
+                    "limits (low and high), or a prior, or repeat the fitted values alone "
+                    "(--what coverage)",
                     self._path_of(parameter.name),
                 )
 

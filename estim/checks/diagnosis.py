@@ -138,7 +138,7 @@ def diagnose(
     )
     if not any(finding.kind is Kind.OPEN_SIDE for finding in unheld):
         draws = dict(zip(fit.names, chain.flat.T, strict=True))
-        remarks += [limit_found(fit, name, draws[name]) for name in fit.at_bound]
+        remarks += [limit_found(fit, name, draws[name]) for name in fit.limited]
     remarks += (
         []
         if findings

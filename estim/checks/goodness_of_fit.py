@@ -339,11 +339,12 @@ def _simulated(
     covariance of the parameters that it uses.
 
     Errors e of its points move the parameters by F M^T e with M = J F, and all other errors by F
-    times a normal vector of covariance 1 - M^T M.
+    times a normal vector of covariance 1 - M^T M, whose symmetric root is the same on every
+    processor; its eigenvectors are not.
     """
     moves = response.root @ spread
     spectrum, basis = np.linalg.eigh(np.eye(spread.shape[1]) - moves.T @ moves)
-    by_others = spread @ (basis * np.sqrt(np.maximum(spectrum, 0.0)))
+    by_others = spread @ (basis * np.sqrt(np.maximum(spectrum, 0.0))) @ basis.T
 
     def simulate(n: int) -> Drawn:
         errors = response.drawn(n, rng)

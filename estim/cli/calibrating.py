@@ -87,7 +87,8 @@ def calibrate(
     folder = out or out_folder(campaign, "calibration")
     groups, trusted = groups_of(loaded, runs, joint=joint), True
     for group in groups:
-        loaded.require_unknowns(loaded.problem(group), drawn=True)
+        loaded.require_unknowns(loaded.problem(group))
+        loaded.require_draws(loaded.problem(group), of_priors=what != "coverage")
     reserve_output(folder, "calibration.json", groups=groups)
     with checkpoint(folder, resume=resume) as store:
         for group in groups:

@@ -183,9 +183,13 @@ def explain(
         if progress is not None:
             progress(done, len(every))
     best = max((entry.gain for entry, _ in fits.values()), default=0.0)
+    # rounded: the order of causes that gain the same is no matter of the last bits
     ordered = sorted(
         fits.values(),
-        key=lambda pair: (not (pair[0].slip and pair[0].gain > best - TIED), -pair[0].gain),
+        key=lambda pair: (
+            not (pair[0].slip and pair[0].gain > best - TIED),
+            -round(pair[0].gain, 6),
+        ),
     )
     # candidates whose residuals are tested
     tested = [

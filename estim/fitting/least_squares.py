@@ -185,6 +185,16 @@ class Fit:
         """Names of standard deviations between runs, and of the effects that they scale."""
         return spreads_and_effects(self.posterior, self.values)
 
+    @cached_property
+    def limited(self) -> tuple[str, ...]:
+        """`at_bound` without spreads at their upper bound, where the mode lies whatever the data
+        say: the larger a spread is, the less the effects cost that it scales.
+        """
+        low, high = self.problem.support()
+        upper = high - self.values < self.values - low
+        passed = self.spreads_and_effects[0] & set(compress(self.names, upper))
+        return tuple(name for name in self.at_bound if name not in passed)
+
     @property
     def scale(self) -> FloatArray:
         """(n_par,) standard deviations by `cov`, of a parameter on an edge too."""

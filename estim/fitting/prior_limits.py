@@ -111,7 +111,7 @@ def pressed(fit: Fit, *, estimated: bool = False) -> Mapping[str, float]:
     estimated : whether the size of the noise, held here, was taken from the residuals.
     """
     problem, curve = fit.problem, fit.problem.of_curve
-    on_edge = [k for k, i in enumerate(curve) if fit.names[i] in fit.at_bound]
+    on_edge = [k for k, i in enumerate(curve) if fit.names[i] in fit.limited]
     if not on_edge or fit.singular:
         return {}
     model = around(fit)
@@ -154,7 +154,7 @@ def limit_of(fit: Fit, name: str, draws: FloatArray) -> Limit | None:
     """One-sided limits of a parameter that lies on an edge, from its draws (n_draw,); None for one
     that does not.
     """
-    if name not in fit.at_bound:
+    if name not in fit.limited:
         return None
     i = fit.names.index(name)
     prior = fit.problem.parameters[i].prior
@@ -176,7 +176,7 @@ def limit_cell(limit: Limit, factor: float, unit: str = "1") -> str:
 
 
 def limit_found(fit: Fit, name: str, draws: FloatArray) -> Finding:
-    """The limit of a parameter at an edge (`fit.at_bound`) as a note: its most probable value is
+    """The limit of a parameter at an edge (`fit.limited`) as a note: its most probable value is
     the edge.
     """
     limit = limit_of(fit, name, draws)

@@ -247,7 +247,7 @@ def profile(angle: FloatArray, points: ScaledPoints) -> AngleProfile:
     deviations = z - centre[..., None]
     information = (deviations * points.solve(variance, deviations)).sum(axis=-1)
     return AngleProfile(
-        (d * wd).sum(axis=-1), (wd * z).sum(axis=-1), information, offset, total, centre
+        (d * wd).sum(axis=-1), (wd * deviations).sum(axis=-1), information, offset, total, centre
     )
 
 

@@ -221,30 +221,22 @@ def _standard_errors(
     slope = float(np.tan(angle))
     cos = float(np.cos(angle))
     # adjusted points: variances of the angle, and of the offset at the points' centre, are
-    # independent there
-    var_slope = 1.0 / (float(best.information) * cos**4)
+    # independent there; far from it one very precise point would leave rounding errors
     x_mean = float(best.centre) * cos - float(best.offset) * float(np.sin(angle))
-    york = np.array(
-        [
-            [1.0 / (float(best.weight) * cos**2) + x_mean**2 * var_slope, -x_mean * var_slope],
-            [0.0, var_slope],
-        ]
-    )
-    york[1, 0] = york[0, 1]
-    propagated = _propagated(points, slope, float(best.offset) / cos)
+    york = np.diag([1.0 / (float(best.weight) * cos**2), 1.0 / (float(best.information) * cos**4)])
+    propagated = _propagated(points, slope, float(best.offset) / cos, x_mean)
     cov = {"york": york, "propagated": propagated, "scaled": scale**2 * york}
-    return {
-        name: StandardError.of(cov[name], points.origin[0], points.scale) for name in _names(method)
-    }
+    x0 = points.origin[0] + points.scale[0] * x_mean
+    return {name: StandardError.of(cov[name], x0, points.scale) for name in _names(method)}
 
 
-def _propagated(points: ScaledPoints, b: float, a: float) -> FloatArray:
-    """Covariance (2, 2) of (a, b): H^-1 J V J^T H^-1, H and J the derivatives of grad S by (a, b)
-    and by all data.
+def _propagated(points: ScaledPoints, b: float, a: float, x0: float) -> FloatArray:
+    """Covariance (2, 2) of (a + b x0, b): H^-1 J V J^T H^-1, H and J the derivatives of grad S by
+    them and by all data.
 
     Source: Krystek and Anton 2007, Meas. Sci. Technol. 18, 3438, section 4.
     """
-    x, d, across = points.x, points.y - a - b * points.x, points.across(b)
+    x, d, across = points.x - x0, points.y - a - b * points.x, points.across(b)
     turned = 2.0 * b * points.var_x - points.twice_cov_xy  # d across / d b
     w, wx, wd = (points.solve(across, values) for values in (np.ones(x.size), x, d))
     turned_wd = points.times(turned, wd)
