@@ -211,7 +211,7 @@ MESSY = {
             "s,V",
             *_rows(lambda t, u: f"{t},{u}")[4:],
         ),
-        refused=["again.csv:7: 'Time' must be a number: Time"],
+        told=["repeat the head of the table were not read (7, 8)"],
     ),
     "notes under the table": Messy(
         "notes.csv",

@@ -156,7 +156,6 @@ def test_a_table_is_read_as_it_is_written(
         (b"PK\x03\x04 and so on", {}, "a.csv: cannot be read as an archive"),
         (b"t,y\n1,2\n\xff\n", {"encoding": "utf-8"}, "'encoding' cannot be read as utf-8"),
         ("t,y\n1,2\n2,3\n", {"skip_rows": 3}, "a.csv: has no rows of numbers"),
-        ("t,y\n0.5,2\n1,3\nt,y\n2,4\n", {}, "a.csv:4: 't' must be a number: t"),
     ],
 )
 def test_what_may_be_read_in_two_ways_is_one_line_with_the_cure(

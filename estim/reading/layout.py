@@ -133,6 +133,18 @@ def read_layout(path: Path, dialect: Dialect) -> Layout:
     above = split[:start]
     percent = any(row.line.lstrip().startswith("%") for row in above)
     rows = [row for row in split[start:] if not (percent and row.line.lstrip().startswith("%"))]
+    heads = [
+        cells
+        for row in above
+        if len(cells := _trimmed(row.cells)) > 1 and not any(map(holds_a_value, cells))
+    ]
+    repeated = [row for row in rows if _trimmed(row.cells) in heads]
+    if repeated:
+        rows = [row for row in rows if row not in repeated]
+        same = line_numbers([row.number for row in repeated])
+        facts.append(
+            phrase("lines that repeat the head of the table were not read ({lines})", lines=same)
+        )
     names, header_line, units = _header(above, below, rows, delimiter, dialect)
     if not names:
         for width in [n for row in above if (n := len(_trimmed(row.cells))) > 1]:
