@@ -94,7 +94,7 @@ class Start:
     held: tuple[int, ...] = ()
     near: End | None = None
     instead: FloatArray | None = None
-    tolerance: float = 1e-5
+    tolerance: float = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
