@@ -634,16 +634,3 @@ def test_what_rounding_errors_make_lower_is_no_better_point() -> None:
     )
     assert plain.status == exact.status == "ok"
     assert plain.chi2 == pytest.approx(exact.chi2, abs=1e-6)
-
-
-@pytest.mark.parametrize("least", [1e-4, 1e-6, 1e-7])
-def test_constants_that_nothing_holds_have_no_interval_beside_a_very_precise_reading(
-    least: float,
-) -> None:
-    """The points are those of a line.  The information is beyond rounding from 1e-6 on, and they
-    came out as -41 ± 40, ok.
-    """
-    x = np.arange(10.0)
-    y = 2.0 + 0.5 * x + 0.1 * np.random.default_rng(4).standard_normal(10)
-    fit = fit_curve("a*exp(-b*x) + c", x, y, u_y=np.append(least, np.full(9, 0.1)))
-    assert fit.status == "not-identified"

@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -106,10 +106,8 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     half = _quantile(_WIDEST, dofs) * np.where(best.at_bound, fixed.scale, sds_of(cov))
     near_edge = fixed.problem.room(fixed.values) < half
     symmetric = _symmetric(names, best.values, sds, dofs)
-    # where the information is beyond rounding, its inverse is no covariance
-    steps = replace(fixed, cov=best.cov) if fixed.singular else fixed
-    bent = vague(steps, sds)
-    curved = bent | (bending(steps) >= _CURVED)
+    bent = vague(fixed, sds)
+    curved = bent | (bending(fixed) >= _CURVED)
     if not (np.any(near_edge) or skewed or np.any(curved)):
         return FitUncertainty(cov, sds, symmetric, (), ())
     everything = skewed or bool(np.any(near_edge))
