@@ -383,9 +383,9 @@ def test_a_time_of_a_swing_many_turns_from_the_data_is_told_to_start_near_them(
     y += np.random.default_rng(3).standard_normal(x.size)
     formula, start = "A*sin(2*pi*(x-t0)/T)", {"T": 1.5, "t0": 0.0}
     found = fit_curve(formula, x, y, u_y=1.0, start=start)
-    assert found.status in ("not-identified", "multimodal")  # of two signs of A
-    assert "same after each step of 1." in found.reasons[-1]
-    assert "start it near the data" in found.reasons[-1]
+    assert found.status == "not-identified"
+    assert "same after each step of 1." in found.reasons[0]
+    assert "start it near the data" in found.reasons[0]
     assert fit_curve(formula, x, y, u_y=1.0, start=start | {"t0": 1000.0}).status == "ok"
     choices = TableChoices(formula=formula, u_y="1", start={"T": "1.5", "t0": "0"})
     campaign = campaign_of_table(table(tmp_path, x, y), choices)
