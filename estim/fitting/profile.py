@@ -42,6 +42,7 @@ from estim.problem import Parameter
 
 _SETTLED = 1e-9  # fall still promised at a mode
 _HIDDEN = 1e-6  # difference of the objective
+_LITTLE = 1e-4  # standard deviations of a parameter, the others held
 _MOST_VALLEYS = 3
 # part of a rise, and standard deviations, by which a point belongs to an interval that does not
 # contain it
@@ -350,7 +351,7 @@ def _interval(
     )
     fall = max(0.0, search.objective(search.coordinates.of(fit.values)) - best.objective)
     # fall below the objective of the fit that counts as another, better optimum
-    better = fall if fall > 0.02 else 0.0
+    better = fall if fall > 0.02 and _stands(search, best, 0.5 * fall) else 0.0
     low, high = (
         dict(zip(side.ends, search.coordinates.values_of(i, ends_of).tolist(), strict=True))
         for side in sides
@@ -379,6 +380,25 @@ def _interval(
         ),
         sentence="",
     )
+
+
+def _stands(search: ProfileSearch, point: End, most: float) -> bool:
+    """Whether the objective rises by no more than `most` with any parameter moved a little: one
+    that rounding errors make low, where terms cancel, does not.
+    """
+    at = search.coordinates
+    squared = at.squared  # by places: a little of a square at 0 is no little value
+    steps = _LITTLE * np.diag(search.conditional)
+    by_value = np.where(squared, 0.0, steps * at.slopes(at.centre))
+    by_place = np.where(squared, steps, 0.0)
+    ends_of = at.values(point.values) + np.vstack([by_value, -by_value])
+    inside = np.clip(
+        at.of(np.clip(ends_of, *search.posterior.problem.support()))
+        + np.vstack([by_place, -by_place]),
+        search.low,
+        search.high,
+    )
+    return bool(np.all(search.objectives(inside) <= point.objective + most))
 
 
 def _nowhere(
