@@ -146,6 +146,8 @@ def oracle(data: bytes) -> dict[str, list[float]] | None:
             return None
         while len(cells) > len(header) and not cells[-1]:
             cells.pop()
+        if cells == header:  # repeated, as loggers do that are started again
+            continue
         # notes under the table begin with words, which mark no missing value
         if cells[0][:1].isalpha() and cells[0].lower() not in ("nan", "na", "n/a", "inf"):
             if len(cells) == len(header) and any(any(map(str.isdigit, cell)) for cell in cells):
