@@ -142,6 +142,16 @@ def test_a_period_and_its_alias_are_one_solution_as_a_frequency_and_its_alias_ar
     assert fit_curve(formula, x, y, bounds={"T": (0.1, 10.0)}).status == "multimodal"
 
 
+def test_a_solution_with_next_to_nothing_of_the_posterior_is_not_reported() -> None:
+    # two values of m draw the same points, one in a well that is 3e5 times as narrow; the start
+    # lies in that
+    x = np.arange(10.0)
+    y = 0.1 * np.random.default_rng(1).standard_normal(10)
+    found = fit_curve("(m - 2)*tanh((m + 1)/1e-5) + 0*x", x, y, start={"m": -1.0000001}, u_y=0.1)
+    assert found.values["m"] == pytest.approx(2.0, abs=0.2)
+    assert found.status == "ok"
+
+
 # what the data hold, by both doors
 
 

@@ -9,9 +9,24 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from estim.arrays import BoolArray, FloatArray, IntArray, max_abs, root_mean_square
+from estim.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    all_finite,
+    max_abs,
+    root_mean_square,
+    sds_of,
+)
 from estim.common import Amount, Finding, Kind
-from estim.fitting.gauss_newton import End, is_close, spread_at
+from estim.fitting.gauss_newton import (
+    End,
+    inverse_information,
+    is_close,
+    near_bound,
+    spread_at,
+    unit_at,
+)
 from estim.fitting.least_squares import WITHIN_REACH
 from estim.fitting.separable import SeparableSearch
 from estim.problem import TURNS, Symmetry
@@ -21,6 +36,7 @@ MOST_OTHERS = 16  # other optima that are kept
 PLACE = 0.5  # standard deviations: closer ends are one place
 _EXACT, _ROUNDED = 1e-9, 0.01  # of the distance between two points: from its even place
 _ASIDE = 0.382  # of the distance: no simple share, at which other aliases meet again
+_WIDER = 3.0  # in log share: an optimum that is not the lowest, but holds far more
 _AS_GOOD = 4.5  # in log likelihood: three standard deviations
 # abscissas at which curves that do not repeat are recognised at a glance, by so much of their size
 _GLANCED, _GLANCE = 16, 1e-3
@@ -28,6 +44,8 @@ _GLANCED, _GLANCE = 16, 1e-3
 # times that, between the points
 _NEARLY, _APART = 0.7, 5.0
 _SCATTER_SHARE = 0.01  # of the scatter, by which curves through the same points differ
+# ratio of singular values from which a normal distribution gives the probability of an optimum
+_SOUND = 1e-6
 
 
 def equal_to(search: SeparableSearch, chi2: float) -> float:
@@ -75,30 +93,39 @@ def distinct_ends(
 def choose(
     search: SeparableSearch, distinct: list[End], symmetry: Symmetry, start: FloatArray
 ) -> tuple[FloatArray, FloatArray, tuple[Finding, ...]]:
-    """The lowest optimum, the other solutions (n_other, n_par), and findings about those left out.
+    """The lowest optimum, or one with a far larger share of the posterior, the other solutions
+    (n_other, n_par), and findings about those left out.
 
     Other numbers that draw the same curve everywhere are one solution with it, given in `canonical`
-    form.  Of curves through the same points or nearly so (a frequency plus the rate of sampling;
-    through points that only rounded times distinguish, too) the one closest to the start is taken,
-    or the smoothest where none was stated.  Their weights do not count: they depend on how the
-    curve is written.  Where the user gave no range that holds the others and the one taken is the
-    smoothest of all, the others are left out and no solutions.
+    form, but not by numbers that hold next to nothing of the posterior.  Of curves
+    through the same points or nearly so (a frequency plus the rate of sampling; through points that
+    only rounded times distinguish, too) the one closest to the start is taken, or the smoothest
+    where none was stated.  Their weights do not count: they depend on how the curve is written.
+    Where the user gave no range that holds the others and the one taken is the smoothest of all,
+    the others are left out and no solutions.  A worse end from which the next step would still lead
+    away is no optimum: a parameter on its way to infinity has any share.
     """
     if len(distinct) == 1:
         return canonical(search, [distinct[0][0]], symmetry, start), np.zeros((0, start.size)), ()
     solutions: list[list[End]] = []
-    for end in distinct:
+    for end in distinct[:1] + [end for end in distinct[1:] if _is_optimum(search, end)]:
         known = next((ends for ends in solutions if is_same(search, end, ends[0])), None)
         if known is None:
             solutions.append([end])
         else:
             known.append(end)
-    named = [
-        canonical(search, [values for values, _ in members], symmetry, start)
-        for members in solutions
-    ]
+    named, shares = [], []
+    for members in solutions:
+        weights = [_log_share(search, end) for end in members]
+        shares.append(max(weights))
+        heavy = [w >= shares[-1] - WITHIN_REACH for w in weights]
+        same_curve = [
+            values for (values, _), is_heavy in zip(members, heavy, strict=True) if is_heavy
+        ]
+        named.append(canonical(search, same_curve, symmetry, start))
     ends = [(values, members[0][1]) for values, members in zip(named, solutions, strict=True)]
-    best = ends[0]
+    widest = int(np.argmax(shares))
+    best = ends[widest if math.isfinite(shares[0]) and shares[widest] > shares[0] + _WIDER else 0]
     through = [
         i
         for i, end in enumerate(ends)
@@ -185,6 +212,46 @@ def canonical(
 
     images = [image for values in equivalents for image in symmetry.within(values, near)]
     return min(images, key=order, default=equivalents[0])
+
+
+def _is_optimum(search: SeparableSearch, end: End) -> bool:
+    """Whether the next step of Gauss and Newton stays within half a standard deviation, limits
+    held.
+    """
+    (jacobian, residuals), moving = search.posterior.scoring(end[0]), _moving(search, end)
+    jacobian = jacobian[:, moving]
+    if not all_finite(jacobian):
+        return True
+    cov = inverse_information(jacobian)[0]
+    step = np.abs(cov @ (jacobian.T @ residuals))
+    return bool(np.all(step <= PLACE * unit_at(search, end) * sds_of(cov)))
+
+
+def _moving(search: SeparableSearch, end: End) -> IntArray:
+    """The parameters that are moved and not pressed onto a limit at an end."""
+    jacobian, residuals = search.posterior.scoring(end[0])
+    return search.free[~near_bound(search, end[0], jacobian, residuals, end[1])[search.free]]
+
+
+def _log_share(search: SeparableSearch, end: End) -> float:
+    """Log of what an optimum holds of the posterior, by the normal distribution there and, of
+    parameters pressed onto a limit, by how fast the density falls; -inf where that tells nothing.
+    """
+    (jacobian, residuals), moving = search.posterior.scoring(end[0]), _moving(search, end)
+    if not all_finite(jacobian[:, search.free]):
+        return -math.inf
+    cov, condition = inverse_information(jacobian[:, moving])
+    if not condition > _SOUND:
+        return -math.inf
+    # beside a limit an optimum is no wider than the room to it
+    room = np.minimum(end[0] - search.low, search.high - end[0])[moving]
+    cut = np.minimum(1.0, room / sds_of(cov))
+    pressed = np.setdiff1d(search.free, moving)
+    fall = np.maximum(np.abs(jacobian.T @ residuals), np.linalg.norm(jacobian, axis=0))[pressed]
+    width = 1.0 / np.maximum(fall, 1.0 / search.squares.size[pressed])
+    volume = 0.5 * float(np.linalg.slogdet(cov)[1]) + float(np.sum(np.log([*cut, *width])))
+    share = _height(search, end[1]) + volume
+    return share if math.isfinite(share) else -math.inf
 
 
 def _height(search: SeparableSearch, chi2: float) -> float:
