@@ -100,10 +100,11 @@ def choose(
     form, but not by numbers that hold next to nothing of the posterior.  Of curves
     through the same points or nearly so (a frequency plus the rate of sampling; through points that
     only rounded times distinguish, too) the one closest to the start is taken, or the smoothest
-    where none was stated.  Their weights do not count: they depend on how the curve is written.
-    Where the user gave no range that holds the others and the one taken is the smoothest of all,
-    the others are left out and no solutions.  A worse end from which the next step would still lead
-    away is no optimum: a parameter on its way to infinity has any share.
+    where none was stated, or where ratios and differences do not agree on which that is.  Their
+    weights do not count: they depend on how the curve is written.  Where the user gave no range
+    that holds the others and the one taken is the smoothest of all, the others are left out and no
+    solutions.  A worse end from which the next step would still lead away is no optimum: a
+    parameter on its way to infinity has any share.
     """
     if len(distinct) == 1:
         return canonical(search, [distinct[0][0]], symmetry, start), np.zeros((0, start.size)), ()
@@ -140,15 +141,19 @@ def choose(
     chosen, findings = through[0], list[Finding]()
     if moved.size:
         reference = canonical(search, [start], symmetry, start)
-        parameters = search.posterior.problem.parameters
-        stated = any(parameters[k].prior.start_stated for k in moved)
+        alone = np.isin(np.arange(start.size), moved)
 
-        def farness(i: int) -> float:
-            if not stated:
-                return _roughness(search, named[i])
+        def by_ratio(i: int) -> float:
+            return float(distance(search, np.where(alone, named[i], reference), reference))
+
+        def by_difference(i: int) -> float:
             return float(np.sum(((named[i] - reference)[moved] / ranges[moved]) ** 2))
 
-        chosen = min(through, key=farness)
+        chosen, parameters = min(through, key=by_ratio), search.posterior.problem.parameters
+        if chosen != min(through, key=by_difference) or not any(
+            parameters[k].prior.start_stated for k in moved
+        ):  # far from all of them, or from nowhere
+            chosen = min(through, key=lambda i: _roughness(search, named[i]))
 
     def report(kind: Kind, others: list[FloatArray], which: IntArray) -> None:
         names = search.posterior.problem.names
