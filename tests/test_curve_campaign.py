@@ -92,6 +92,16 @@ def test_a_joint_fit_recovers_what_was_put_in(folder: Path, rng: np.random.Gener
     assert fit_optimum(too_small.problem(["first", "second"]), rng=rng).p_value < 1e-3
 
 
+def test_correlated_errors_of_one_run_do_not_go_with_a_jitter_of_another(folder: Path) -> None:
+    """It ended in a traceback: a singular matrix."""
+    mixed = CAMPAIGN.replace('file = "first.csv"', 'file = "first.csv"\ncorrelated = true')
+    mixed = mixed.replace('file = "second.csv"', 'file = "second.csv"\njitter = true')
+    campaign = load(folder, mixed)
+    with pytest.raises(InputError, match=r":15: 'correlated' .* fit the runs one by one"):
+        campaign.problem(["first", "second"])
+    assert campaign.problem(["first"]).runs[0].lacks is not None
+
+
 @pytest.mark.parametrize(
     ("u_y", "names", "values"),
     [

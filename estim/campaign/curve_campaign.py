@@ -153,6 +153,13 @@ class CurveCampaign(Campaign):
 
         arguments = dict.fromkeys(names, self.curve.names)
         parts = pose_sets(points, settings, arguments, own, pose, known_starts={})
+        lacking = [name for name, part in parts.items() if part.lacks is not None]
+        if lacking and any(part.further for part in parts.values()):
+            raise self.runs[lacking[0]].error(
+                "does not go with a joint fit in which errors of another run are inferred "
+                "(jitter, robust): fit the runs one by one",
+                "correlated",
+            )
         common = [component.parameter_name for component in errors]
         joint = join(parts, own=own, common=common, same_size=True)
         if len(parts) > 1 and joint.y.size > MAX_ROWS:
