@@ -15,7 +15,7 @@ import pytest
 from estim import InputError, read_table
 from estim.campaign import load_campaign
 from estim.campaign.design import load_design
-from estim.reading.input_file import lines_of, read_bytes, read_text
+from estim.reading.input_file import line_after_comment, lines_of, read_bytes, read_text
 from estim.reading.tracker.importing import Choices, import_track
 from estim.studies.published import read_published
 
@@ -119,6 +119,25 @@ def test_size_is_bounded_by_what_is_read_not_by_what_the_file_says(
 def test_lines_end_where_editors_end_them() -> None:
     text = "a\nb\r\nc\rd\x0be\x0cf\x1cg\x1dh\x1ei\x85j\u2028k\u2029l\n"
     assert lines_of(text) == ["a", "b", "c", "d\x0be\x0cf\x1cg\x1dh\x1ei\x85j\u2028k\u2029l", ""]
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("1\n# a\rb\n", 3),
+        ("# a\rb\n", 2),
+        ("1\r2\r # a\rb\n", 4),
+        ("%a\rb\nc", 2),
+        ("# a\rb\rc", None),
+        ("# a\r\nb", None),
+        ("# a\r\r\nb", None),
+        ("a\rb\n", None),
+    ],
+)
+def test_what_follows_a_comment_behind_a_carriage_return_alone_is_found(
+    text: str, line: int | None
+) -> None:
+    assert line_after_comment(text) == line
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,6 @@ import pytest
 from estim.common.errors import EstimError
 from estim.reading.run import read_run
 
-MISSING = {"", "nan", "na", "n/a", "-", "--", "−", "null"}
 KNOWN = {"t_s", "x_m", "v_m_s", "theta_rad", "omega_rad_s", "sigma_x_m", "sigma_v_m_s"}
 PLAIN = "".join(f"{0.1 * n:.2f},{0.01 * n * n:.4f}\n" for n in range(8))
 BASES = (
@@ -112,8 +111,7 @@ TOKENS = (
 def oracle(data: bytes) -> dict[str, list[float]] | None:
     """The columns that the bytes hold; None where a careful person would not be sure.
 
-    What stands above the line of names is no data, nor is a row without a value.  Blank cells
-    behind the last column are nothing.
+    What stands above the line of names is no data.  Blank cells behind the last column are nothing.
     Decimals have a point, or all a comma where commas do not part the cells.
     """
     text = data.decode("utf-8")
@@ -159,8 +157,6 @@ def oracle(data: bytes) -> dict[str, list[float]] | None:
         rows.append(cells)
     if header is None or len(set(header)) != len(header):
         return None
-    known = [i for i, name in enumerate(header) if name in KNOWN]
-    rows = [row for row in rows if not any(row[i].lower() in MISSING for i in known)]
     read = {name: [row[i] for row in rows] for i, name in enumerate(header) if name in KNOWN}
     commas = mark != "," and not any("." in cell for column in read.values() for cell in column)
     try:

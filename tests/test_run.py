@@ -160,6 +160,16 @@ def test_no_other_mark_ends_a_row(write, mark):
         read_run(write(table().replace("0.2,0.009\n", f"0.2,0.009{mark}0.25,0.012\n")), name="one")
 
 
+def test_a_carriage_return_alone_does_not_end_a_comment_among_other_lines(write):
+    for names in ("t_s,x_m", "t,x"):
+        with pytest.raises(
+            InputError,
+            match=r"^a\.csv:9: 'row' must not follow a comment after a carriage return alone",
+        ):
+            read_run(write(table(names) + "# again\r0.6,99\n"), name="one")
+    assert read_run(write(table() + "# again\r\r\n"), name="one").n_row == 6
+
+
 COMMAS = [
     ("t_s,x_m,_n", "0,5,1"),
     ("t_s,x_m,_n,_m", "0,5,1,2"),
@@ -281,6 +291,8 @@ REFUSED = {
         _changed(2, (1, '"1"2')),
         "a.csv:4: 'row' cannot be split into cells (',' expected after '\"'): 0.2,\"1\"2",
     ),
+    "blank cell": (_changed(3, (1, "")), "a.csv:5: 'x_m' must be a number: "),
+    "nan": (_changed(4, (1, "nan")), "a.csv:6: 'x_m' must be a number: nan"),
     "inf": (_changed(5, (1, "-inf")), "a.csv:7: 'x_m' must be a number: -inf"),
     "too large": (_changed(0, (1, "1e999")), "a.csv:2: 'x_m' must be finite: 1e999"),
     "cell too many": (_changed(1, (1, "0.004,9")), "a.csv:3: 'row' must have 2 cells, not 3: "),

@@ -73,6 +73,7 @@ def rule_of(text: str, x: str, y: str, stated: str, *, density: bool | None = Fa
     ("text", "x", "y", "stated", "says"),
     [
         ("s0 + 9.81*sin(p)*x**2/2", "s", "m", "°", "must be in rad"),
+        ("9.81*cos(1.5*p)*x", "s", "m", "mrad", "must be in rad"),
         ("9.81*cos(p*x)", "s", "m", "°/s", "must be in 1/s"),
         ("a*log(x)*sin(p)", "s", "m", "deg", "must be in rad"),
         ("9.81*sin(x + p)", "rad", "m", "°", "must be in rad"),

@@ -22,7 +22,7 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Literal
 
-from estim.curves.formula import CONSTANTS, Formula
+from estim.curves.formula import CONSTANTS, Formula, angles_in, names_in
 
 Dimension = tuple[float, float]
 """Powers of the unit of x and of that of y."""
@@ -85,6 +85,20 @@ def certain_dimensions(
                 if not _solved(formula, system, is_density).contradicted:
                     return _parameter_dimensions(system, formula)
     return {}
+
+
+def pure_angles(formula: Formula) -> set[str]:
+    """Names of what must be a pure number for the argument of a sine, cosine or tangent to be one,
+    whatever stands around that.
+    """
+    pure: set[str] = set()
+    for angle in angles_in(formula.tree):
+        system = _System(left_open=_OF_ANGLES | _LOGARITHMS, is_pure=is_pure_in_angle)
+        system.add_equation(_dimension(angle, system), {})
+        if not system.contradicted:
+            names = names_in(angle) & {*formula.names}
+            pure |= {name for name in names if not system.reduced({name: Fraction(1)})}
+    return pure
 
 
 def gives_radians(tree: ast.expr) -> bool:

@@ -135,6 +135,12 @@ def names_in(tree: ast.expr) -> set[str]:
     return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
 
 
+def angles_in(tree: ast.expr) -> list[ast.expr]:
+    """What a tree takes sines, cosines and tangents of."""
+    calls = (node for node in ast.walk(tree) if isinstance(node, ast.Call))
+    return [call.args[0] for call in calls if getattr(call.func, "id", "") in TRIGONOMETRIC]
+
+
 class Renamed(ast.NodeTransformer):
     """One name in place of another."""
 

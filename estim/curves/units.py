@@ -13,7 +13,13 @@ from typing import Literal
 
 from estim.common import InputError, is_angle, is_in_degrees, powers_in, same_unit
 from estim.curves.derived_units import LONGEST, Factors, power_text
-from estim.curves.dimensions import angles_of, certain_dimensions, gives_radians, is_pure_in_angle
+from estim.curves.dimensions import (
+    angles_of,
+    certain_dimensions,
+    gives_radians,
+    is_pure_in_angle,
+    pure_angles,
+)
 from estim.curves.formula import Formula
 
 
@@ -76,6 +82,8 @@ def contradiction(
         return None
     powers = certain_dimensions(curve, density=density, x_is=_x_is(axes))
     power_x, power_y = powers.get(name, (math.nan, math.nan))
+    if is_angle(stated) and name in pure_angles(curve):
+        power_x = power_y = 0.0
     counts = bool(density and power_x)
     unknown = (power_x and axes.x_unit == "1") or (power_y and axes.y_unit == "1" and not counts)
     follows = None if unknown else _unit(power_x, power_y, axes.x_unit, axes.y_unit, longest=80)

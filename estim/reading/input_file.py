@@ -20,6 +20,7 @@ from estim.common import InputError, in_its_file, note_input, phrase
 MAX_BYTES = 64 * 1024**2
 TOML_BYTES = 256 * 1024  # limit for files that people write
 _LINE_END = re.compile(r"\r\n|\n|\r")
+_HIDDEN_ROWS = re.compile(r"(?:\A|(?<=[\r\n]))[^\S\r\n]*[#%][^\r\n]*\r(?![\r\n])")
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
@@ -165,3 +166,11 @@ def way_to(path: Path | str, folder: Path | str) -> str:
         return Path(os.path.relpath(path, folder)).as_posix()
     except ValueError:
         return Path(path).resolve().as_posix()
+
+
+def line_after_comment(text: str) -> int | None:
+    r"""Number of the first line that a \r alone parts from a comment though other lines end with
+    \n: some programs show it as part of the comment.
+    """
+    match = _HIDDEN_ROWS.search(text) if "\n" in text else None
+    return None if match is None else len(_LINE_END.findall(text[: match.end()])) + 1

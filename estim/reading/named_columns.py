@@ -42,18 +42,25 @@ def read_columns(
 
 
 def table_of(
-    layout: Layout, needed: Sequence[str], min_rows: int, *, optional: Sequence[str] = ()
+    layout: Layout,
+    needed: Sequence[str],
+    min_rows: int,
+    *,
+    complete: bool = False,
+    optional: Sequence[str] = (),
 ) -> Table:
     """The columns `needed` of a table that is laid out so, and those that are `optional`, NaN where
-    a cell is empty; where one of the others is, its row is left out.  Raises InputError as
-    `read_columns` does.
+    a cell is empty.  complete : whether an empty cell of the others is refused; else its row is
+    left out.  Raises InputError as `read_columns` does.
     """
     with in_file(layout.file):
-        return _columns(layout, list(dict.fromkeys((*needed, *optional))), min_rows, optional)
+        return _columns(
+            layout, list(dict.fromkeys((*needed, *optional))), min_rows, complete, optional
+        )
 
 
 def _columns(
-    layout: Layout, needed: Sequence[str], min_rows: int, optional: Sequence[str]
+    layout: Layout, needed: Sequence[str], min_rows: int, complete: bool, optional: Sequence[str]
 ) -> Table:
     indices = [place_of(name, layout.names, layout.header_line) for name in needed]
     dialect = layout.dialect
@@ -74,6 +81,8 @@ def _columns(
         cells = {name: row.cells[index] for name, index in zip(needed, indices, strict=True)}
         empty = [name for name, cell in cells.items() if is_missing(cell)]
         blank = next((name for name in empty if name not in optional), None)
+        if blank is not None and complete:
+            raise row_refused(row, "must be a number", blank, cells[blank])
         if blank is not None:
             left_out.setdefault(blank, []).append(row.number)
             continue
@@ -131,9 +140,9 @@ def read_known_columns(
     """The columns of the table at `path` that are called as one of `known`, or as other programs
     call these, those `needed` among them.
 
-    Where nothing is stated of how the table is written, any other column must begin with _; else
-    it is left out.  Raises InputError as `read_columns` does, and where a column has an uncertain
-    place or another unit than its name states.
+    Where nothing is stated of how the table is written, any other column must begin with _ and no
+    cell may be empty; else both are left out.  Raises InputError as `read_columns` does, and where
+    a column has an uncertain place or another unit than its name states.
     """
     layout = read_layout(path, dialect)
     called = {name: ours for name in layout.names if (ours := own_name(name)) in known}
@@ -159,7 +168,7 @@ def read_known_columns(
     for name in needed:
         if name not in called.values():
             raise refused("is missing", name, quoted=f"the header has {listed(list(called))}")
-    table = table_of(layout, list(called), min_rows)
+    table = table_of(layout, list(called), min_rows, complete=dialect == PLAIN)
     for name, ours in called.items():
         if ours in UNITS and same_numbers(table.units[name] or UNITS[ours], UNITS[ours]) is False:
             rule = f"must be in {UNITS[ours]}, as its name says; nothing is converted"

@@ -20,7 +20,7 @@ from estim.arrays import BoolArray, FloatArray, IntArray
 from estim.common import InputError, is_unit, phrase, same_numbers, same_unit
 from estim.reading.cells import Row
 from estim.reading.dialect import Dialect
-from estim.reading.input_file import lines_of
+from estim.reading.input_file import line_after_comment, lines_of
 
 Lines = list[tuple[int, str]]
 """Lines of a file, each with its number."""
@@ -177,6 +177,13 @@ def numbered_lines(text: str) -> Lines:
     rows = [(number, line) for number, line in enumerate(lines_of(text), start=1) if line.strip()]
     if len(rows) > _MAX_ROWS:
         raise InputError(f"must be at most {_MAX_ROWS}", field="number of lines", value=len(rows))
+    if hidden := line_after_comment(text):
+        raise InputError(
+            "must not follow a comment after a carriage return alone, where other lines end "
+            "otherwise",
+            field="row",
+            line=hidden,
+        )
     for number, line in rows:
         if len(line) > _MAX_LINE:
             raise InputError(
