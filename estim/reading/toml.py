@@ -17,11 +17,13 @@ KeyPath = tuple[str | int, ...]
 
 _MAX_LINE = 2000
 _MAX_DEPTH = 20
-# no group is repeated possessively: before Python 3.11.5 that is matched wrongly (gh-106052)
+# no group with alternatives is repeated possessively, which is matched wrongly before Python 3.11.5
+# (gh-106052), and none over several lines, where each turn takes memory
 _TOKEN = re.compile(
     r"""
       \#[^\n]*+                                             # comment
-    | "{3}[^"\\]*+(?:(?:\\.|"{1,2}(?!"))[^"\\]*+)*"{3,5} | "{3}.*+  # of several lines; without end
+    # strings of several lines, which no odd number of backslashes ends; one without end
+    | "{3}.*?(?<!\\)(?:\\\\)*+"{3,5} | "{3}.*+
     | '{3}.*?'{3,5} | '{3}.*+
     | "[^"\\\n]*+(?:\\.[^"\\\n]*+)*" | '[^'\n]*+' | ["'][^\n]*+     # strings
     | [^\S\n]++ | [^\s"'\#=\[\]{},.]++ | .                # blanks, words, marks and ends of lines
