@@ -18,7 +18,7 @@ from estim.sampling.log_density import Density, Support
 from estim.sampling.proposal import Proposal, mixture_of_draws
 from estim.sampling.ridges import ridge_proposal
 
-_RIDGE_SHARE = 0.2
+_RIDGE_SHARE = 0.35
 
 
 def second_opinion(

@@ -128,7 +128,7 @@ class Ridges:
             if not (room > 1e-12 * width and depth < _DEPTH and step > _MIN_STEP * width):
                 break
             advance = sign * min(step, room)
-            end = yield Start(point + tangent * advance, (fixed,), tolerance=1e-10)
+            end = yield Start(point + tangent * advance, (fixed,), tolerance=1e-3)
             deeper = top - self.log_marginal(end, fixed) if np.any(end.hessian) else np.inf
             # target decrease of the log marginal density in a step at the mode; 1 more for each
             # unit of depth
