@@ -24,7 +24,7 @@ from estim.discrepancy.scale_mixture import Deviation, Family
 from estim.problem import Root, beside
 
 # what the directions left out of a basis may add to the variances, relative to the noise and summed
-_ROUGHNESS = 1e-3
+_ROUGHNESS = 1e-2
 
 _ROUNDING = 1e-13  # share of a component below which rounding hides it
 _AT_ONCE = 50  # draws at once of the density of each point
@@ -61,10 +61,12 @@ class Mixture:
         """(n_component, n_draw) logarithm of each w_k N(r | 0, C_k + H H^T)."""
         z = np.ascontiguousarray(self.deviation.whiten(np.atleast_2d(residuals)).T)
         square, along = np.einsum("ij,ij->j", z, z), self.columns.T @ z
+        ends = np.cumsum([family.spectrum.size for family in self.deviation.families])
+        projected = np.split(self._directions.T @ z, ends[:-1])
         logs = np.concatenate(
             [
-                terms.log_density(square, family.basis.T @ z, along, weight)
-                for family, terms in zip(self.deviation.families, self.terms, strict=True)
+                terms.log_density(square, part, along, weight)
+                for terms, part in zip(self.terms, projected, strict=True)
             ]
         )
         logs -= self.deviation.root.log_volume

@@ -54,16 +54,19 @@ class Terms:
         """(n_component, n_draw) for |z|^2 (n_draw,), basis z (n_dir, n_draw) and H z (n_column,
         n_draw).  weight : of the draws, where it is not that of the fit.
         """
-        gain, known = self.gain, [np.square(projected), square, np.ones_like(square)]
-        n_start = 0 if weight is None else min(weight.n_start, len(along))
-        if weight is not None:
-            narrowed = -0.5 * np.square(self.amplitude / weight.scale)
-            gain = np.column_stack([gain, narrowed, (self.amplitude > 0.0) + n_start])
-            known += [weight.excess, np.log(weight.ratio)]
-        density = gain @ np.vstack(known)
-        explained = np.tensordot(self.cross, np.vstack([projected, along]), axes=1)
+        of_basis, of_square, log_norm = np.split(self.gain, [-2, -1], axis=1)
+        density = of_basis @ np.square(projected) + of_square * square + log_norm
+        n_component, n_column = self.cross.shape[:2]
+        rows = self.cross.reshape(n_component * n_column, self.cross.shape[2])
+        explained = rows[:, : len(projected)] @ projected + rows[:, len(projected) :] @ along
+        explained = explained.reshape(n_component, n_column, square.size)
         density += 0.5 * np.einsum("kqn,kqn->kn", explained, explained)
-        if weight is not None and n_start:
+        if weight is None:
+            return density
+        n_start = min(weight.n_start, n_column)
+        density -= 0.5 * np.outer(np.square(self.amplitude / weight.scale), weight.excess)
+        density += np.outer((self.amplitude > 0.0) + n_start, np.log(weight.ratio))
+        if n_start:
             density -= 0.5 * self._narrowed_starts(explained, weight.excess, n_start)
         return density
 
