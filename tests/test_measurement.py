@@ -439,6 +439,25 @@ def test_the_command_writes_report_figures_and_record(tmp_path):
     assert sum(row["share"] for row in record["outputs"]["dm"]["budget"]) == pytest.approx(100.0)
 
 
+def test_a_budget_beside_a_larger_uncertainty_says_that_it_is_of_first_order(tmp_path):
+    """At a maximum a sine has no slope: its share is 0 % of an uncertainty that it makes."""
+    told = "This budget is of first order: with it u = 0.00100, where Monte Carlo finds 0.06"
+    for value, expected in (("1.5707963(3000000)", True), ("0.300(1)", False)):
+        folder = tmp_path / str(expected)
+        result = command(
+            "propagate",
+            "y = sin(t) + g",
+            f"t={value}",
+            "g=1.000(1)",
+            "--figures",
+            "none",
+            "--out",
+            folder,
+        )
+        assert result.exit_code == 0, result.output
+        assert (told in (folder / "report.md").read_text()) == expected
+
+
 def test_the_example_of_the_docs_says_what_they_say(tmp_path, project):
     page = (project / "docs" / "propagation.md").read_text()
     toml, said = re.search(r"```toml\n(title.*?)```.*? says\n\n(.*?)\n\n", page, re.S).groups()

@@ -174,6 +174,15 @@ def test_hoggs_line_by_uncertainties_of_y(tmp_path):
     assert (both.fit.method, both.columns.r_xy) == ("york", "rho_xy")
 
 
+def test_a_prediction_names_its_place_with_all_digits(tmp_path):
+    path = tmp_path / "far.csv"
+    path.write_text("x,y\n1000000001,1\n1000000002,2.1\n1000000003,2.9\n1000000006,5.9\n")
+    arguments = ["--predict", "1000000005", "--figures", "none", "--out", str(tmp_path / "out")]
+    result = runner().invoke(cli, ["line", str(path), *arguments])
+    assert "x = 1000000005: y = 4.9" in result.output
+    assert "| 1000000005 | 4.9" in (tmp_path / "out" / "report.md").read_text()
+
+
 def test_prediction_of_gum_h3(tmp_path):
     rows = [
         line

@@ -25,6 +25,7 @@ from estim.common import (
     one_line,
     per_cent,
     phrase,
+    signed,
     significant,
     with_unit,
 )
@@ -132,6 +133,7 @@ def straight_line_report(line: StraightLine, *, figures: FigureChoice) -> Files:
         percent=f"{100.0 * line.probability:g}",
         conventions=CONVENTIONS,
         pair=_pair,
+        given=_given,
         ends=_ends,
         x=x,
         y=y,
@@ -220,21 +222,22 @@ def straight_line_lines(line: StraightLine) -> list[str]:
         (line.inverses, y, x),
     ):
         for p in points:
-            value = (
-                format_quantity(p.given, p.u_given or None)
-                if points is line.predictions
-                else _pair(p.given, p.u_given)
-            )
             lines.append(
                 phrase(
                     "{given}: {found}, {percent} interval {ends}",
-                    given=f"{given} = {with_unit(value, given_unit)}",
+                    given=f"{given} = {with_unit(_given(p), given_unit)}",
                     found=f"{found} = {with_unit(_pair(p.value, p.u), unit)}",
                     percent=per_cent(line.probability),
                     ends=_ends(p.low, p.high, p.u, unit),
                 )
             )
     return lines
+
+
+def _given(point: PredictedPoint) -> str:
+    """Where a prediction is asked for, with the digits that were typed where it is exact."""
+    exact = point.u_given == 0.0
+    return signed(f"{point.given:.12g}") if exact else format_quantity(point.given, point.u_given)
 
 
 def _pair(value: float, u: float, digits: int = 2) -> str:
