@@ -5,7 +5,7 @@ The names that it offers stand in `__init__.pyi`, and are loaded when they are f
 so that `import estim` and `estim --help` are quick.  None of them is the name of a file in this
 folder: importing a file binds its name here, and would put the module in the place of the function.
 Nothing is imported here: under `python -m estim` a file beside the data may stand for a module
-until `estim.__main__` has looked.
+until `estim.__main__` has taken the working folder off the path.
 """
 
 
