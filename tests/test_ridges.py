@@ -136,6 +136,10 @@ def test_a_ridge_that_bends_is_followed() -> None:
     x, y = np.array([end.values for end in path_of(ridges, mode, 0)]).T
     np.testing.assert_allclose(y, 2.0 * (x**2 - 1.0), atol=np.sqrt(0.001))
     assert np.ptp(x) > 8.0
+    closely = dataclasses.replace(ridges, tolerance=1e-10)
+    x, y = np.array([end.values for end in path_of(closely, mode, 0)]).T
+    np.testing.assert_allclose(y, 2.0 * (x**2 - 1.0), atol=1e-5)
+    assert np.ptp(x) > 8.0
 
 
 def test_what_is_pressed_against_a_limit_is_as_wide_as_the_density_falls() -> None:

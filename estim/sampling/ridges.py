@@ -44,12 +44,14 @@ class Ridges:
 
     cov : (n_par, n_par) a covariance, along whose principal directions it is differentiated.
     low, high : (n_par,) bounds, infinite where there are none.
+    tolerance : predicted decrease at which the search for a point of a path ends.
     """
 
     density: Density
     cov: FloatArray
     low: FloatArray
     high: FloatArray
+    tolerance: float = 1e-3
 
     quasi_newton: ClassVar[bool] = False
     fraction_to_bound: ClassVar[float] = 1.0
@@ -128,7 +130,7 @@ class Ridges:
             if not (room > 1e-12 * width and depth < _DEPTH and step > _MIN_STEP * width):
                 break
             advance = sign * min(step, room)
-            end = yield Start(point + tangent * advance, (fixed,), tolerance=1e-3)
+            end = yield Start(point + tangent * advance, (fixed,), tolerance=self.tolerance)
             deeper = top - self.log_marginal(end, fixed) if np.any(end.hessian) else np.inf
             # target decrease of the log marginal density in a step at the mode; 1 more for each
             # unit of depth
