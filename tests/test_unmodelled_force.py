@@ -16,8 +16,10 @@ import pytest
 from scipy.optimize import approx_fprime
 from test_noise import CAMPAIGN, DIFFERENTIATED, INDEPENDENT, POSITIONS, TIMES, TRUTH
 
+from estim.arrays import FloatArray
 from estim.campaign import Campaign, as_complete, load_campaign
 from estim.common import InputError
+from estim.discrepancy.grid import prior_grid
 from estim.fitting import fit_problem, unmodelled_force
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.fitting.unmodelled_force import fit_with_forces
@@ -27,6 +29,7 @@ from estim.reports.analysis import analysis_report
 from estim.reports.model_discrepancy import force_figure
 from estim.reports.result import result_of
 from estim.sampling.chain import Target
+from estim.sampling.proposal import Proposal
 from estim.words import describe
 
 WHEEL = Path(__file__).resolve().parents[1] / "data" / "wheel"
@@ -188,6 +191,37 @@ def test_a_wheel_that_the_curve_alone_does_not_explain_ends_in_a_number(
     assert force.average is not None
     assert force.average.sd_material > 1.5 * force.average.sd
     assert any("P(amplitude > 0)" in note for note in result.notes)
+
+
+@pytest.mark.parametrize("n, agrees", [(17, True), (6, False)])
+def test_sizes_of_a_force_are_summed_over_a_grid_that_is_fine_enough(
+    monkeypatch: pytest.MonkeyPatch, project: Path, n: int, agrees: bool
+) -> None:
+    """Against 96 sizes, of a wheel whose force is far larger than the errors of its readings."""
+    campaign = load_campaign(project / "data" / "wheel" / "mixed.toml", only="mixed-unbalanced_1")
+    problem = campaign.problem(["mixed-unbalanced_1"], usual=True)
+
+    def fitted(n_amplitude: int) -> Fit:
+        defaults = {**prior_grid.__kwdefaults__, "n_amplitude": n_amplitude}
+        monkeypatch.setattr(prior_grid, "__kwdefaults__", defaults)
+        return fit_problem(problem, rng=np.random.default_rng(1))
+
+    assert prior_grid.__kwdefaults__["n_amplitude"] == 17
+    fine, coarse = fitted(96), fitted(n)
+    proposal = Proposal.single(fine.values, fine.cov)
+    draws = proposal.draw(np.random.default_rng(2), 4000)
+
+    def moments(fit: Fit) -> tuple[FloatArray, FloatArray]:
+        log_ratio = fit.posterior.log_density(draws) - proposal.log_density(draws)
+        weights = np.exp(log_ratio - np.max(log_ratio))
+        weights /= np.sum(weights)
+        mean = weights @ draws
+        return mean, np.sqrt(weights @ np.square(draws - mean))
+
+    (mean, sd), (exact_mean, exact_sd) = moments(coarse), moments(fine)
+    moved = np.max(np.abs(mean - exact_mean) / exact_sd)
+    narrowed = np.max(np.abs(sd / exact_sd - 1.0))
+    assert (moved < 0.01 and narrowed < 0.01) == agrees, (moved, narrowed)
 
 
 def test_draws_are_those_of_the_linearised_answer_but_for_curvature(

@@ -20,7 +20,7 @@ from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.fitting.optimum import MAX_PARAMETERS, fit_optimum, is_resolved, scanned_fit
 from estim.fitting.unconstrained import no_scatter, silent_parameters
 from estim.fitting.unmodelled_force import fit_with_forces
-from estim.problem import Observations, Problem, Unstated
+from estim.problem import Observations, Posterior, Problem, Unstated
 
 _FAR = 5.0  # times as far from the median as any other reading
 _DRAWN = 64  # starts, where that at the centre of the priors leads nowhere
@@ -61,16 +61,24 @@ def fit_white(problem: Problem, *, rng: np.random.Generator) -> Fit:
     # many parameters are not scanned
     if fit.singular or problem.robust or problem.n_par > MAX_PARAMETERS:
         with suppress(NumericalError):
-            further = fit_least_squares(problem, start=_drawn_start(problem, rng))
+            further = fit_least_squares(problem, start=_drawn_start(problem, rng, fit.posterior))
             fit = max(fit, further, key=lambda end: end.posterior.height(end.values))
     return scanned_fit(fit, rng=rng)
 
 
-def _drawn_start(problem: Problem, rng: np.random.Generator) -> FloatArray:
-    """(n_par,) the best of many draws of the priors."""
-    draws = [problem.prior_draw(rng) for _ in range(_DRAWN)]
-    heights = [problem.linearised(draw).height(draw) for draw in draws]
-    return draws[int(np.argmax(finite_or(heights, -math.inf)))]
+def _drawn_start(
+    problem: Problem, rng: np.random.Generator, posterior: Posterior | None = None
+) -> FloatArray:
+    """(n_par,) the best of many draws of the priors: by `posterior`, or each by that linearised
+    about it.
+    """
+    draws = np.array([problem.prior_draw(rng) for _ in range(_DRAWN)])
+    heights = (
+        np.array([problem.linearised(draw).height(draw) for draw in draws])
+        if posterior is None
+        else posterior.log_density(draws)
+    )
+    return np.asarray(draws[np.argmax(finite_or(heights, -math.inf))])
 
 
 @contextmanager

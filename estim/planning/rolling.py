@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from estim.campaign import (
 from estim.common import InputError, later, phrase, split_level
 from estim.discrepancy import ForceSize, force_sizes
 from estim.fitting import Fit, expected_information
-from estim.planning.candidates import Change
+from estim.planning.candidates import OTHERWISE, Change
 from estim.problem import Observations, Problem
 from estim.reading import Run
 
@@ -71,18 +72,14 @@ class RollingBasis:
         like = {name: name for name in self.names} | {run.name: run.like for run in change.runs}
         tables = dict(changed.tables)
         remarks = list[str]()
-        named = self.fit.named
-        measured = {
-            run.name: _Followed(run, tables[run.name], named, self.release.get(run.name, 0.0))
-            for run in self.fit.problem.runs
-        }
         for new in change.runs:
-            run = measured[new.like].run
+            run = self._followed[new.like].run
             run = replace(run, arguments=self._arguments(run, new))
-            first = replace(measured[new.like], run=run, table=tables[new.name])
+            first = replace(self._followed[new.like], run=run, table=tables[new.name])
             tables[new.name], remark = first.first(self.ramp)
             remarks += [remark] if remark else []
-        tables |= {name: run.with_change(change) for name, run in measured.items()}
+        same = change.frames == change.error == change.reach == 1.0
+        tables |= self._unchanged if same else self._measured(change)
         campaign = with_tables(changed, tables)
         problem = with_own_gamma(posed(campaign, tuple(like)), change.runs)
         values = self._values(problem, change.runs)
@@ -91,6 +88,23 @@ class RollingBasis:
         release = {name: self.release[old] for name, old in like.items() if old in self.release}
         distinct = tuple(dict.fromkeys(remarks))
         return Outlook(problem, values, information, campaign, release, distinct)
+
+    @cached_property
+    def _followed(self) -> Mapping[str, _Followed]:
+        return {
+            run.name: _Followed(
+                run, self.campaign.tables[run.name], self.fit.named, self.release.get(run.name, 0.0)
+            )
+            for run in self.fit.problem.runs
+        }
+
+    @cached_property
+    def _unchanged(self) -> Mapping[str, Run]:
+        return self._measured(Change("", OTHERWISE))
+
+    def _measured(self, change: Change) -> dict[str, Run]:
+        """Run -> its table with the change made."""
+        return {name: run.with_change(change) for name, run in self._followed.items()}
 
     def _arguments(self, like: Observations, new: NewRun) -> dict[str, str | float]:
         return {
