@@ -193,7 +193,7 @@ def test_a_wheel_that_the_curve_alone_does_not_explain_ends_in_a_number(
     assert any("P(amplitude > 0)" in note for note in result.notes)
 
 
-@pytest.mark.parametrize("n, agrees", [(17, True), (6, False)])
+@pytest.mark.parametrize(("n", "agrees"), [(17, True), (6, False)])
 def test_sizes_of_a_force_are_summed_over_a_grid_that_is_fine_enough(
     monkeypatch: pytest.MonkeyPatch, project: Path, n: int, agrees: bool
 ) -> None:

@@ -56,6 +56,6 @@ def fit_noise(posterior: Posterior, values: FloatArray) -> FloatArray:
         jac=True,
         method="L-BFGS-B",
         bounds=list(zip(low, high, strict=True)),
-        options={"ftol": 1e-14, "gtol": 1e-9, "maxiter": 500},
+        options={"ftol": 1e-14, "gtol": 1e-5, "maxiter": 500},
     )
     return filled(result.x)
