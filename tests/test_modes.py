@@ -712,6 +712,37 @@ def test_an_optimum_beyond_a_fold_is_found(seed: int) -> None:
         assert fit.intervals["b"][0.95] == pytest.approx((within[0], within[-1]), abs=2e-3)
 
 
+@pytest.mark.parametrize("seed", [14, 22, 25])
+@pytest.mark.parametrize("start", [None, {"b": -0.1}, {"b": 0.04}])
+def test_an_optimum_beyond_a_fold_is_found_from_either_side(
+    seed: int, start: dict[str, float] | None
+) -> None:
+    """Where the curve turns back faster than its second derivatives say."""
+    x = np.linspace(0.3, 2.0, 14)
+    y = 24.0 / (x - 0.04) - 3.6 / x**2 + 0.2 * np.random.default_rng(seed).standard_normal(14)
+    fit = fit_curve("a/(x-b)-c/x**2", x, y, u_y=0.2, start=start)
+    assert fit.status == "multimodal"
+    low, high = sorted([fit.values["b"], *fit.fit.others[:, 1]])
+    assert low < 0.0 < high
+
+
+@pytest.mark.parametrize("seed", [703, 711])
+@pytest.mark.parametrize(("origin", "sign"), [(0.0, 1.0), (-5.0, 1.0), (-10.0, 1.0), (5.0, -1.0)])
+def test_places_of_a_peak_are_looked_for_on_both_sides_of_0(
+    seed: int, origin: float, sign: float
+) -> None:
+    """SYNTHETIC: two peaks, of which a curve with one can be either."""
+    x = np.linspace(0.0, 10.0, 41)
+    peaks = np.exp(-0.5 * ((x[:, None] - [3.0, 7.0]) / 0.3) ** 2).sum(axis=1)
+    y = 1.0 + 0.5 * peaks + 0.2 * np.random.default_rng(seed).standard_normal(41)
+    fit = fit_curve("h*exp(-(x-m)**2/(2*w**2))+c", origin + sign * x, y, u_y=0.2, fixed={"w": 0.3})
+    assert fit.status == "multimodal"
+    i = fit.names.index("m")
+    places = sign * (np.array([fit.values["m"], *fit.fit.others[:, i]]) - origin)
+    # the best two; lesser ones are dips of the noise
+    assert sorted(places[:2].tolist()) == pytest.approx([3.0, 7.0], abs=0.2)
+
+
 def _sampled_period(origin: float, amplitude: float, *, seed: int) -> tuple[str, float, float]:
     """Status of a sampled swing read off a clock that begins at -origin; how far the mean of its
     period is from that of the fit at origin 0, and how large its standard deviation is, in standard

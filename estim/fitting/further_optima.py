@@ -27,7 +27,9 @@ _DECADES = 2.0  # to either side of the start, where there are no limits
 _PRIOR_SDS = 5.0
 _WIDE = 1e-4  # of a parameter's size, for mixed second differences
 _SETTLED, _N_STEP = 1e-9, 14
-_BEYOND = np.array([0.7, 1.0, 1.4])  # of the way to where the curve is the same to second order
+_BEYOND = np.array(
+    [0.25, 0.5, 1.0, 1.4]
+)  # of the way to where the curve is the same to second order
 _FAR = np.geomspace(1.0, 3.0, 5)  # places in a reach
 
 
@@ -40,7 +42,11 @@ def further_optima(
     period : (n_par,) full turns of those that are phases, else inf: each dip is then tried with
         four phases.
     """
-    starts = [_dips(search, values, int(i)) for i in search.nonlinear]
+    starts = [
+        _dips(search, values, i, *ends)
+        for i in search.nonlinear.tolist()
+        for ends in _ranges(search, i)
+    ]
     starts.append(_beyond_folds(search, values))
     points = np.vstack(starts)
     if not points.size:
@@ -129,30 +135,35 @@ def _informed(search: SeparableSearch, i: int) -> bool:
     return math.isfinite(search.posterior.problem.parameters[i].prior.sd)
 
 
-def _ends(search: SeparableSearch, i: int) -> tuple[float, float]:
-    """The range of parameter i that is looked at."""
-    prior, at = search.posterior.problem.parameters[i].prior, float(search.start_values[i])
-    low, high = float(search.low[i]), float(search.high[i])
-    if _informed(search, i) and not (
-        math.isfinite(low) and math.isfinite(high) and high - low < 2.0 * _PRIOR_SDS * prior.sd
-    ):
-        return max(low, prior.centre - _PRIOR_SDS * prior.sd), min(
-            high, prior.centre + _PRIOR_SDS * prior.sd
-        )
-    reach = 10.0**_DECADES * (abs(at) if at else 0.1)
-    least = at / 10.0**_DECADES if at else -reach
-    if at < 0.0:
-        return max(low, -reach), min(high, least)
-    return (low if math.isfinite(low) else least), min(high, reach) if not math.isfinite(
-        high
-    ) else high
-
-
-def _dips(search: SeparableSearch, values: FloatArray, i: int) -> FloatArray:
-    """(n_dip, n_par) where a scan of parameter i has its lowest local minima; beside each the same
-    with the others moved to first order, where not all of them are linear.
+def _ranges(search: SeparableSearch, i: int) -> list[tuple[float, float]]:
+    """What is looked at of parameter i: values of the sign of its start and, since it may be a
+    place on the axis of x, all places.
     """
-    low, high = _ends(search, i)
+    problem, at = search.posterior.problem, float(search.start_values[i])
+    prior, low, high = problem.parameters[i].prior, float(search.low[i]), float(search.high[i])
+    limited = math.isfinite(low), math.isfinite(high)
+    if _informed(search, i) and not (all(limited) and high - low < 2.0 * _PRIOR_SDS * prior.sd):
+        reach = _PRIOR_SDS * prior.sd
+        return [(max(low, prior.centre - reach), min(high, prior.centre + reach))]
+    places = [x for run in problem.runs for x in (run.places or {"": run.x}).values()]
+    first = min(0.0, *(float(np.min(x)) for x in places))
+    last = max(0.0, *(float(np.max(x)) for x in places))
+    reach, least = 10.0**_DECADES * (abs(at) if at else 0.1), at / 10.0**_DECADES
+    low = low if limited[0] else first if at > 0.0 else min(first, -reach)
+    high = high if limited[1] else last if at < 0.0 else max(last, reach)
+    if at == 0.0 or limited[0 if at > 0.0 else 1]:
+        return [(low, high)]
+    below, above = (low, least), (least, high)
+    own, other = (above, below) if at > 0.0 else (below, above)
+    return [own, other] if other[0] < 0.0 < other[1] else [own]
+
+
+def _dips(
+    search: SeparableSearch, values: FloatArray, i: int, low: float, high: float
+) -> FloatArray:
+    """(n_dip, n_par) where a scan of parameter i from low to high has its lowest local minima;
+    beside each the same with the others moved to first order, where not all of them are linear.
+    """
     if not high > low:
         return np.zeros((0, values.size))
     n_par, n_obs = search.free.size, search.posterior.problem.n_obs
@@ -201,7 +212,8 @@ def _grid(
 ) -> FloatArray:
     """Values of parameter i from low to high, spaced by the change of the curve's shape."""
     straight = np.linspace(low, high, _N_COARSE)
-    least = max(min(abs(low), abs(high)), 1e-4 * max(abs(low), abs(high)))
+    nearest = 0.0 if low < 0.0 < high else min(abs(low), abs(high))
+    least = max(nearest, 1e-4 * max(abs(low), abs(high)))
     by_factors = np.geomspace(least, max(abs(low), abs(high)), _N_COARSE)
     coarse = np.unique(
         np.concatenate(

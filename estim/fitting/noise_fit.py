@@ -56,6 +56,7 @@ def fit_noise(posterior: Posterior, values: FloatArray) -> FloatArray:
         jac=True,
         method="L-BFGS-B",
         bounds=list(zip(low, high, strict=True)),
-        options={"ftol": 1e-14, "gtol": 1e-5, "maxiter": 500},
+        # the gradient, by differences, is no better than the rounding of all terms
+        options={"ftol": 1e-14, "gtol": 1e-8 * problem.n_obs, "maxiter": 500},
     )
     return filled(result.x)
