@@ -245,6 +245,13 @@ def test_where_nothing_is_missing_the_size_of_the_errors_is_that_of_the_residual
     assert "P(amplitude > 0)" in fit.notes[-1]
 
 
+def test_the_size_of_the_independent_errors_is_not_called_that_of_the_residuals():
+    fit = fit_curve("a + b*x", X, data(), start=START, deviation=0.05)
+    assert fit.sigma < 0.7 * float(np.std(fit.residuals))
+    assert f"sd of the independent part of the errors = {fit.sigma:.4g} (" in str(fit)
+    assert "residual sd = " in str(fit_curve("a + b*x", X, data(), start=START))
+
+
 def test_a_fit_beside_errors_of_unknown_size_can_be_sampled():
     """Its symmetry still had a dimension for the size of the errors: an error of NumPy."""
     y = 0.5 + 3.0 * np.exp(-X / 0.6) + 0.01 * np.random.default_rng(3).standard_normal(X.size)

@@ -405,6 +405,18 @@ def test_a_scatter_that_sets_the_errors_is_no_test_of_the_line(tmp_path):
     assert "cannot test the line" not in text
 
 
+def test_intervals_to_copy_are_students_where_the_scatter_sets_the_errors(tmp_path):
+    table = tmp_path / "three.csv"
+    table.write_text("x,y\n1,2.1\n2,3.9\n3,6.2\n")
+    result, out = told(tmp_path, table)
+    assert result.exit_code == 0, result.output
+    (row,) = re.findall("^slope,(.*)$", (out / "report.md").read_text(), re.MULTILINE)
+    value, u, *ends = map(float, row.split(",")[:6])
+    for (low, high), probability in ((ends[:2], 0.68), (ends[2:], 0.95)):
+        half = u * stats.t.ppf(0.5 + 0.5 * probability, 1)
+        assert (low, high) == pytest.approx((value - half, value + half), rel=1e-4)
+
+
 def test_a_line_that_does_not_fit_shows_its_best_values_without_uncertainties(tmp_path):
     path = tmp_path / "p.csv"
     path.write_text("t (s),s [m]\n" + "".join(f"{t},{t * t}\n" for t in range(8)))

@@ -92,7 +92,8 @@ class CurveFit:
     dof : points and informative priors minus parameters.
     p_value : P(chi2 or more), nan without u_y; with u_x from simulated data
         sets.
-    sigma : standard deviation of one y estimated from the residuals, None where u_y was given.
+    sigma : standard deviation of one y estimated from the residuals, of its independent part beside
+        correlated errors or a deviation; None where u_y was given.
     findings : everything wrong, gravest first.
     seen : what to know before using it, nothing wrong.  complete : whether the curve is taken as it
         is: `remarks` then say how probable it is that it lacks a term, too.
@@ -659,10 +660,12 @@ class CurveFit:
             p = format_p(self.p_value, P_FLOOR if self.p_value == P_FLOOR else 0.0)
             tested = f", {p}" if self.dof > 0 else ""
             return f"{size} = {self.chi2:.4g}, dof = {self.dof}{tested}; {self.message}"
-        return (
-            f"{phrase('residual sd = {sd:.4g} (estimated: u_y was not given)', sd=self.sigma)}, "
-            f"dof = {self.dof}; {self.message}"
+        size = (
+            "sd of the independent part of the errors = {sd:.4g} (estimated: u_y was not given)"
+            if any(run.lacks for run in self.fit.problem.runs)
+            else "residual sd = {sd:.4g} (estimated: u_y was not given)"
         )
+        return f"{phrase(size, sd=self.sigma)}, dof = {self.dof}; {self.message}"
 
 
 def unnamed(findings: Iterable[Finding], fit: Fit) -> tuple[Finding, ...]:

@@ -7,7 +7,7 @@ Read `regression` first, `analysis` for the theta_min line, `release_analysis` f
 from estim.line.analysis import LineAnalysis, analyse_line
 from estim.line.conventions import CONVENTIONS
 from estim.line.findings import line_goodness
-from estim.line.regression import LineFit, confidence_band
+from estim.line.regression import LineFit, confidence_band, coverage_factor
 from estim.line.theta_min_series import ThetaMinSeries, read_theta_min
 from estim.line.stated_errors import LineCovariances, commons
 from estim.line.table_line import LineColumns, PredictedPoint, StraightLine, straight_line

@@ -36,6 +36,7 @@ from estim.line import (
     PredictedPoint,
     StraightLine,
     confidence_band,
+    coverage_factor,
     line_goodness,
 )
 from estim.reports.copying import copies_of
@@ -178,19 +179,11 @@ def _estimates(line: StraightLine) -> list[Estimate]:
     estimates = []
     for name, unit, value, u in _coefficients(line).values():
         if math.isfinite(value) and math.isfinite(u):
-            half = line.k * u
-            low, high = (
-                # probability of the interval in the table to copy
-                (value - half, value + half) if line.probability == 0.95 else (None, None)
-            )
-            estimates.append(
-                Estimate(
-                    Notation(name).label(unit),
-                    Summary(unit, "", value, u, value, low, value - u, value + u, high),
-                    "",
-                    True,
-                )
-            )
+            # probabilities of the intervals in the table to copy
+            wide, narrow = (u * coverage_factor(line.fit, probability=p) for p in (0.95, 0.68))
+            ends = value - wide, value - narrow, value + narrow, value + wide
+            summary = Summary(unit, "", value, u, value, *ends)
+            estimates.append(Estimate(Notation(name).label(unit), summary, "", True))
     return estimates
 
 
