@@ -87,6 +87,8 @@ def test_what_the_data_leave_as_it_was_is_no_result(rng: np.random.Generator) ->
     prior = Normal(1.0, 0.1)
     for ratio, measured in ((0.79, True), (0.81, False)):
         assert is_measured(summary(1.0 + ratio * 0.1 * standard(rng)), prior, None) is measured
+    moved = 1.12 + 0.09 * standard(rng)
+    assert is_measured(summary(moved), prior, None), "no longer the number that was put in"
     result = fitted()[1]
     for name, p in result.parameters.items():
         expected = p.limit is None and p.upper_95 is None and p.sd <= 0.8 * p.prior_sd

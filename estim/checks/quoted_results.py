@@ -5,7 +5,7 @@ Reports print their cells from here, and so does a notebook: a record's `_repr_m
 `headline(...)`.  It draws nothing and takes milliseconds.
 
 A quantity that the data leave nearly as uncertain as it was (posterior sd above 0.8 of the prior's)
-was not measured here: its number is the one that was put in.  One that may be zero has an upper
+and where it was (within that sd) was not measured here: its number is the one that was put in.  One that may be zero has an upper
 limit.  Neither stands among the results.
 """
 
@@ -111,12 +111,15 @@ class Estimate:
 
 
 def is_measured(summary: Summary, prior: Prior, upper: float | None) -> bool:
-    """Whether the data constrain it: neither a limit nor known hardly better than before."""
+    """Whether the data constrain it: neither a limit nor known hardly better than before, unless
+    they disagree with what was stated.
+    """
     if summary.limit is not None or upper is not None:
         return False
-    return (
-        summary.sd is None or not np.isfinite(prior.sd) or summary.sd <= PRIOR_DOMINATED * prior.sd
-    )
+    if summary.sd is None or summary.mean is None or not np.isfinite(prior.sd):
+        return True
+    moved = abs(summary.mean - prior.expectation)
+    return summary.sd <= PRIOR_DOMINATED * prior.sd or moved > prior.sd
 
 
 def upper_limit(summary: Summary, prior: Prior, draws: FloatArray) -> float | None:

@@ -683,7 +683,7 @@ def _polished(
     rounded = search.rounding_at(values, jacobian)
     floor = 0.1 * math.sqrt(rounded / max(chi2, 1e-300) * max(1, residual.size - free.size))
     # where a likelihood ends at the optimum, steps go to and fro across the end
-    tolerance = max(1e-3 if search.creeps else 1e-6, floor)
+    tolerance = max(1e-3 if search.creeps else 1e-4, floor)
     if not step_size < tolerance and (kink := _at_kink(search, values, tolerance)) is not None:
         values, chi2, step_size = kink, search.chi2(kink), 0.0
     near = near_bound(search, values, jacobian, residual, chi2)
