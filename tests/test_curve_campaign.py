@@ -144,6 +144,18 @@ def test_a_window_leaves_rows_out_and_says_so(folder: Path) -> None:
     assert run.excluded_points.shape == (6, 2)
 
 
+def test_units_of_axes_are_those_of_the_headers_where_none_is_stated(folder: Path) -> None:
+    for name in ("first", "second"):
+        file = folder / f"{name}.csv"
+        file.write_text(file.read_text().replace("t_s,u_V", "t [s],U [V]"))
+    text = re.sub(', unit = "(s|V)"|, name = "[^"]*"', "", CAMPAIGN)
+    text = text.replace("t_s", "t [s]").replace("u_V", "U [V]")
+    problem = load(folder, text).problem(["first"])
+    (run,) = problem.runs
+    assert (run.x_name, run.x_unit, run.y_name, run.y_unit) == ("t", "s", "U", "V")
+    assert [p.unit for p in problem.parameters] == ["V", "s", "V"]
+
+
 def test_an_exact_parameter_is_no_unknown(folder: Path) -> None:
     text = CAMPAIGN.replace('offset = "0.00(1)"', "offset = 0.005")
     run = load(folder, text).problem(["first"]).runs[0]

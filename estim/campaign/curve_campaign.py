@@ -407,11 +407,14 @@ def read_curve_campaign(
     check_parameters(source, formula, table, runs)
     if abscissas:
         table = msgspec.structs.replace(table, x=NUMBER)
-    x, y = x_axes(table)[0], y_axis(table)
-    axes = AxisNames(x.name or x.column, x.unit, y.name or y.column, y.unit)
     every = {run.name: RunOfCurve(source, table, run, i, abscissas) for i, run in enumerate(runs)}
     read = {name: run.read() for name, run in every.items() if name in only}
     run_units = {name: every[name].units_of(data) for name, data in read.items()}
+    x, y = (
+        _named(axis, {units.get(key, "1") for units in run_units.values()})
+        for key, axis in (("x", x_axes(table)[0]), ("y", y_axis(table)))
+    )
+    axes = AxisNames(*x, *y)
     tables = {
         name: replace(run_of_table(data, name), warnings=of_any_curve(data.warnings))
         for name, data in read.items()
@@ -427,6 +430,13 @@ def read_curve_campaign(
         abscissas=MappingProxyType(abscissas),
         run_units=MappingProxyType(run_units),
     )
+
+
+def _named(axis: AxisTable, units: Collection[str]) -> tuple[str, str]:
+    """Name and unit of an axis; units : those of the runs, by their headers."""
+    if axis.unit != "1" or len(units) != 1 or "1" in units:
+        return axis.name or axis.column, axis.unit
+    return axis.name or bare_name(axis.column), next(iter(units))
 
 
 def _with_names(table: Keys, places: Places, path: KeyPath) -> Keys:

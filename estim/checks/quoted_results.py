@@ -5,8 +5,8 @@ Reports print their cells from here, and so does a notebook: a record's `_repr_m
 `headline(...)`.  It draws nothing and takes milliseconds.
 
 A quantity that the data leave nearly as uncertain as it was (posterior sd above 0.8 of the prior's)
-and where it was (within that sd) was not measured here: its number is the one that was put in.  One that may be zero has an upper
-limit.  Neither stands among the results.
+and where it was (within that sd) was not measured here: its number is the one that was put in.  One
+that may be zero has an upper limit.  Neither stands among the results.
 """
 
 from __future__ import annotations
