@@ -92,6 +92,7 @@ def rule_of(text: str, x: str, y: str, stated: str, *, density: bool | None = Fa
         ("a/((x - p)**2 + (b/(2*pi))**2)", "Hz", "V", "rad/s", "must be in Hz"),
         ("b*(x**4 - p**4)", "K", "W", "°C", "must be in K"),
         ("b*(1/x - 1/p)", "K", "W", "°C", "must be in K"),
+        ("b*(1 - (x/p)**2)", "K", "T", "°C", "must be in K"),
         ("p + b*exp(-x/c)", "s", "°C", "K", "must be in °C"),
         ("b + (p - b)*exp(-x/c)", "s", "°C", "K", "must be in °C"),
         ("b*((x + 273.15)**4 - p**4)", "°C", "W", "°C", "must be in K"),
@@ -123,7 +124,8 @@ def test_a_wrong_unit_is_found_beside_numbers_that_may_have_units(
         ("A*cos(p*x + c)", "s", "°", "rad/s"), ("9.81*x/p", "s", "m", "kg"),
         ("a/(p**2 - (2*pi*x)**2)", "Hz", "V", "rad/s"), ("p*x", "Hz", "rad/s", "rad/s/Hz"),
         ("a*exp(-((x - b)/p)**2)", "K", "V", "°C"), ("b + p*exp(-x/c)", "s", "°C", "K"),
-        ("b + p*x", "°C", "V", "V/K"), ("b*(x**4 - (p + 273.15)**4)", "K", "W", "°C"),
+        ("b + p*x", "°C", "V", "V/K"), ("b*exp(-x/p)", "°C", "V", "K"),
+        ("b*(x**4 - (p + 273.15)**4)", "K", "W", "°C"),
         ("b*(x - 273.15 - p)", "K", "W", "°C"),
     ],
 )  # fmt: skip

@@ -232,7 +232,9 @@ class _Reading:
         if same is False and (named or not own_zero):
             raise InputError(
                 f"{what} what is in {power_text(first)} and what is in {power_text(second)}; "
-                f"nothing is converted{own_zero * ': state temperatures in K, or differences in °C'}"
+                "nothing is converted"
+                + own_zero
+                * ": state temperatures in K, or differences in °C"
             )
         return first
 

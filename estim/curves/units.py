@@ -9,6 +9,7 @@ import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import product
 from typing import Literal
 
 from estim.common import InputError, is_angle, is_in_degrees, powers_in, same_numbers, same_unit
@@ -100,11 +101,11 @@ def contradiction(
         return None
     turned = "pi" in names_in(curve.tree) and name not in scales  # cycles into angles
     agreement = [
-        same_unit(stated, product)
+        same_unit(stated, expected)
         if turned
-        else same_numbers(stated, product, differences=scales.keys().isdisjoint((name, "")))
+        else same_numbers(stated, expected, differences=scales.keys().isdisjoint((name, "")))
         for unit in ((y_unit, "1") if counts else (y_unit,))
-        for product in (_product((x_unit, power_x), (unit, power_y)),)
+        for expected in (_product((x_unit, power_x), (unit, power_y)),)
     ]
     if True in agreement or False not in agreement:
         return None
@@ -172,16 +173,17 @@ def _x_is(axes: AxisNames) -> Literal["an angle", "like y"] | None:
 
 
 def _scales(tree: ast.expr, axes: AxisNames) -> dict[str, str]:
-    """Name -> unit of the scale on which it is a value, as T0 of T - T0: that of x or y; °C and K
-    on the two sides of 273.15.  Others are differences, "" where these are in K.
+    """Name -> unit of the scale on which it is a value, as T0 of T - T0, and of T/T0 where T is in
+    K: that of x or y; °C and K on the two sides of 273.15.  Others are differences, "" where these
+    are in K.
     """
     scales = {"x": axes.x_unit}
-    for node in ast.walk(tree):
-        if not isinstance(node, ast.BinOp | ast.Name):
-            continue
-        terms = list(parts_of(node, operations=(ast.Add, ast.Sub)))
-        named = {name: sign for term, sign in terms if (name := named_power(term)[0])}
-        zero = [sign for term, sign in terms if number_in_formula(term) == ZERO_CELSIUS]
+    joined = [(ast.Add, ast.Sub), *[(ast.Mult, ast.Div)] * (powers_in(axes.x_unit) == {"K": 1})]
+    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.BinOp | ast.Name)]
+    for node, operations in product(nodes, joined):
+        parts = list(parts_of(node, operations=operations))
+        named = {name: sign for part, sign in parts if (name := named_power(part)[0])}
+        zero = [sign for part, sign in parts if number_in_formula(part) == ZERO_CELSIUS]
         if zero:
             scales |= {name: "°C" if sign == zero[0] else "K" for name, sign in named.items()}
             scales[""] = "K"
