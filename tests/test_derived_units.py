@@ -22,6 +22,7 @@ KNOWN = {
     "t": "°C", "R": "Ω", "U": "mV", "h": "J s",
     "cts": "counts", "eta": "%", "u": "ms-1", "s": "deg C",     "omega": "1/s", "f": "Hz",
     "c": "V/°", "C": "J/K", "k_B": "J/K", "beta": "1/K",
+    "theta_K": "K", "w_0": "rad/s",
 }  # fmt: skip
 
 
@@ -81,6 +82,14 @@ def test_the_unit_follows_or_nothing_is_said(formula: str, follows: str) -> None
         ("k_B*t", None, r"multiplies t in °C by what is in J/K; nothing is converted: write "
             r"\(t \+ 273\.15\), or state a difference in K"),
         ("A*C*t**4", "J", "multiplies t in °C by what is in cm·J/K"),
+        ("n*t**4", None, "takes a power or a product of t in °C; nothing is converted: state t in "
+            "K"),
+        ("n*(theta_K**4 - t**4)", "W", "takes a power or a product of t in °C"),
+        ("n*t*s", "W", "takes a power or a product of t in °C"),
+        ("exp(n/s)", None, "takes a power or a product of s in °C"),
+        ("sqrt(t)", None, "takes a power or a product of t in °C"),
+        ("t - theta_K", None, "adds what is in °C and what is in K; .*: state temperatures in K"),
+        ("t", "K", "must be in °C"), ("f + w_0", None, "adds what is in Hz and what is in rad/s"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_meant_is_refused(formula: str, stated: str | None, says: str) -> None:
@@ -108,6 +117,8 @@ def test_what_cannot_be_meant_is_refused(formula: str, stated: str | None, says:
         ("sqrt(L/g)", "s"), ("2*pi*sqrt(L/g)", "s"),
         ("arctan2(L, d/1000)", "rad"), ("sin(r) + L", "m"), ("n**n", "V"), ("tau*log(2)", "s"),
         ("L/tau**2", "m s-2"), ("v/tau", "m/s/s"),
+        ("t - s", "K"), ("theta_K - (t + 273.15)", "K"), ("U + 2*n*t", "mV"), ("n*(t - s)**2", "W"),
+        ("2*pi*f + w_0", "Hz"),
     ],
 )  # fmt: skip
 def test_what_may_be_right_is_taken(formula: str, stated: str | None) -> None:

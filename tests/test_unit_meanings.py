@@ -88,6 +88,15 @@ def rule_of(text: str, x: str, y: str, stated: str, *, density: bool | None = Fa
         ("1/(1/p - 1/x)", "cm", "cm", "mm", "must be in cm"),
         ("sqrt(p**2 - (x - c)**2)", "m", "m", "cm", "must be in m"),
         ("a + b*x + p*x**2", "kg·m/s", "kg·m²/s³", "mW", r"must be in 1/\(kg·s\)"),
+        ("9.81*exp(-(x/p)**2)", "Hz", "V", "rad/s", "must be in Hz"),
+        ("a/((x - p)**2 + (b/(2*pi))**2)", "Hz", "V", "rad/s", "must be in Hz"),
+        ("b*(x**4 - p**4)", "K", "W", "°C", "must be in K"),
+        ("b*(1/x - 1/p)", "K", "W", "°C", "must be in K"),
+        ("b*(1 - (x/p)**2)", "K", "T", "°C", "must be in K"),
+        ("p + b*exp(-x/c)", "s", "°C", "K", "must be in °C"),
+        ("b + (p - b)*exp(-x/c)", "s", "°C", "K", "must be in °C"),
+        ("b*((x + 273.15)**4 - p**4)", "°C", "W", "°C", "must be in K"),
+        ("b*(x + 273.15 - p)", "°C", "W", "°C", "must be in K"),
     ],
 )  # fmt: skip
 def test_a_wrong_unit_is_found_beside_numbers_that_may_have_units(
@@ -113,6 +122,11 @@ def test_a_wrong_unit_is_found_beside_numbers_that_may_have_units(
         ("p*x", "cm", "cm", "1"), ("2*pi*sqrt(x/p)", "kg", "s", "N/m"),
         ("p*x", "V", "mA", "1/kΩ"), ("a + p*x", "Hz", "V", "V s"),
         ("A*cos(p*x + c)", "s", "°", "rad/s"), ("9.81*x/p", "s", "m", "kg"),
+        ("a/(p**2 - (2*pi*x)**2)", "Hz", "V", "rad/s"), ("p*x", "Hz", "rad/s", "rad/s/Hz"),
+        ("a*exp(-((x - b)/p)**2)", "K", "V", "°C"), ("b + p*exp(-x/c)", "s", "°C", "K"),
+        ("b + p*x", "°C", "V", "V/K"), ("b*exp(-x/p)", "°C", "V", "K"),
+        ("b*(x**4 - (p + 273.15)**4)", "K", "W", "°C"),
+        ("b*(x - 273.15 - p)", "K", "W", "°C"),
     ],
 )  # fmt: skip
 def test_a_unit_that_some_reading_allows_is_taken(text: str, x: str, y: str, stated: str) -> None:
@@ -183,6 +197,13 @@ def test_what_follows_for_certain_is_how_numbers_change_with_the_unit_of_x(text:
         ("a*x", "°C", "J/(kg K)", {"a": "J/(kg·K·°C)"}),
         ("a*x**2", "µs", "m.s-1", {"a": "m/(s·µs²)"}), ("m*x*0.25", "m/s²", "N·m", {}),
         ("exp(-x/tau)", "s", "%", {"tau": "s"}),
+        ("a*exp(b/(x + 273.15))", "°C", "kΩ", {"a": "kΩ", "b": "K"}),
+        ("a*exp(b/(x + 273.15))", "C", "kΩ", {"a": "kΩ", "b": "K"}),
+        ("a*exp(b/(x + 273.15))", "K", "C", {"a": "C", "b": "K"}),
+        ("a*exp(b*(1/(x + 273.15) - 1/298.15))", "deg C", "kΩ", {"a": "kΩ", "b": "K"}),
+        ("a*exp(b*(1/(273.15 + x) - 1/(c + 273.15)))", "°C", "V", {"a": "V", "b": "K", "c": "°C"}),
+        ("a*(x + 273.15) + b*(x - c)", "°C", "V", {"a": "V/K", "b": "V/K", "c": "°C"}),
+        ("1/(1/a - b*log(x/c)) - 273.15", "hPa", "°C", {"a": "K", "b": "1/K", "c": "hPa"}),
     ],
 )  # fmt: skip
 def test_units_are_put_together_by_what_they_mean(

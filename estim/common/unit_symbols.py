@@ -229,7 +229,7 @@ def _turns(unit: str, other: str) -> bool:
         {_symbol_of(factor.symbol) for factor in _factors_of(text) or ()} for text in (unit, other)
     )
     return any(
-        any(symbol.endswith("Hz") for symbol in cycles) and not angles.isdisjoint(_ANGLES)
+        any(symbol.endswith("Hz") for symbol in cycles - angles) and (angles - cycles) & {*_ANGLES}
         for cycles, angles in ((first, second), (second, first))
     )
 

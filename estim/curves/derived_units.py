@@ -9,18 +9,29 @@ exponents, the 1 of `1/tau`, whole divisors as in `v**2/2`, and factors beside p
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from fractions import Fraction
 
-from estim.common import InputError, in_unit, is_in_degrees, powers_in, raised, same_unit
+from estim.common import (
+    InputError,
+    in_unit,
+    is_in_degrees,
+    powers_in,
+    raised,
+    same_numbers,
+    same_unit,
+)
 from estim.curves.dimensions import (
     ALIKE,
     ARCS,
     LARGEST_PURE,
     ROOTS,
+    ZERO_CELSIUS,
     is_count_or_half,
     is_pure_in_angle,
+    named_power,
     number_in_formula,
+    parts_of,
     summed,
 )
 from estim.curves.formula import CONSTANTS, TRIGONOMETRIC, names_in
@@ -29,7 +40,7 @@ Factors = dict[str, Fraction]
 """A unit: its symbols with their powers; {} for a pure number."""
 
 _OF_OWN_ZERO = {"°C", "°F", "degC", "degF"}
-_CELSIUS, _KELVIN, _ZERO_CELSIUS = {"°C": Fraction(1)}, {"K": Fraction(1)}, Fraction("273.15")
+_CELSIUS, _KELVIN = {"°C": Fraction(1)}, {"K": Fraction(1)}
 _ENERGIES = {"J", "kJ", "mJ", "W", "mW", "kW", "eV", "meV", "cal", "kcal", "erg"}
 _SHARES = {"%", "‰", "ppm", "ppb"}
 _OF_PURE = (*ARCS, "exp", "expm1", "log", "ln", "log10", "log2", "log1p", "sinh", "cosh", "tanh")
@@ -68,11 +79,15 @@ def unit_that_follows(
             )
         return stated or of_curve
     follows = _Reading(known, symbols).of(tree)
+    _refuse_powers(tree, known, symbols)
     if stated is None:
         unit = "1" if follows is None or _is_broken(follows) else _shown(follows)
         return unit if len(unit) <= LONGEST else "1"
     guessed = _Reading(known, symbols, is_pure_in_angle).of(tree) if follows is None else None
-    wrong = follows is not None and _is_another(stated, follows)
+    wrong = follows is not None and (
+        _is_another(stated, follows)
+        or (isinstance(tree, ast.Name) and same_numbers(stated, _written(follows)) is False)
+    )
     if wrong or (guessed is not None and _is_of_other_size(stated, guessed)):
         expected = follows if follows is not None else guessed or {}
         angle = is_in_degrees(stated) and same_unit(_written(expected), "rad") is True
@@ -117,7 +132,7 @@ class _Reading:
             case ast.BinOp(left=left, right=right):
                 unit = self._common_unit(left, right, "adds")
                 numbers = number_in_formula(left), number_in_formula(right)
-                to_kelvin = isinstance(node.op, ast.Add) and _ZERO_CELSIUS in numbers
+                to_kelvin = isinstance(node.op, ast.Add) and ZERO_CELSIUS in numbers
                 return _KELVIN if to_kelvin and unit == _CELSIUS else unit
             case ast.Call(func=ast.Name(id="power"), args=[base, exponent]):
                 number = number_in_formula(exponent)
@@ -127,7 +142,7 @@ class _Reading:
         return None
 
     def _product(self, node: ast.expr) -> Factors | None:
-        parts = list(_parts(node, 1))
+        parts = list(parts_of(node))
         turns = any(names_in(part) & CONSTANTS.keys() for part, _ in parts)
         whole_below = any(sign < 0 and _is_integer(part) for part, sign in parts)
         product: Factors | None = {}
@@ -145,7 +160,7 @@ class _Reading:
             )
         if product and {"K", "°C"} <= product.keys():
             others = summed(product, _CELSIUS, -product["°C"])
-            for name in (_named(part) for part, _ in parts):
+            for name in (named_power(part)[0] for part, _ in parts):
                 if self.known.get(name) == _CELSIUS and _ENERGIES & others.keys():
                     raise InputError(
                         f"multiplies {self.symbols[name]} in °C by what is in {_shown(others)}; "
@@ -211,39 +226,44 @@ class _Reading:
         if not first or not second:
             # a pure number and metres: one of them has a number with a unit of its own
             return {} if first == second else None
-        if same_unit(_written(first), _written(second)) is False and not _has_own_zero(
-            _written(first), second
-        ):
+        named = bool(named_power(left)[0] and named_power(right)[0])
+        same = (same_numbers if named else same_unit)(_written(first), _written(second))
+        own_zero = _has_own_zero(_written(first), second)
+        if same is False and (named or not own_zero):
             raise InputError(
-                f"{what} what is in {_shown(first)} and what is in {_shown(second)}; "
+                f"{what} what is in {power_text(first)} and what is in {power_text(second)}; "
                 "nothing is converted"
+                + own_zero
+                * ": state temperatures in K, or differences in °C"
             )
         return first
 
 
-def _named(node: ast.expr) -> str:
-    """The name that a part of a formula is, or is a power of; "" for others."""
-    match node:
-        case ast.Name(id=name) | ast.Call(func=ast.Name(id="power"), args=[ast.Name(id=name), _]):
-            return name
-    return ""
+def _refuse_powers(
+    tree: ast.expr, known: Mapping[str, Factors], symbols: Mapping[str, str]
+) -> None:
+    """Raises InputError for a product, or a power, of temperatures that have a zero of their own.
+
+    Their quotient and what is proportional to one of them are taken: they may be differences.
+    """
+    for node in ast.walk(tree):
+        powers = [
+            (name, sign * power)
+            for part, sign in (parts_of(node) if isinstance(node, ast.expr) else ())
+            for name, power in (named_power(part),)
+            if len(unit := known.get(name, {})) == 1 and _has_own_zero("", unit)
+        ]
+        if powers and sum(power for _, power in powers) not in (0, 1):
+            name, unit = powers[0][0], known[powers[0][0]]
+            raise InputError(
+                f"takes a power or a product of {symbols[name]} in {_shown(unit)}; nothing is "
+                f"converted: state {symbols[name]} in K"
+            )
 
 
 def _is_other_number(unit: Factors) -> bool:
     """Whether a unit is a number other than 1, as mm/m and %."""
     return in_unit(1.0, _written(unit), "1") is not None and same_unit(_written(unit), "1") is False
-
-
-def _parts(node: ast.expr, sign: int) -> Iterator[tuple[ast.expr, int]]:
-    """Factors of a product, and whether they multiply (1) or divide (-1)."""
-    match node:
-        case ast.UnaryOp(operand=operand):
-            yield from _parts(operand, sign)
-        case ast.BinOp(left=left, op=ast.Mult() | ast.Div() as op, right=right):
-            yield from _parts(left, sign)
-            yield from _parts(right, sign if isinstance(op, ast.Mult) else -sign)
-        case _:
-            yield node, sign
 
 
 def _is_integer(node: ast.expr) -> bool:

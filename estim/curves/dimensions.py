@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
@@ -38,6 +38,7 @@ ALIKE = {
 _OF_ANGLES = frozenset({"radians", "degrees", "sign", "heaviside"})
 _LOGARITHMS = frozenset({"log", "ln", "log2", "log10"})
 ROOTS = {"sqrt": Fraction(1, 2), "cbrt": Fraction(1, 3)}
+ZERO_CELSIUS = Fraction("273.15")  # in kelvins
 _X, _Y, _TEN = "(x)", "(y)", "(10)"
 LARGEST_PURE = 10.0  # a number as large may turn mm into cm
 LARGEST_MODERATE = 100.0  # scales of a search are as wide
@@ -300,6 +301,44 @@ def number_in_formula(node: ast.expr) -> Fraction | None:
             first, second = number_in_formula(left), number_in_formula(right)
             return None if first is None or not second else first / second
     return None
+
+
+def named_power(node: ast.expr) -> tuple[str, Fraction | float]:
+    """The name of which a part of a formula is a power, and that power, NaN where it is no number;
+    "" for others.
+    """
+    match node:
+        case ast.Name(id=name):
+            return name, 1
+        case ast.Call(func=ast.Name(id="power"), args=[ast.Name(id=name), exponent]):
+            return name, math.nan if (number := number_in_formula(exponent)) is None else number
+        case ast.Call(func=ast.Name(id=root), args=[ast.Name(id=name)]) if root in ROOTS:
+            return name, ROOTS[root]
+        case ast.BinOp(left=ast.Constant(), op=ast.Div(), right=below):
+            name, power = named_power(below)
+            return name, -power
+    return "", 1
+
+
+def parts_of(
+    node: ast.expr,
+    sign: int = 1,
+    *,
+    operations: tuple[type[ast.operator], type[ast.operator]] = (ast.Mult, ast.Div),
+) -> Iterator[tuple[ast.expr, int]]:
+    """Factors of a product, and whether they multiply (1) or divide (-1); terms where `operations`
+    are those of a sum.
+    """
+    match node:
+        case ast.UnaryOp(op=op, operand=operand):
+            turns = isinstance(op, ast.USub) and ast.Sub in operations
+            yield from parts_of(operand, -sign if turns else sign, operations=operations)
+        case ast.BinOp(left=left, op=op, right=right) if isinstance(op, operations):
+            yield from parts_of(left, sign, operations=operations)
+            second = sign if isinstance(op, operations[0]) else -sign
+            yield from parts_of(right, second, operations=operations)
+        case _:
+            yield node, sign
 
 
 def summed(left: Mapping[str, Fraction], right: Mapping[str, Fraction], factor: Fraction) -> _Row:

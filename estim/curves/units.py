@@ -9,18 +9,25 @@ import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import product
 from typing import Literal
 
-from estim.common import InputError, is_angle, is_in_degrees, powers_in, same_unit
+from estim.common import InputError, is_angle, is_in_degrees, powers_in, same_numbers, same_unit
 from estim.curves.derived_units import LONGEST, Factors, power_text
 from estim.curves.dimensions import (
+    ZERO_CELSIUS,
     angles_of,
     certain_dimensions,
     gives_radians,
     is_pure_in_angle,
+    named_power,
+    number_in_formula,
+    parts_of,
     pure_angles,
 )
-from estim.curves.formula import Formula
+from estim.curves.formula import Formula, names_in
+
+_TEMPERATURES: tuple[dict[str, int], ...] = ({"°C": 1}, {"K": 1})
 
 
 @dataclass(frozen=True)
@@ -61,8 +68,9 @@ def units_of(
     ):
         return {}
     dimensions = certain_dimensions(curve, density=density, x_is=_x_is(axes))
+    scales = _scales(curve.tree, axes)
     units = {
-        name: _unit(*dimensions[name], axes.x_unit, axes.y_unit)
+        name: _unit(*dimensions[name], *_seen_by(name, scales, axes))
         for name in names
         if name in dimensions
     }
@@ -86,12 +94,18 @@ def contradiction(
         power_x = power_y = 0.0
     counts = bool(density and power_x)
     unknown = (power_x and axes.x_unit == "1") or (power_y and axes.y_unit == "1" and not counts)
-    follows = None if unknown else _unit(power_x, power_y, axes.x_unit, axes.y_unit, longest=80)
+    scales = _scales(curve.tree, axes)
+    x_unit, y_unit = _seen_by(name, scales, axes)
+    follows = None if unknown else _unit(power_x, power_y, x_unit, y_unit, longest=80)
     if follows is None:
         return None
-    of_y = (axes.y_unit, "1") if counts else (axes.y_unit,)
+    turned = "pi" in names_in(curve.tree) and name not in scales  # cycles into angles
     agreement = [
-        same_unit(stated, _product((axes.x_unit, power_x), (unit, power_y))) for unit in of_y
+        same_unit(stated, expected)
+        if turned
+        else same_numbers(stated, expected, differences=scales.keys().isdisjoint((name, "")))
+        for unit in ((y_unit, "1") if counts else (y_unit,))
+        for expected in (_product((x_unit, power_x), (unit, power_y)),)
     ]
     if True in agreement or False not in agreement:
         return None
@@ -156,6 +170,36 @@ def _x_is(axes: AxisNames) -> Literal["an angle", "like y"] | None:
     if is_angle(axes.x_unit):
         return "an angle"
     return "like y" if axes.x_unit != "1" and same_unit(axes.x_unit, axes.y_unit) else None
+
+
+def _scales(tree: ast.expr, axes: AxisNames) -> dict[str, str]:
+    """Name -> unit of the scale on which it is a value, as T0 of T - T0, and of T/T0 where T is in
+    K: that of x or y; °C and K on the two sides of 273.15.  Others are differences, "" where these
+    are in K.
+    """
+    scales = {"x": axes.x_unit}
+    joined = [(ast.Add, ast.Sub), *[(ast.Mult, ast.Div)] * (powers_in(axes.x_unit) == {"K": 1})]
+    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.BinOp | ast.Name)]
+    for node, operations in product(nodes, joined):
+        parts = list(parts_of(node, operations=operations))
+        named = {name: sign for part, sign in parts if (name := named_power(part)[0])}
+        zero = [sign for part, sign in parts if number_in_formula(part) == ZERO_CELSIUS]
+        if zero:
+            scales |= {name: "°C" if sign == zero[0] else "K" for name, sign in named.items()}
+            scales[""] = "K"
+        known = [axes.y_unit] * (node is tree) + [scales[one] for one in named if one in scales]
+        scales = {name: unit for name in named for unit in known[:1]} | scales
+    return scales
+
+
+def _seen_by(name: str, scales: Mapping[str, str], axes: AxisNames) -> tuple[str, str]:
+    """The units of x and y from which that of a parameter follows."""
+    own = scales.get(name, scales.get("", ""))
+    x_unit, y_unit = (
+        own if all(powers_in(one) in _TEMPERATURES for one in (own, unit)) else unit
+        for unit in (scales["x"] if same_unit(axes.x_unit, "K") else axes.x_unit, axes.y_unit)
+    )
+    return x_unit, y_unit
 
 
 def _product(*powers: tuple[str, float]) -> str:
