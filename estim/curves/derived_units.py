@@ -228,13 +228,10 @@ class _Reading:
             return {} if first == second else None
         named = bool(named_power(left)[0] and named_power(right)[0])
         same = (same_numbers if named else same_unit)(_written(first), _written(second))
-        own_zero = _has_own_zero(_written(first), second)
-        if same is False and (named or not own_zero):
+        if same is False and not _has_own_zero(_written(first), second):
             raise InputError(
                 f"{what} what is in {power_text(first)} and what is in {power_text(second)}; "
                 "nothing is converted"
-                + own_zero
-                * ": state temperatures in K, or differences in °C"
             )
         return first
 
@@ -244,7 +241,8 @@ def _refuse_powers(
 ) -> None:
     """Raises InputError for a product, or a power, of temperatures that have a zero of their own.
 
-    Their quotient and what is proportional to one of them are taken: they may be differences.
+    Their quotient, and what is proportional to one of them or its inverse, are taken: they may be
+    differences.
     """
     for node in ast.walk(tree):
         powers = [
@@ -253,7 +251,7 @@ def _refuse_powers(
             for name, power in (named_power(part),)
             if len(unit := known.get(name, {})) == 1 and _has_own_zero("", unit)
         ]
-        if powers and sum(power for _, power in powers) not in (0, 1):
+        if powers and sum(power for _, power in powers) not in (-1, 0, 1):
             name, unit = powers[0][0], known[powers[0][0]]
             raise InputError(
                 f"takes a power or a product of {symbols[name]} in {_shown(unit)}; nothing is "
