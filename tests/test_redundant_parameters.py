@@ -65,12 +65,19 @@ def test_factors_between_limits_are_named_together(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("n_step", "ess", "told"), [(2000, 200.0, 1), (2000, 300.0, 0), (1900, 10.0, 0)]
+    ("n_step", "ess", "still", "told"),
+    [
+        (2000, 200.0, False, 1),
+        (2000, 300.0, False, 0),
+        (1900, 10.0, False, 0),
+        (2000, 4000.0, True, 1),
+    ],
 )
 def test_a_chain_that_will_not_get_there_is_not_prolonged(
-    n_step: int, ess: float, told: int
+    n_step: int, ess: float, still: bool, told: int
 ) -> None:
-    mixing = Mixing(np.ones(2), np.array([4000.0, 4000.0]), np.array([4000.0, ess]))
+    rhat = np.array([1.0, np.nan if still else 1.0])
+    mixing = Mixing(rhat, np.array([4000.0, 4000.0]), np.array([4000.0, ess]))
     found = _target_unreachable(mixing, Target(), ("a", "b"), n_step=n_step)
     assert len(found) == told
     assert all(f.kind is Kind.CHAIN_HOPELESS and f.names == ("b",) for f in found)

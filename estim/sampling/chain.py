@@ -223,10 +223,11 @@ def _target_unreachable(
 ) -> list[Finding]:
     """That the cap will not be enough, with the parameters that keep it from being so: had their
     effective sizes grown with the length up to there, they would come to less than 0.7 of the
-    target.
+    target; or no walker has moved.
     """
     sizes = np.minimum(mixing.ess_bulk, mixing.ess_tail) * target.max_step / n_step
-    wandering = np.flatnonzero(~(sizes >= 0.7 * target.ess)).tolist()
+    still = np.isnan(mixing.rhat) & (target.n_ensemble > 1)
+    wandering = np.flatnonzero(still | ~(sizes >= 0.7 * target.ess)).tolist()
     if n_step < 2000 or not wandering:
         return []
     slowest = tuple(names[i] for i in wandering)
