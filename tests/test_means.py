@@ -215,6 +215,12 @@ def test_the_command_reads_groups_in_words(tmp_path):
     assert "Analysis of variance" in (tmp_path / "out/report.md").read_text()
 
 
+def test_a_column_of_groups_that_are_numbers_is_used(tmp_path):
+    (tmp_path / "a.csv").write_text("U,n,day\n5.01,1,1\n5.03,2,1\n5.11,3,2\n5.12,4,2\n")
+    found = mean_of_table(tmp_path / "a.csv", y="U", group="day")
+    assert found.told == "columns: y = U, group = day; columns not used: n"
+
+
 def test_groups_are_numbers_or_words():
     readings = [1.0, 2.0, 3.0, 5.0]
     found = estim.mean(readings, groups=[1, 1.0, np.float64(2), np.int64(2)])

@@ -6,7 +6,9 @@ import io
 import json
 import sys
 import zipfile
+from contextlib import nullcontext
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -87,6 +89,33 @@ def test_what_may_be_read_in_two_ways_is_refused(
     (tmp_path / "a.csv").write_text("\n".join(rows) + "\n")
     with pytest.raises(InputError, match=says):
         read_table(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize(
+    ("stated", "needed", "refused"),
+    [
+        ({"dates": "dmy"}, "U", False),  # needed to read the file at all
+        ({"since": "2024-05-03 00:00"}, "day", False),
+        ({"time_unit": "d"}, "day", False),
+        ({"since": "2024-05-03 00:00"}, "U", True),
+        ({"time_unit": "d"}, "U", True),
+        ({"dates": "dmy"}, "n", True),
+    ],
+)
+def test_what_is_stated_of_dates_is_refused_where_no_column_holds_any(
+    tmp_path: Path, stated: dict[str, Any], needed: str, refused: bool
+) -> None:
+    names = "n,U" if needed == "n" else "day,U"
+    rows = [f"{i},{i}" if needed == "n" else f"{i + 12}.05.2024 00:00,{i}" for i in range(1, 5)]
+    (tmp_path / "a.csv").write_text("\n".join([names, *rows]) + "\n")
+    with (
+        pytest.raises(InputError, match=f"'{next(iter(stated))}' goes with columns of dates")
+        if refused
+        else nullcontext()
+    ):
+        read_columns(
+            tmp_path / "a.csv", needed=[needed, "U"], min_rows=3, dialect=Dialect(**stated)
+        )
 
 
 def test_a_frame_of_pandas_is_read_as_a_table_with_units_and_uncertainties() -> None:

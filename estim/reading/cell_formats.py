@@ -250,7 +250,8 @@ def _moments(
             order=words[order],
         )
     )
-    return _replaced(table, index, values, unit, notes)
+    read = replace(table, moments=(*table.moments, name))
+    return _replaced(read, index, values, unit, notes)
 
 
 def _order(
