@@ -91,6 +91,29 @@ def test_what_may_be_read_in_two_ways_is_refused(
         read_table(tmp_path / "a.csv")
 
 
+@pytest.mark.parametrize("mark", [",", ";", "\t"])
+def test_rows_that_end_early_are_refused_at_the_first_of_them(tmp_path: Path, mark: str) -> None:
+    rows = [f"{i}{mark}{0.5 * i}" for i in range(9)]
+    (tmp_path / "a.csv").write_text("\n".join([f"t{mark}U", *rows, "9", "10"]) + "\n")
+    with pytest.raises(InputError, match=r"a\.csv:11: 'row' must have 2 cells, not 1: 9"):
+        read_table(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("encoding", ["utf-32", "utf-16", "utf-8-sig"])
+def test_a_mark_at_the_start_of_a_file_tells_its_encoding(tmp_path: Path, encoding: str) -> None:
+    (tmp_path / "a.csv").write_bytes("ϑ,U\n1,2\n2,3\n3,4\n".encode(encoding))
+    assert read_table(tmp_path / "a.csv")["ϑ"].tolist() == [1.0, 2.0, 3.0]
+
+
+def test_the_order_of_day_and_month_is_told_with_the_mark_of_the_cells(tmp_path: Path) -> None:
+    rows = [f"0{i}/04/2024 10:00,{i}" for i in range(1, 5)]
+    (tmp_path / "a.csv").write_text("\n".join(["t,U", *rows]) + "\n")
+    table = read_columns(
+        tmp_path / "a.csv", needed=["t", "U"], min_rows=3, dialect=Dialect(dates="dmy")
+    )
+    assert table.facts[-1].endswith(", dates read as day/month/year")
+
+
 @pytest.mark.parametrize(
     ("stated", "needed", "refused"),
     [
