@@ -648,4 +648,4 @@ def test_the_command_calibrates_a_curve_campaign(tmp_path):
 
 def test_a_share_has_the_decimals_of_its_uncertainty():
     few = SimpleNamespace(n_trial=20, share=lambda name: [0.9])
-    assert "covered 90.0 ± 6.7 % of 20 " in coverage_sentence(few, "g")
+    assert "covered 90 ± 7 % of 20 " in coverage_sentence(few, "g")
