@@ -60,7 +60,7 @@ class Place(click.Path):
         return super().convert(value, param, ctx)
 
 
-PATH = Place(path_type=Path)
+PATH = click.Path(path_type=Path)
 FOLDER = Place(path_type=Path, file_okay=False)
 
 CAMPAIGN = click.argument("campaign", type=PATH)
