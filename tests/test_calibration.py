@@ -12,6 +12,7 @@ import sys
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -643,3 +644,8 @@ def test_the_command_calibrates_a_curve_campaign(tmp_path):
     assert (code, complaints) == (0, "")
     assert "the 68 % interval of b covered" in said
     assert "estim fit" not in said  # whose analysis it is
+
+
+def test_a_share_has_the_decimals_of_its_uncertainty():
+    few = SimpleNamespace(n_trial=20, share=lambda name: [0.9])
+    assert "covered 90 ± 7 % of 20 " in coverage_sentence(few, "g")

@@ -294,6 +294,7 @@ def test_a_step_left_of_the_origin_is_written_as_a_formula_takes_it(tmp_path: Pa
     y = 2.0 * x + 1.0 + 0.05 * np.random.default_rng(4).standard_normal(60) + 0.5 * (x > -1.4)
     first = own_curve(tmp_path, "b*x + c", x, y).candidates[0]
     (term,) = re.findall(r"(\+ s\*heaviside\(x \+ 1\.\d+, 0\))", first.words)
+    assert first.numbers[0].label.symbol.partition("[")[0] == "s"
     assert own_curve(tmp_path, f"b*x + c {term}", x, y).found == ()
 
 

@@ -118,6 +118,10 @@ def test_same_seed_gives_the_same_bytes(estim: Command, fitted: Path, tmp_path: 
         ),
         (("fit", "{campaign}", "--resume", "--out", "/proc/x"), "cannot be written"),
         (("simulate", "{campaign}", "--out", "x"), "is not a known key"),
+        *(
+            ((name, "{campaign}", "--out", ""), "'--out' must not be empty")
+            for name in ("fit", "line", "batch", "plan", "simulate", "import")
+        ),
     ],
 )
 def test_wrong_input_is_one_line_and_exit_code_2(

@@ -18,6 +18,7 @@ from scipy import integrate, stats
 
 import estim
 from estim.cli.commands import cli
+from estim.common import spoken
 from estim.common.errors import InputError
 from estim.common.quantity_text import Quantity, difference
 from estim.means.dark_uncertainty import der_simonian_laird, hierarchical
@@ -215,6 +216,12 @@ def test_the_command_reads_groups_in_words(tmp_path):
     assert "Analysis of variance" in (tmp_path / "out/report.md").read_text()
 
 
+def test_a_column_of_groups_that_are_numbers_is_used(tmp_path):
+    (tmp_path / "a.csv").write_text("U,n,day\n5.01,1,1\n5.03,2,1\n5.11,3,2\n5.12,4,2\n")
+    found = mean_of_table(tmp_path / "a.csv", y="U", group="day")
+    assert found.told == "columns: y = U, group = day; columns not used: n"
+
+
 def test_groups_are_numbers_or_words():
     readings = [1.0, 2.0, 3.0, 5.0]
     found = estim.mean(readings, groups=[1, 1.0, np.float64(2), np.int64(2)])
@@ -387,3 +394,13 @@ def test_a_mean_of_two_readings_has_one_degree_of_freedom(tmp_path) -> None:
 def test_exact_values_are_subtracted_to_the_decimals_given(first, second, told):
     with pytest.raises(InputError, match=f"has no uncertainty, .*: {told}$"):
         estim.compare_values(first, second)
+
+
+def test_a_method_has_its_spanish_name(tmp_path):
+    with spoken("es"):
+        shown = estim.mean([1.0, 1.1, 1.2], 0.1).shown()
+        line = estim.fit_line([1.0, 2.0, 3.0, 4.0], [1.0, 2.1, 2.9, 4.0], u_y=0.1).shown()
+    assert shown.best == "ponderada"
+    assert [row[0] for row in shown.rows][::4] == ["ponderada", "jerárquica"]
+    assert shown.notes[0].startswith("Cite «ponderada»: ")
+    assert [row[0] for row in line.rows] == ["propagados", "reescalados"]

@@ -6,7 +6,9 @@ import io
 import json
 import sys
 import zipfile
+from contextlib import nullcontext
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -87,6 +89,56 @@ def test_what_may_be_read_in_two_ways_is_refused(
     (tmp_path / "a.csv").write_text("\n".join(rows) + "\n")
     with pytest.raises(InputError, match=says):
         read_table(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("mark", [",", ";", "\t"])
+def test_rows_that_end_early_are_refused_at_the_first_of_them(tmp_path: Path, mark: str) -> None:
+    rows = [f"{i}{mark}{0.5 * i}" for i in range(9)]
+    (tmp_path / "a.csv").write_text("\n".join([f"t{mark}U", *rows, "9", "10"]) + "\n")
+    with pytest.raises(InputError, match=r"a\.csv:11: 'row' must have 2 cells, not 1: 9"):
+        read_table(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("encoding", ["utf-32", "utf-16", "utf-8-sig"])
+def test_a_mark_at_the_start_of_a_file_tells_its_encoding(tmp_path: Path, encoding: str) -> None:
+    (tmp_path / "a.csv").write_bytes("ϑ,U\n1,2\n2,3\n3,4\n".encode(encoding))
+    assert read_table(tmp_path / "a.csv")["ϑ"].tolist() == [1.0, 2.0, 3.0]
+
+
+def test_the_order_of_day_and_month_is_told_with_the_mark_of_the_cells(tmp_path: Path) -> None:
+    rows = [f"0{i}/04/2024 10:00,{i}" for i in range(1, 5)]
+    (tmp_path / "a.csv").write_text("\n".join(["t,U", *rows]) + "\n")
+    table = read_columns(
+        tmp_path / "a.csv", needed=["t", "U"], min_rows=3, dialect=Dialect(dates="dmy")
+    )
+    assert table.facts[-1].endswith(", dates read as day/month/year")
+
+
+@pytest.mark.parametrize(
+    ("stated", "needed", "refused"),
+    [
+        ({"dates": "dmy"}, "U", False),  # needed to read the file at all
+        ({"since": "2024-05-03 00:00"}, "day", False),
+        ({"time_unit": "d"}, "day", False),
+        ({"since": "2024-05-03 00:00"}, "U", True),
+        ({"time_unit": "d"}, "U", True),
+        ({"dates": "dmy"}, "n", True),
+    ],
+)
+def test_what_is_stated_of_dates_is_refused_where_no_column_holds_any(
+    tmp_path: Path, stated: dict[str, Any], needed: str, refused: bool
+) -> None:
+    names = "n,U" if needed == "n" else "day,U"
+    rows = [f"{i},{i}" if needed == "n" else f"{i + 12}.05.2024 00:00,{i}" for i in range(1, 5)]
+    (tmp_path / "a.csv").write_text("\n".join([names, *rows]) + "\n")
+    with (
+        pytest.raises(InputError, match=f"'{next(iter(stated))}' goes with columns of dates")
+        if refused
+        else nullcontext()
+    ):
+        read_columns(
+            tmp_path / "a.csv", needed=[needed, "U"], min_rows=3, dialect=Dialect(**stated)
+        )
 
 
 def test_a_frame_of_pandas_is_read_as_a_table_with_units_and_uncertainties() -> None:

@@ -639,3 +639,31 @@ def test_the_values_of_the_present_experiment_have_their_units(tmp_path: Path) -
     CliRunner().invoke(cli, ["plan", str(tmp_path / "c.toml"), "--out", out, "--figures", "none"])
     report = (tmp_path / "out" / "report.md").read_text()
     assert re.search(r"\| b \| 1\.9\d\smm/s \| 0\.0\d+\smm/s \|", report), report
+
+
+@pytest.mark.parametrize(
+    ("language", "told"),
+    [
+        (
+            "en",
+            ["additional readings at T = ", " K, outside", "would be halved by 4 times as many"],
+        ),
+        ("es", ["lecturas más en T = ", " K, fuera", "se reduciría a la mitad con 4 veces"]),
+    ],
+)
+def test_a_further_reading_has_the_name_and_the_unit_of_its_axis(
+    tmp_path: Path, language: str, told: list[str]
+) -> None:
+    x = np.linspace(300.0, 400.0, 30)
+    y = 2.0 * x + 5.0 + 0.05 * np.random.default_rng(3).standard_normal(30)
+    (tmp_path / "r.csv").write_text(
+        "T (K),y\n" + "".join(f"{a},{b}\n" for a, b in zip(x, y, strict=True))
+    )
+    (tmp_path / "c.toml").write_text(
+        'title = "t"\nkind = "synthetic"\n[curve]\nexpression = "a + b*T"\n'
+        'x = {column = "T (K)", name = "T", unit = "K"}\ny = "y"\nu_y = 0.05\n'
+        '[curve.parameters]\na = {}\nb = {}\n[[runs]]\nname = "r"\nfile = "r.csv"\n'
+    )
+    arguments = ["plan", str(tmp_path / "c.toml"), "--out", str(tmp_path / "out")]
+    done = CliRunner().invoke(cli, [*arguments, "--figures", "none", "--lang", language])
+    assert all(words in done.output for words in told), done.output

@@ -581,6 +581,11 @@ def test_a_column_is_there_though_its_first_and_last_cells_are_empty(tmp_path: P
     assert "; columns not used: b, remark" in done.output.splitlines()[0]
 
 
+def test_a_title_that_is_too_long_is_refused_by_its_name(table: Path) -> None:
+    title = 2100 * "x"
+    assert told("fit", table, "--formula", "a*x", "--title", title).startswith("'--title' must")
+
+
 @pytest.mark.parametrize("command", [["fit", "--formula", "a + b*x"], ["line"]])
 def test_a_copied_row_is_told_where_the_result_is(tmp_path: Path, command: list[str]) -> None:
     file = tmp_path / "twice.csv"

@@ -651,3 +651,9 @@ def test_inputs_and_statuses_are_compared_too() -> None:
 def test_a_result_written_by_hand_is_no_traceback(record: str, model: Path) -> None:
     (model / "hand.json").write_text(record.replace("{", '{"schema": "estim-x", ', 1))
     assert run("diff", "hand.json", "out").exit_code == 0
+
+
+def test_a_file_that_cannot_be_read_any_more_is_there_when_it_is_recomputed() -> None:
+    damaged = {"result.json": (b'{"a": 1.0} {', b'{"a": 1.0}')}
+    (one,) = differences(damaged, same_versions=True)["result.json"]
+    assert (one.wrong, one.now) == (True, "a file that can be read")

@@ -61,6 +61,7 @@ from estim.common import (
     Label,
     PieceStore,
     Stream,
+    format_quantity,
     phrase,
     run_parallel,
     stream,
@@ -299,11 +300,9 @@ def coverage_sentence(calibration: Calibration, name: str) -> str:
     n = calibration.n_trial
     sd = np.sqrt(max(share * (1.0 - share), 0.25 / n) / n)
     return phrase(
-        "the {p:.0f} % interval of {name} covered {held:.0f} ± {sd:.2g} % of {n} simulated "
-        "true values",
+        "the {p:.0f} % interval of {name} covered {held} % of {n} simulated true values",
         p=p * 100,
         name=name,
-        held=100 * share,
-        sd=max(100 * sd, 0.1),
+        held=format_quantity(100 * share, max(100 * sd, 0.1)),
         n=n,
     )

@@ -132,6 +132,9 @@ def choices_of_table(options: Mapping[str, Any]) -> TableChoices:
         "window": window_of(options.get("window")),
         "dialect": dialect_of_options(options),
     }
+    title = options.get("title") or ""
+    if len(title) > 1900:  # a line of TOML may have 2000
+        raise InputError("must have at most 1900 characters", field="--title", value=len(title))
     read["x"], *read["further_x"] = options.get("x") or (None,)
     read |= {
         name: pairs(options.get(name, ()), f"--{name}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from estim.cli.options import PATH, Real
+from estim.cli.options import PATH, Place, Real
 from estim.cli.terminal import say, write_files
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     "-o",
     "--out",
     required=True,
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=Place(path_type=Path, dir_okay=False),
     help="The CSV file to write.",
 )
 def import_file(

@@ -49,8 +49,19 @@ def _rule_shown(rule: str, value: Any, param: click.Parameter | None) -> Iterato
         raise InputError(rule, field=param.opts[0] if param else None, value=value) from None
 
 
+class Place(click.Path):
+    """A file or a folder by its name: an empty one, as of a variable that is not set, would be the
+    current folder.
+    """
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if value == "":
+            raise InputError("must not be empty", field=param.opts[-1] if param else None)
+        return super().convert(value, param, ctx)
+
+
 PATH = click.Path(path_type=Path)
-FOLDER = click.Path(path_type=Path, file_okay=False)
+FOLDER = Place(path_type=Path, file_okay=False)
 
 CAMPAIGN = click.argument("campaign", type=PATH)
 RUNS = click.option(

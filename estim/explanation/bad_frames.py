@@ -23,7 +23,7 @@ import numpy as np
 from scipy.sparse import eye_array
 
 from estim.arrays import FloatArray, Named
-from estim.common import Notation, format_rounded, phrase
+from estim.common import Notation, format_rounded, phrase, with_unit
 from estim.discrepancy import Pattern, Shifts
 from estim.explanation.candidates import Cause
 from estim.fitting import Fit
@@ -124,6 +124,8 @@ def _cause(
     problem: Problem, index: int, frame: int, pattern: FloatArray, n_tried: int, *, stays: bool
 ) -> Cause:
     run, n = problem.runs[index], frame + 1
+    gap = np.diff(run.x[frame - 1 : frame + 1]) if stays and run.motion is None else np.zeros(0)
+    in_formula = gap.size > 0 and gap[0] > 0.0  # whether a term of it is the remedy
     name = f"{'shift_from' if stays else 'reading'}_{n}[{run.name}]"
     of_positions = run.noise.made_of_positions or run.positions
     unit = run.y_unit if run.positions or not of_positions else run.x_unit
@@ -137,7 +139,7 @@ def _cause(
         unit,
         Flat(-math.inf, math.inf, 0.0),
         meaning,
-        Notation(f"{'s' if stays else 'e'}_{n}"),
+        Notation("s" if in_formula else f"{'s' if stays else 'e'}_{n}"),
     )
     displaced = replace(
         run,
@@ -158,15 +160,14 @@ def _cause(
                 "a shift of all readings from row {n} onwards (lost counts, a mark that moved)", n=n
             )
         remark = phrase("fit the readings before and after that one separately (window)")
-        gap = np.diff(run.x[frame - 1 : frame + 1]) if run.motion is None else np.zeros(0)
-        if gap.size and gap[0] > 0.0:
+        if in_formula:
             at = run.x[frame] - 0.5 * gap[0]
             size = format_rounded(abs(at), 2.0 * gap[0])
             words = phrase(
                 "a shift of all readings beyond {x} = {at} (lost counts, a change of range; "
                 "+ s*heaviside({x} {sign} {size}, 0) in the formula)",
                 x=getattr(run.curve, "variable", "x"),
-                at=size if at >= 0.0 else f"−{size}",
+                at=with_unit(size if at >= 0.0 else f"−{size}", run.x_unit),
                 sign="-" if at >= 0.0 else "+",
                 size=size,
             )

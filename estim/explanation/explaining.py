@@ -229,7 +229,7 @@ def _correlated_errors(suspects: Suspects) -> Iterable[Cause]:
         for run in plain.runs
     ):
         return
-    name = "correlation"
+    name = later("correlation")
     for correlation in (0.3, 0.5, 0.7, 0.85, 0.95):
         runs = tuple(
             replace(run, noise=AutoCorrelated(run.noise, correlation)) for run in plain.runs
@@ -241,7 +241,7 @@ def _correlated_errors(suspects: Suspects) -> Iterable[Cause]:
             (),
             (),
             suspects.room,
-            scanned=Estimated(name, correlation, math.nan, Notation(name).label("1")),
+            scanned=Estimated(name, correlation, math.nan, Notation(phrase(name)).label("1")),
         )
 
 

@@ -48,6 +48,7 @@ from estim.common import (
     Tabled,
     format_p,
     format_quantity,
+    later,
     phrase,
     require_one_of,
 )
@@ -125,7 +126,10 @@ class LineFit(Tabled):
     def shown(self) -> Shown:
         """The line by every convention, and what to know before using it."""
         rows = [
-            (name, *map(format_quantity, (self.intercept, self.slope), (u.u_intercept, u.u_slope)))
+            (
+                phrase(name),
+                *map(format_quantity, (self.intercept, self.slope), (u.u_intercept, u.u_slope)),
+            )
             for name, u in self.standard_errors.items()
         ]
         if self.method == "ols":
@@ -136,14 +140,16 @@ class LineFit(Tabled):
         else:
             fit = phrase("S = {chi2:.4g}, {dof} degrees of freedom", chi2=self.chi2, dof=self.dof)
             fit += "" if math.isnan(self.p_value) else f", {format_p(self.p_value)}"
-        quoted = phrase("Quote {name}: {reason}.", name=self.recommended, reason=self.reason)
+        quoted = phrase(
+            "Quote {name}: {reason}.", name=phrase(self.recommended), reason=self.reason
+        )
         known = math.isfinite(self.slope)
         return Shown(
             phrase("Line, method {method}: {fit}", method=self.method, fit=fit),
             (phrase("convention"), phrase("intercept"), phrase("slope")),
             rows,
             [*filter(None, (self.message,)), *([quoted] if known else [])],
-            self.recommended if known else "",
+            phrase(self.recommended) if known else "",
         )
 
 
@@ -225,7 +231,7 @@ def _standard_errors(
     x_mean = float(best.centre) * cos - float(best.offset) * float(np.sin(angle))
     york = np.diag([1.0 / (float(best.weight) * cos**2), 1.0 / (float(best.information) * cos**4)])
     propagated = _propagated(points, slope, float(best.offset) / cos, x_mean)
-    cov = {"york": york, "propagated": propagated, "scaled": scale**2 * york}
+    cov = {"york": york, later("propagated"): propagated, later("scaled"): scale**2 * york}
     x0 = points.origin[0] + points.scale[0] * x_mean
     return {name: StandardError.of(cov[name], x0, points.scale) for name in _names(method)}
 

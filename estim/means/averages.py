@@ -38,6 +38,7 @@ from estim.common import (
     format_p,
     format_rounded,
     interval,
+    later,
     per_cent,
     phrase,
     read_quantity,
@@ -144,14 +145,14 @@ class Mean(Tabled):
     def shown(self) -> Shown:
         percent = per_cent(self.probability)
         head = (phrase("method"), phrase("value"), "u", "tau", "dof", "k", percent)
-        rows = [(name, *cells(average)) for name, average in self.averages.items()]
+        rows = [(phrase(name), *cells(average)) for name, average in self.averages.items()]
         title = phrase("Mean of {n} values", n=self.data.size)
         quoted = (
-            phrase("Quote {name}: {reason}.", name=self.recommended, reason=self.reason)
+            phrase("Quote {name}: {reason}.", name=phrase(self.recommended), reason=self.reason)
             if self.status.ok
             else phrase("Quote none: {reason}.", reason=self.reason)
         )
-        return Shown(title, head, rows, (quoted,), self.recommended)
+        return Shown(title, head, rows, (quoted,), phrase(self.recommended))
 
 
 def cells(average: Average) -> tuple[str, ...]:
@@ -231,7 +232,7 @@ def _of_values(x: FloatArray, u: FloatArray, probability: float) -> Mean:
     p_value = float(chi2_tail(chi2, dof))
     scale = max(1.0, math.sqrt(chi2 / dof))
     averages = {
-        "weighted": _average(value, u_value, 0.0, math.inf, probability),
+        later("weighted"): _average(value, u_value, 0.0, math.inf, probability),
         "Birge": _average(value, scale * u_value, 0.0, dof, probability),
     }
     for name, dark in (("DerSimonian-Laird", der_simonian_laird), ("Mandel-Paule", mandel_paule)):
@@ -241,7 +242,7 @@ def _of_values(x: FloatArray, u: FloatArray, probability: float) -> Mean:
     middle = float(posterior.p @ posterior.mean)
     variance = float(posterior.p @ (posterior.sd**2 + (posterior.mean - middle) ** 2))
     tails = (0.5 * (1.0 - probability), 0.5 * (1.0 + probability))
-    averages["hierarchical"] = Average(
+    averages[later("hierarchical")] = Average(
         value + middle,
         math.sqrt(variance) if x.size >= 4 else math.nan,
         posterior.tau_quantile(0.5),
@@ -355,7 +356,7 @@ def _of_groups(x: FloatArray, groups: Sequence[object], probability: float) -> M
     )
     u = float(means.std(ddof=1)) / math.sqrt(len(names))
     averages = {
-        "groups": _average(float(means.mean()), u, 0.0, between, probability),
+        later("groups"): _average(float(means.mean()), u, 0.0, between, probability),
         "readings": _as_readings(x, probability),
     }
     reason = phrase(

@@ -100,6 +100,9 @@ def mean_of_table(
         table.units[name] or "1",
         result,
         tuple(labels),
-        columns_sentence([*used, *([("group", group, "")] if group else [])], table.unread),
+        columns_sentence(
+            [*used, *([("group", group, "")] if group else [])],
+            [unread for unread in table.unread if not (group and is_column(group, [unread]))],
+        ),
         (*table.facts, *table.warnings),
     )

@@ -125,9 +125,17 @@ def measured_otherwise(*, moving: bool) -> tuple[Change, ...]:
     return tuple(changes)
 
 
-def which_place(x: float, run: str) -> str:
-    """' at x = 3 in run-1', where further readings are; run : "" for the only one."""
-    return phrase(" at x = {x:g} in {run}", x=x, run=run) if run else phrase(" at x = {x:g}", x=x)
+def which_place(problem: Problem, run: str, x: float) -> str:
+    """' at T = 3 K in run-1', where further readings are; without the run where it is the only
+    one.
+    """
+    axis = next(one for one in problem.runs if one.name == run)
+    return phrase(
+        " at {name} = {x} in {run}" if len(problem.runs) > 1 else " at {name} = {x}",
+        name=axis.x_name,
+        x=with_unit(f"{x:g}", axis.x_unit),
+        run=run,
+    )
 
 
 def further(

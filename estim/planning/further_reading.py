@@ -93,7 +93,7 @@ def more_readings(present: Outlook, weighed: Sequence[ReadingsAtPlaces]) -> tupl
                     if along.inside[0] <= x <= along.inside[1]
                     else phrase(", outside the present range")
                 )
-                which = which_place(x, along.run if len(present.problem.runs) > 1 else "") + where
+                which = which_place(present.problem, along.run, x) + where
                 readings = (FurtherReadings(along.run, x, n),)
                 changes[along.run, x] = further(which, readings=readings)
     return tuple(changes.values())

@@ -116,7 +116,7 @@ def plan(
     requested = (
         *_requested_changes(campaign, problem),
         *planned_runs(campaign),
-        *_requested_readings(campaign, names),
+        *_requested_readings(campaign, problem),
     )
     with campaign.placing(problem):
         fit = fit_problem(problem, rng=stream(seed, Stream.PLAN_FIT))
@@ -220,12 +220,12 @@ def _suggested(
     return (*better, *measured_otherwise(moving=moving), *more)
 
 
-def _requested_readings(campaign: Campaign, names: Sequence[str]) -> list[Change]:
+def _requested_readings(campaign: Campaign, problem: Problem) -> list[Change]:
     changes = []
     for reading in campaign.source.plan.readings:
-        run = reading.run or names[0]
-        if run in names:
-            which = which_place(reading.x, run if len(names) > 1 else "")
+        run = reading.run or problem.runs[0].name
+        if run in [one.name for one in problem.runs]:
+            which = which_place(problem, run, reading.x)
             readings = (FurtherReadings(run, reading.x, reading.n),)
             changes.append(further(which, own=True, readings=readings))
     return changes

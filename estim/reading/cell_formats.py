@@ -236,9 +236,10 @@ def _moments(
     unit = dialect.time_unit or "s"
     factor = Decimal(repr(in_unit(1.0, unit, "s")))
     values = {number: [_without_mark((at - origin) / factor)] for number, _, at in moments}
+    mark = next((match["mark"] for _, _, match in matches if match and match["mark"]), "")
     words = {
-        "dmy": phrase(", dates read as day.month.year"),
-        "mdy": phrase(", dates read as month/day/year"),
+        "dmy": phrase(", dates read as day{mark}month{mark}year", mark=mark),
+        "mdy": phrase(", dates read as month{mark}day{mark}year", mark=mark),
         "": "",
     }
     notes.append(
@@ -250,7 +251,8 @@ def _moments(
             order=words[order],
         )
     )
-    return _replaced(table, index, values, unit, notes)
+    read = replace(table, moments=(*table.moments, name))
+    return _replaced(read, index, values, unit, notes)
 
 
 def _order(

@@ -21,6 +21,7 @@ MAX_BYTES = 64 * 1024**2
 TOML_BYTES = 256 * 1024  # limit for files that people write
 _LINE_END = re.compile(r"\r\n|\n|\r")
 _HIDDEN_ROWS = re.compile(r"(?:\A|(?<=[\r\n]))[^\S\r\n]*[#%][^\r\n]*\r(?![\r\n])")
+_UTF_32 = (codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE)
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
@@ -109,7 +110,9 @@ def decoded(data: bytes, encoding: str | None = None) -> tuple[str, str]:
     )
     try:
         text = data.decode(
-            encoding or ("utf-16" if data.startswith(_UTF_16) else "utf-8-sig")
+            encoding
+            or ("utf-32" if data.startswith(_UTF_32) else "")  # before UTF-16, whose mark it has
+            or ("utf-16" if data.startswith(_UTF_16) else "utf-8-sig")
         ).removeprefix("\ufeff")
     except UnicodeDecodeError as error:
         if encoding is not None or data.startswith(_UTF_16):

@@ -101,7 +101,7 @@ def read_layout(path: Path, dialect: Dialect) -> Layout:
         or (
             _ONE_COLUMN
             if _is_one_column(table_lines, dialect)
-            else shown_delimiter(*(line for _, line in table_lines[-2:]), head=table_lines[0][1])
+            else shown_delimiter(*_of_cells(table_lines)[-2:], head=table_lines[0][1])
         )
     )
     split, ends = (
@@ -177,6 +177,14 @@ def read_layout(path: Path, dialect: Dialect) -> Layout:
         tuple(facts),
     )
     return in_plain_numbers(layout)
+
+
+def _of_cells(lines: Lines) -> list[str]:
+    """The lines without those that are one number alone, where these are the fewer ones: they lack
+    cells, and do not show what parts them.
+    """
+    parted = [text for _, text in lines if "," in text or not looks_like_a_number(text.strip())]
+    return parted if 2 * len(parted) > len(lines) else [text for _, text in lines]
 
 
 def _footer(lines: Lines) -> tuple[Lines, Lines]:

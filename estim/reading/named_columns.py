@@ -19,6 +19,7 @@ from estim.reading.cells import Row, is_missing
 from estim.reading.decimal_mark import decimal_mark, number_in, row_refused
 from estim.reading.dialect import PLAIN, Dialect, bare_name, names_and_units
 from estim.reading.layout import Layout, cells_differ, numeric_columns, read_layout
+from estim.reading.source import refuse
 from estim.reading.table import (
     DECIMAL_COMMAS,
     UNITS,
@@ -64,6 +65,10 @@ def _columns(
 ) -> Table:
     indices = [place_of(name, layout.names, layout.header_line) for name in needed]
     dialect = layout.dialect
+    if not {layout.names[index] for index in indices} & {*layout.moments}:
+        # the order of days and months may be needed for a column that is left unread
+        keys = ("since", "time_unit") if layout.moments else ("dates", "since", "time_unit")
+        refuse(dialect, "goes with columns of dates or times, and none is read here", *keys)
     if (
         layout.delimiter == ","
         and dialect.delimiter is None

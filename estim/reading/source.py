@@ -46,14 +46,14 @@ def read_source(path: Path, dialect: Dialect) -> Source:
     facts: list[str] = []
     reader = reader_of(path)
     if reader is not None:
-        _refuse(dialect, "does not go with files of this kind", "delimiter", "encoding", "sheet")
+        refuse(dialect, "does not go with files of this kind", "delimiter", "encoding", "sheet")
         fact = phrase("read by the package {package}", package=reader.owner)
         return Source(reader.make(lambda read: read(data), str), digest, "\t", (fact,))
     if data.startswith(b"PK\x03\x04"):
         with opened(data) as archive:
             names = archive.namelist()
         if {"xl/workbook.xml", "content.xml"} & {*names}:
-            _refuse(dialect, "does not go with a workbook", "delimiter", "encoding")
+            refuse(dialect, "does not go with a workbook", "delimiter", "encoding")
             text, sheet, others = sheet_text(data, dialect)
             if others and dialect.sheet is None:
                 facts = [
@@ -68,7 +68,7 @@ def read_source(path: Path, dialect: Dialect) -> Source:
         facts = [phrase("read from '{name}' in the archive", name=name)]
     else:
         rule = "names a sheet of a workbook or a table in a zip archive, and this file is neither"
-        _refuse(dialect, rule, "sheet")
+        refuse(dialect, rule, "sheet")
     if data.startswith(_NO_TEXT):
         rule = "must be text, .xlsx, .ods or a zip of a table: save it as CSV or .xlsx"
         raise InputError(rule, field="file")
@@ -76,7 +76,8 @@ def read_source(path: Path, dialect: Dialect) -> Source:
     return Source(text, digest, None, (*facts, *([note] if note else [])))
 
 
-def _refuse(dialect: Dialect, rule: str, *keys: str) -> None:
+def refuse(dialect: Dialect, rule: str, *keys: str) -> None:
+    """Raises InputError where one of the `keys` is stated, which then breaks the rule."""
     for key in keys:
         if (value := getattr(dialect, key)) is not None:
             raise InputError(rule, field=key, value=value)

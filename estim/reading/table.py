@@ -125,6 +125,7 @@ class Layout:
     first_column : place of the first one among those of a spreadsheet, None where cells have no
         names of their own.
     assumed : how the table was read, where that is not plain.
+    moments : names of the columns that held dates or times.
     """
 
     file: str
@@ -139,6 +140,7 @@ class Layout:
     head: tuple[str, ...] = ()
     first_column: int | None = None
     assumed: tuple[str, ...] = ()
+    moments: tuple[str, ...] = ()
 
 
 def require_unit(

@@ -136,7 +136,7 @@ def mean_figure(table_mean: TableMean) -> Figure:
             a.high,
             color=colour,
             alpha=0.2,
-            label=f"{name}, {per_cent(mean.probability)}"
+            label=f"{phrase(name)}, {per_cent(mean.probability)}"
             + (f" ({phrase('recommended')})" if name == quoted else ""),
         )
         ax.axhline(a.value, color=colour)

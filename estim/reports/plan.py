@@ -180,7 +180,7 @@ def _answer(plan: Plan, halving: Halving, i: int) -> str:
     idle = _idle(plan, i)
     if enough:
         return phrase(
-            "u({symbol}) = {sd} would be halved by any of these: {ways}{idle}.",
+            "u({symbol}) = {sd} would be halved by {ways}{idle}.",
             symbol=symbol,
             sd=sd,
             ways=phrase(", or ").join(enough),

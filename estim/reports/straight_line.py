@@ -206,7 +206,7 @@ def straight_line_lines(line: StraightLine) -> list[str]:
                 if convention == "scaled"
                 else "errors as stated"
             ),
-            convention=convention,
+            convention=phrase(convention),
         )
     ]
     x, y = (line.axes.x_name, line.units["x"]), (line.axes.y_name, line.units["y"])

@@ -161,7 +161,7 @@ def _of_json(before: bytes, now: bytes) -> list[Entry]:
     try:
         return list(entries_of("", json_of(before), json_of(now)))
     except ValueError as error:
-        return [Entry(WHOLE, f"cannot be read ({error})", _NOTHING, 0.0)]
+        return [Entry(WHOLE, f"cannot be read ({error})", "a file that can be read", 0.0)]
 
 
 def _of_entries(entries: list[Entry], *, exact: bool) -> Iterator[Difference]:
