@@ -3,7 +3,7 @@
 """
 
 from estim.model.body import Body
-from estim.model.contact import ContactForces, End, contact_forces, end_of_rolling, needed_friction
+from estim.model.contact import ContactForces, contact_forces, needed_friction
 from estim.model.forces import (
     Forces,
     moment_ratio,
@@ -33,7 +33,6 @@ __all__ = [
     "Assembly",
     "Body",
     "ContactForces",
-    "End",
     "Forces",
     "Part",
     "Readings",
@@ -45,7 +44,6 @@ __all__ = [
     "bolt",
     "contact_forces",
     "disk",
-    "end_of_rolling",
     "moment_ratio",
     "needed_friction",
     "range_of_release",

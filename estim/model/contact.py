@@ -1,5 +1,4 @@
-"""The force between ramp and body: how hard it presses, the friction that rolling needs, and where
-rolling must end.
+"""The force between ramp and body: how hard it presses, and the friction that rolling needs.
 
 With H = W/D the energy ratio of `estim.model.phase_curve` (theta'^2 = 2 g H/R, theta'' = g H'/R)
 and a = theta + phi_x the angle of the particle from the normal of the ramp, Newton's law for the
@@ -20,25 +19,21 @@ Limits: J. E. Littlewood's hoop without mass (A Mathematician's Miscellany, 1953
 and M. F. Maritz, Math. Comput. Model. 47 (2008) 1077), gamma = j = 1 on the level from rest at the
 top: N/(M g) = cos theta, F/N = tan(theta/2).
 
-Use `contact_forces` along a motion, `needed_friction` for the coefficient that it asks for, and
-`end_of_rolling` for where it ends, and why.
+Use `contact_forces` along a motion, and `needed_friction` for the coefficient that it asks for.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from enum import IntEnum
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray, IntArray, bisected
+from estim.arrays import FloatArray
 from estim.model.body import Body
 from estim.model.forces import Forces, energy_series, inertia
-from estim.model.phase_curve import STANDARD_GRAVITY, energy_ratio_derivatives, turning_angle
-
-_N_SCAN = 400  # angles at which the end of rolling is looked for
+from estim.model.phase_curve import STANDARD_GRAVITY, energy_ratio_derivatives
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,20 +50,6 @@ class ContactForces:
 
     normal: FloatArray
     friction: FloatArray
-
-
-class End(IntEnum):
-    """Why rolling without slipping ends.
-
-    >>> from estim.model import End
-    >>> [end.name for end in End]
-    ['TURNS', 'RAMP', 'SLIPS', 'HOPS']
-    """
-
-    TURNS = 0  # it does not: the body comes to rest first
-    RAMP = 1  # nor on this ramp
-    SLIPS = 2
-    HOPS = 3
 
 
 def contact_forces(
@@ -163,63 +144,3 @@ def needed_friction(contact: ContactForces) -> FloatArray:
     pressed = contact.normal > 0.0
     needed = np.abs(contact.friction) / np.where(pressed, contact.normal, 1.0)
     return np.where(np.isnan(contact.normal), np.nan, np.where(pressed, needed, np.inf))
-
-
-def end_of_rolling(
-    body: Body,
-    *,
-    mu: ArrayLike,
-    phi: ArrayLike,
-    theta0: ArrayLike,
-    ramp_end: ArrayLike,
-    rolling_resistance: ArrayLike = 0.0,
-    g: ArrayLike = STANDARD_GRAVITY,
-    release_energy: ArrayLike | None = None,
-    forces: Forces | None = None,
-) -> tuple[FloatArray, IntArray]:
-    """(angle turned (rad) when rolling without slipping ends, why: `End`), (n_draw, 1) each.
-
-    The first of: a turning point, the end of the ramp, |F| > mu N, N < 0.  Found at 400 angles and
-    then by halving, so an excess over less than 1/400 of the way may be missed.
-
-    phi, theta0, rolling_resistance, g, release_energy, forces : as in `contact_forces`.
-    mu : coefficient of static friction, np.inf for none but hopping.
-    ramp_end : m, from the release.
-
-    >>> from estim.model import Body, End, end_of_rolling
-    >>> body = Body(radius=0.15, gamma=0.19, kappa=0.45)
-    >>> angle, why = end_of_rolling(body, mu=0.5, phi=0.07, theta0=1.0, ramp_end=0.2)
-    >>> round(angle.item(), 2), End(why.item()).name
-    (1.33, 'RAMP')
-    """
-    place: dict[str, Any] = {
-        "phi": phi,
-        "theta0": theta0,
-        "rolling_resistance": rolling_resistance,
-        "g": g,
-    }
-    place |= {"release_energy": release_energy, "forces": forces}
-    ramp = np.atleast_2d(np.asarray(ramp_end) / body.radius)
-    turn = np.atleast_2d(turning_angle(body, **place, far=float(np.max(ramp))))
-    last, turn, ramp, mu = np.broadcast_arrays(np.minimum(turn, ramp), turn, ramp, mu)
-
-    def spare(angle: FloatArray) -> FloatArray:
-        contact = contact_forces(angle, body, **place)
-        with np.errstate(invalid="ignore"):
-            grip = mu * contact.normal - np.abs(contact.friction)
-        return np.where(
-            np.isnan(contact.normal), np.inf, np.where(np.isinf(mu), contact.normal, grip)
-        )
-
-    share = np.linspace(0.0, 1.0, _N_SCAN)
-    lost = spare(last * share) < 0.0
-    ends = np.any(lost, axis=1, keepdims=True)
-    first = np.argmax(lost, axis=1)[:, None]
-    high = last * share[first]
-    low = last * share[np.maximum(first - 1, 0)]
-    lost_at = bisected(lambda angle: spare(angle) < 0.0, low, high, 50)
-    hops = contact_forces(lost_at, body, **place).normal < 0.0
-    why = np.where(
-        ends, np.where(hops, End.HOPS, End.SLIPS), np.where(turn <= ramp, End.TURNS, End.RAMP)
-    )
-    return np.where(ends, lost_at, last), why
