@@ -169,7 +169,7 @@ class Analysis:
     @cached_property
     def estimates(self) -> tuple[Estimate, ...]:
         """Every parameter with what was stated of it, as far as the status allows numbers."""
-        return estimates_of(self.problem, self.summaries, self.chain.flat)
+        return estimates_of(self.fit, self.summaries, self.chain.flat)
 
     @property
     def _title(self) -> str:

@@ -33,8 +33,9 @@ from estim.common import Finding, Kind
 from estim.common.errors import InputError
 from estim.common.labels import Notation
 from estim.common.quantity_text import format_p, p_digits, percentage, significant, with_unit
+from estim.curve_fitting.single import fit_curve
 from estim.fitting.prior_limits import Limit
-from estim.pipeline import Analysis
+from estim.pipeline import Analysis, sample_curve
 from estim.problem.priors import HalfNormal, Normal, Uniform
 from estim.reports.analysis import analysis_report
 from estim.reports.copying import _symbol, _unit, copies_of
@@ -140,6 +141,21 @@ def standard(rng: np.random.Generator) -> np.ndarray:
 
 def summary(draws: np.ndarray) -> Summary:
     return summarise(draws, unit="1", meaning="a quantity")
+
+
+@pytest.mark.parametrize(("rate", "seed"), [(0.0, 100), (0.0, 102), (0.5, 100)])
+def test_what_enters_by_its_square_may_be_zero_however_narrow_its_draws_are(
+    rate: float, seed: int
+) -> None:
+    """SYNTHETIC: Jeffreys' prior of w in cos(w*t) is 0 at 0, and so is the density of its draws."""
+    t = np.linspace(0.0, 5.0, 30)
+    y = 2.0 * np.cos(rate * t) + 0.05 * np.random.default_rng(seed).standard_normal(30)
+    fit = fit_curve("a*cos(w*t)", t, y, u_y=0.05, start={"a": 2.0, "w": 0.1})
+    analysis = sample_curve(fit, seed=1, target=Target(ess=1000.0))
+    (w,) = (estimate for estimate in analysis.estimates if estimate.label.symbol == "w")
+    assert w.measured == (w.upper is None) == (rate > 0.0)
+    assert (rate > 0.0) or 0.03 < w.upper < 0.07
+    assert np.quantile(analysis.chain.column("w"), 0.025) > 0.0
 
 
 def test_what_may_be_zero_has_an_upper_limit(rng: np.random.Generator) -> None:

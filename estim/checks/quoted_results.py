@@ -34,8 +34,8 @@ from estim.common import (
     table,
     with_unit,
 )
-from estim.fitting import limit_cell
-from estim.problem import Prior, Problem
+from estim.fitting import Fit, Start, limit_cell, minima, search_of
+from estim.problem import Prior
 from estim.sampling import Summary, value_cell
 from estim.words import status_words
 
@@ -122,31 +122,54 @@ def is_measured(summary: Summary, prior: Prior, upper: float | None) -> bool:
     return summary.sd <= PRIOR_DOMINATED * prior.sd or moved > prior.sd
 
 
-def upper_limit(summary: Summary, prior: Prior, draws: FloatArray) -> float | None:
+def upper_limit(
+    summary: Summary, prior: Prior, draws: FloatArray, *, zero: bool = False
+) -> float | None:
     """The 95 % limit of a quantity that cannot be negative and may be zero, from its draws
     (n_draw,); None for any other.
 
     It may be zero where the median is within two lower halves of the 68 % interval of it: those of
     a standard deviation if the posterior is normal.  A long tail above makes a standard deviation
-    large, and has nothing to do with zero.
+    large, and has nothing to do with zero.  zero : whether it may be zero for another reason.
     """
-    if prior.low != 0.0 or summary.mean is None or summary.median is None or summary.q16 is None:
+    if summary.mean is None or summary.median is None or summary.q16 is None:
         return None
-    if summary.median > _CLEAR * (summary.median - summary.q16):
+    if not zero and (prior.low != 0.0 or summary.median > _CLEAR * (summary.median - summary.q16)):
         return None
     return float(np.quantile(draws, 0.95))
 
 
-def estimates_of(
-    problem: Problem, summaries: Sequence[Summary], draws: FloatArray
-) -> tuple[Estimate, ...]:
+def zero_allowed(fit: Fit) -> frozenset[str]:
+    """Parameters that may be zero and enter the curve without their sign, as w of cos(w*t): the
+    likelihood at zero, the others as good as can be, is within two standard deviations of that at
+    the fit.
+
+    Their draws exclude zero whatever the data say, since Jeffreys' prior is 0 there.
+    """
+    unsigned = (
+        () if fit.symmetry is None else np.flatnonzero(fit.symmetry.flips & (fit.values > 0.0))
+    )
+    allowed = set[str]()
+    for i in unsigned:
+        search = search_of(fit.posterior, fit.values, fit.cov)
+        point = search.coordinates.of(np.where(np.arange(fit.values.size) == i, 0.0, fit.values))
+        (end,) = minima(search, [Start(point, held=(int(i),))])
+        points = np.vstack([fit.values, search.coordinates.values(end.values)])
+        with np.errstate(all="ignore"):
+            height, at_zero = fit.posterior.log_likelihood(points)
+        if height - at_zero < 0.5 * _CLEAR**2:
+            allowed.add(fit.names[i])
+    return frozenset(allowed)
+
+
+def estimates_of(fit: Fit, summaries: Sequence[Summary], draws: FloatArray) -> tuple[Estimate, ...]:
     """Every parameter, with its summary and draws of its posterior (n_draw, n_par); symbols without
     levels where there is one run.
     """
-    estimates = []
+    estimates, problem, allowed = [], fit.problem, zero_allowed(fit)
     for parameter, summary, column in zip(problem.parameters, summaries, draws.T, strict=True):
         label = parameter.bare_label if len(problem.runs) == 1 else parameter.label
-        upper = upper_limit(summary, parameter.prior, column)
+        upper = upper_limit(summary, parameter.prior, column, zero=parameter.name in allowed)
         measured = is_measured(summary, parameter.prior, upper)
         stated = parameter.prior.stated_words(parameter.unit, label)
         inferred = parameter.prior.describe(parameter.unit) if parameter.prior.assumed else ""
