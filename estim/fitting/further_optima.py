@@ -136,8 +136,8 @@ def _informed(search: SeparableSearch, i: int) -> bool:
 
 
 def _ranges(search: SeparableSearch, i: int) -> list[tuple[float, float]]:
-    """What is looked at of parameter i: values of the sign of its start and, since it may be a
-    place on the axis of x, all places.
+    """What is looked at of parameter i: values about as large as its start and, since it may be a
+    place on the axis of x, the places beyond them.
     """
     problem, at = search.posterior.problem, float(search.start_values[i])
     prior, low, high = problem.parameters[i].prior, float(search.low[i]), float(search.high[i])
@@ -145,17 +145,19 @@ def _ranges(search: SeparableSearch, i: int) -> list[tuple[float, float]]:
     if _informed(search, i) and not (all(limited) and high - low < 2.0 * _PRIOR_SDS * prior.sd):
         reach = _PRIOR_SDS * prior.sd
         return [(max(low, prior.centre - reach), min(high, prior.centre + reach))]
-    places = [x for run in problem.runs for x in (run.places or {"": run.x}).values()]
-    first = min(0.0, *(float(np.min(x)) for x in places))
-    last = max(0.0, *(float(np.max(x)) for x in places))
     reach, least = 10.0**_DECADES * (abs(at) if at else 0.1), at / 10.0**_DECADES
-    low = low if limited[0] else first if at > 0.0 else min(first, -reach)
-    high = high if limited[1] else last if at < 0.0 else max(last, reach)
-    if at == 0.0 or limited[0 if at > 0.0 else 1]:
-        return [(low, high)]
-    below, above = (low, least), (least, high)
-    own, other = (above, below) if at > 0.0 else (below, above)
-    return [own, other] if other[0] < 0.0 < other[1] else [own]
+    own = (
+        low if limited[0] else least if at > 0.0 else -reach,
+        high if limited[1] else least if at < 0.0 else reach,
+    )
+    places = [x for run in problem.runs for x in (run.places or {"": run.x}).values()]
+    first, last = min(float(np.min(x)) for x in places), max(float(np.max(x)) for x in places)
+    ranges = [own]
+    if not limited[0] and first < min(own[0], 0.0):
+        ranges.append((first, own[0]))
+    if not limited[1] and last > max(own[1], 0.0):
+        ranges.append((own[1], last))
+    return ranges
 
 
 def _dips(
