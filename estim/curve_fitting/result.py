@@ -660,12 +660,17 @@ class CurveFit:
             p = format_p(self.p_value, P_FLOOR if self.p_value == P_FLOOR else 0.0)
             tested = f", {p}" if self.dof > 0 else ""
             return f"{size} = {self.chi2:.4g}, dof = {self.dof}{tested}; {self.message}"
+        independent = any(run.lacks for run in self.fit.problem.runs)
         size = (
-            "sd of the independent part of the errors = {sd:.4g} (estimated: u_y was not given)"
-            if any(run.lacks for run in self.fit.problem.runs)
-            else "residual sd = {sd:.4g} (estimated: u_y was not given)"
+            phrase(
+                "sd of the independent part of the errors = {sd:.4g} (estimated: u_y was not "
+                "given)",
+                sd=self.sigma,
+            )
+            if independent
+            else phrase("residual sd = {sd:.4g} (estimated: u_y was not given)", sd=self.sigma)
         )
-        return f"{phrase(size, sd=self.sigma)}, dof = {self.dof}; {self.message}"
+        return f"{size}, dof = {self.dof}; {self.message}"
 
 
 def unnamed(findings: Iterable[Finding], fit: Fit) -> tuple[Finding, ...]:
