@@ -726,6 +726,13 @@ def test_an_optimum_beyond_a_fold_is_found_from_either_side(
     assert low < 0.0 < high
 
 
+def test_a_start_of_the_wrong_sign_is_left() -> None:
+    x = np.arange(12.0)
+    y = 100.0 * np.exp(-x / 3.0) + 5.0 + (-1.0) ** x
+    fit = fit_curve("a*exp(-x/tau) + c", x, y, u_y=1.0, start={"tau": -3.0})
+    assert (fit.status, fit.values["tau"]) == ("ok", pytest.approx(3.0, abs=0.2))
+
+
 @pytest.mark.parametrize("seed", [703, 711])
 @pytest.mark.parametrize(("origin", "sign"), [(0.0, 1.0), (-5.0, 1.0), (-10.0, 1.0), (5.0, -1.0)])
 def test_places_of_a_peak_are_looked_for_on_both_sides_of_0(
