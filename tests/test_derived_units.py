@@ -82,12 +82,6 @@ def test_the_unit_follows_or_nothing_is_said(formula: str, follows: str) -> None
         ("k_B*t", None, r"multiplies t in °C by what is in J/K; nothing is converted: write "
             r"\(t \+ 273\.15\), or state a difference in K"),
         ("A*C*t**4", "J", "multiplies t in °C by what is in cm·J/K"),
-        ("n*t**4", None, "takes a power or a product of t in °C; nothing is converted: state t in "
-            "K"),
-        ("n*(theta_K**4 - t**4)", "W", "takes a power or a product of t in °C"),
-        ("n*t*s", "W", "takes a power or a product of t in °C"),
-        ("n/s**2", None, "takes a power or a product of s in °C"),
-        ("sqrt(t)", None, "takes a power or a product of t in °C"),
         ("t", "K", "must be in °C"), ("f + w_0", None, "adds what is in Hz and what is in rad/s"),
     ],
 )  # fmt: skip
@@ -116,7 +110,7 @@ def test_what_cannot_be_meant_is_refused(formula: str, stated: str | None, says:
         ("sqrt(L/g)", "s"), ("2*pi*sqrt(L/g)", "s"),
         ("arctan2(L, d/1000)", "rad"), ("sin(r) + L", "m"), ("n**n", "V"), ("tau*log(2)", "s"),
         ("L/tau**2", "m s-2"), ("v/tau", "m/s/s"),
-        ("t - s", "K"), ("t + theta_K", "°C"), ("n/(f*s)", None),
+        ("n*t**2 + n*t", None), ("t - s", "K"), ("t + theta_K", "°C"), ("n/(f*s)", None),
         ("theta_K - (t + 273.15)", "K"), ("U + 2*n*t", "mV"), ("n*(t - s)**2", "W"),
         ("2*pi*f + w_0", "Hz"),
     ],

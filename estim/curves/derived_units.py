@@ -79,7 +79,6 @@ def unit_that_follows(
             )
         return stated or of_curve
     follows = _Reading(known, symbols).of(tree)
-    _refuse_powers(tree, known, symbols)
     if stated is None:
         unit = "1" if follows is None or _is_broken(follows) else _shown(follows)
         return unit if len(unit) <= LONGEST else "1"
@@ -234,29 +233,6 @@ class _Reading:
                 "nothing is converted"
             )
         return first
-
-
-def _refuse_powers(
-    tree: ast.expr, known: Mapping[str, Factors], symbols: Mapping[str, str]
-) -> None:
-    """Raises InputError for a product, or a power, of temperatures that have a zero of their own.
-
-    Their quotient, and what is proportional to one of them or its inverse, are taken: they may be
-    differences.
-    """
-    for node in ast.walk(tree):
-        powers = [
-            (name, sign * power)
-            for part, sign in (parts_of(node) if isinstance(node, ast.expr) else ())
-            for name, power in (named_power(part),)
-            if len(unit := known.get(name, {})) == 1 and _has_own_zero("", unit)
-        ]
-        if powers and sum(power for _, power in powers) not in (-1, 0, 1):
-            name, unit = powers[0][0], known[powers[0][0]]
-            raise InputError(
-                f"takes a power or a product of {symbols[name]} in {_shown(unit)}; nothing is "
-                f"converted: state {symbols[name]} in K"
-            )
 
 
 def _is_other_number(unit: Factors) -> bool:
