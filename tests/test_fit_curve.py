@@ -661,6 +661,25 @@ def test_a_parameter_best_where_its_sign_changes_is_told_to_take_the_limit(
     assert seen
 
 
+@pytest.mark.parametrize("stated", [{"u_y": 0.1}, {}, {"u_y": 0.1, "jitter": True}])
+def test_an_interval_ends_where_the_curve_is_even(stated: dict[str, Any]) -> None:
+    """Beyond 0 the same curves come again: it is the interval that the limit 0 gives."""
+    x, rng = np.linspace(0.0, 10.0, 40), np.random.default_rng(2)
+    y, start = 3.0 + 0.1 * rng.standard_normal(40), {"a": 3.0, "w": 0.05}
+    free = fit_curve("a*cos(w*x)", x, y, start=start, **stated)
+    limited = fit_curve("a*cos(w*x)", x, y, start=start, bounds={"w": (0.0, None)}, **stated)
+    assert free.status == limited.status == "ok"
+    assert free.values["w"] > 0.0
+    assert math.isnan(free.sds["w"])
+    for p, ends in free.intervals["w"].items():
+        assert ends[0] == 0.0
+        assert ends == pytest.approx(limited.intervals["w"][p], rel=1e-3)
+    assert "w < 0.02" in str(free).replace("w      <", "w <")
+    clear = fit_curve("a*cos(w*x)", x, 3.0 * np.cos(0.2 * x) + y - 3.0, start=start, **stated)
+    assert clear.intervals["w"][0.95][0] > 0.19
+    assert clear.sds["w"] > 0.0
+
+
 def test_a_parameter_that_no_point_sees_is_not_determined_on_any_side_of_0() -> None:
     x = np.linspace(0.0, 10.0, 20)
     y = 2.0 + 0.1 * np.random.default_rng(1).standard_normal(20)

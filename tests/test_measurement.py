@@ -517,14 +517,29 @@ def test_draws_without_a_value_leave_nothing_to_quote(tmp_path):
     assert "an output has no valid interval" in (tmp_path / "out" / "report.md").read_text()
 
 
+def test_an_input_is_stated_in_a_file_as_on_the_command_line(tmp_path: Path) -> None:
+    path = tmp_path / "g.toml"
+    path.write_text(
+        '[measurand]\nname = "g"\nformula = "4*pi**2*L/T**2"\n[inputs]\nL = "0.85(1) m"\n'
+        'T = "1.851 ± 0.003 s"\n'
+    )
+    given = {"L": "0.85(1) m", "T": "1.851(3) s"}
+    stated, typed = read_model(path), model_of_formula("g = 4*pi**2*L/T**2", given)
+    assert [*map(vars, stated.inputs)] == [*map(vars, typed.inputs)]
+    assert stated.outputs[0].unit == typed.outputs[0].unit == "m/s²"
+    path.write_text('[measurand]\nformula = "2*a + b"\n[inputs]\na = 1.5\nb = "2(1)"\n')
+    assert [(part.value, part.u) for part in read_model(path).inputs] == [(1.5, 0.0), (2.0, 1.0)]
+
+
 HEAD = 'title = "t"\n[measurand]\nformula = "a*b"\n[inputs]\nb = {value = 1, u = 0.1}\n'
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (HEAD + 'a = "1.0(1)"\n', ":6: 'a' must be a table, like {value = 1.0, u = 0.1}: 1.0(1)"),
-        (HEAD + "a = [1]\n", ":6: 'a' must be a table, like {value = 1.0, u = 0.1}"),
+        (HEAD + "a = [1]\n", ":6: 'a' must be a value, as \"0.85(1) m\", or a table, as {value ="),
+        (HEAD + "a = true\n", ":6: 'a' must be a value, as \"0.85(1) m\", or a table, as {value ="),
+        (HEAD + 'a = "1.0(1) qm"\n', ":6: 'a' must have a known unit after its number, such as"),
         (
             'simultaneous = [["a", "b"]]\n'
             + HEAD.replace("{value = 1, u = 0.1}", "{readings = [1, 2, 3]}")

@@ -38,7 +38,12 @@ from estim.checks.diagnosis import (
     unidentified,
 )
 from estim.checks.model_discrepancy import deviation_finding, unasked, wrong_curves
-from estim.checks.fitted_curve import curve_findings, curve_remarks, values_outside
+from estim.checks.fitted_curve import (
+    curve_findings,
+    curve_remarks,
+    unsettled_findings,
+    values_outside,
+)
 from estim.checks.unmodelled_force import SURE, force_finding, noise_finding
 from estim.checks.goodness_of_fit import (
     Check,

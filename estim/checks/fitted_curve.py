@@ -35,24 +35,16 @@ def curve_findings(
     fixed : with errors of a fixed size, which was `estimated` from the residuals or stated.
     perfect : whether there are no residuals.
     """
-    undetermined = (
-        silent_parameters(fixed) if best.singular else () if best.settled else (best.mover,)
+    findings = unsettled_findings(
+        fixed,
+        silent_parameters(fixed) if best.singular else () if best.settled else (best.mover,),
+        Finding(Kind.STEP_UNSETTLED, size=best.step, parameters=(Amount(best.mover),)),
+        singular=best.singular,
     )
-    even = [name for name in undetermined if _even_at_zero(fixed, name)]
-    findings = [
-        Finding(Kind.UNDETERMINED, names=(name,), parameters=(Amount(name, 0.0),)) for name in even
-    ]
-    if not best.settled and not best.singular and not even:
-        findings.append(
-            Finding(Kind.STEP_UNSETTLED, size=best.step, parameters=(Amount(best.mover),))
-        )
     if best.tolerance > _NO_DIGITS and not perfect and not best.singular:
         findings.append(Finding(Kind.ROUNDING, size=best.tolerance))
     if best.unheld is not None:
         findings.append(best.unheld)
-    if best.singular and len(even) < len(undetermined):
-        names = tuple(name for name in undetermined if name not in even)
-        findings.append(Finding(Kind.UNDETERMINED, names=names))
     findings += pressed_edges(fixed, Kind.PRESSED_LIMIT, estimated=estimated)
     for failed in failed_tests(goodness, dof=dof):
         if failed.test == "chi2" and (len(goodness) == 1 or not failed.run):
@@ -62,6 +54,24 @@ def curve_findings(
             findings.append(Finding(kind, p=p_value, size=chi2, numbers={"dof": dof, **least}))
         elif failed.test:
             findings.append(failed)
+    return findings
+
+
+def unsettled_findings(
+    fit: Fit, names: Sequence[str], unsettled: Finding, *, singular: bool
+) -> list[Finding]:
+    """Why there are no standard deviations: of `names` some are 0 where the curve is even in them,
+    and the others are not determined; or the search is `unsettled`.
+    """
+    even = [name for name in names if _even_at_zero(fit, name)]
+    others = tuple(name for name in names if name not in even)
+    findings = [
+        Finding(Kind.UNDETERMINED, names=(name,), parameters=(Amount(name, 0.0),)) for name in even
+    ]
+    if others and singular:
+        findings.append(Finding(Kind.UNDETERMINED, names=others))
+    elif others and not even:
+        findings.append(unsettled)
     return findings
 
 

@@ -32,6 +32,7 @@ from estim.checks import (
     several_solutions,
     stated_values,
     too_many_outliers,
+    unsettled_findings,
     values_outside,
     wrong_curves,
 )
@@ -77,6 +78,7 @@ from estim.fitting import (
     sds_near_limits,
     silent_parameters,
     spread,
+    unsigned,
     with_other_modes,
 )
 from estim.given_numbers import are_complex, random_generator
@@ -354,11 +356,14 @@ def fit_errors(
     intervals: Mapping[str, Ends] = dict.fromkeys(fit.names, nothing)
     sds, cov = fit.sds, fit.cov
     findings: list[Finding | None] = []
-    if fit.singular:
-        findings.append(Finding(Kind.UNDETERMINED, names=silent_parameters(fit)))
-    elif not fit.success:
-        amount = Amount(fit.mover or fit.names[0])
-        findings.append(Finding(Kind.STEP_UNSETTLED, size=fit.moved, parameters=(amount,)))
+    if fit.singular or not fit.success:
+        mover = fit.mover or fit.names[0]
+        findings += unsettled_findings(
+            fit,
+            silent_parameters(fit) if fit.singular else (mover,),
+            Finding(Kind.STEP_UNSETTLED, size=fit.moved, parameters=(Amount(mover),)),
+            singular=fit.singular,
+        )
     else:
         sizes = error_sizes(fit)
         intervals, left_open = profiled(fit, sizes)
@@ -366,7 +371,9 @@ def fit_errors(
             return fit_errors(posed, problem, rng, scan, better)
         findings += [*left_open, *values_outside(values, intervals)]
         wider = _profiled_over_curvature(fit, intervals, sizes)
-        sds, cov = sds * wider, cov * np.outer(wider, wider)
+        folded = [0.0 in intervals[name][PROBABILITIES[-1]] for name in fit.names]
+        sds = np.where(folded & unsigned(fit), np.nan, sds * wider)
+        cov = cov * np.outer(wider, wider)
     goodness = () if fit.singular else check_goodness(fit, rng=rng)
     if fit.others.size:
         findings += several_solutions(fit, find_modes(fit))

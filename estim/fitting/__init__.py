@@ -3,7 +3,15 @@ information.  Read `least_squares` first.
 """
 
 from estim.fitting.arrowhead import MANY_RUNS, descend_by_runs, spreads_by_runs
-from estim.fitting.curve_intervals import FEW, Ends, coverage_of_sd, profiled, shown_value, spread
+from estim.fitting.curve_intervals import (
+    FEW,
+    Ends,
+    coverage_of_sd,
+    profiled,
+    shown_value,
+    spread,
+    unsigned,
+)
 from estim.fitting.derived import LinearDerived, linear_derived
 from estim.fitting.prior_limits import (
     ALONE,

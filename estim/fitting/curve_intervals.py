@@ -29,7 +29,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray, IntArray, positive_or, sds_of
+from estim.arrays import BoolArray, FloatArray, IntArray, positive_or, sds_of
 from estim.common import (
     PROBABILITIES,
     Amount,
@@ -134,6 +134,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
         elif (
             np.any(near_edge)
             or ended
+            or 0.0 in intervals[name][_WIDEST]
             or (bent[i] and _has_one_sign(intervals[name], symmetric[name]))
         ) and _lopsided(intervals[name], float(best.values[i]), float(sds[i]), float(dofs[i])):
             notes.append(
@@ -189,13 +190,15 @@ def profiled(
 ) -> tuple[dict[str, Ends], list[Finding]]:
     """Name -> probability -> profile interval, which ends at the edge on an open side, nan for a
     parameter that has a side without any end; and the findings of such sides, and of a better point
-    that was met on the way.
+    that was met on the way.  An interval across 0 of a parameter that enters without its sign ends
+    there: beyond, the same curves come again.
 
     sizes : of its errors.  which : indices of the parameters, all if None.
     """
     intervals: dict[str, Ends] = {}
     left_open: list[Finding] = []
     chosen = np.arange(len(fit.names)) if which is None else which
+    even = unsigned(fit)
     profiles = profile_intervals(
         fit, names=[fit.names[i] for i in chosen], probabilities=PROBABILITIES, sizes=sizes
     )
@@ -203,10 +206,13 @@ def profiled(
         parameter = fit.problem.parameters[i]
         unheld = open_side_finding(interval, parameter)
         left_open += unheld
-        intervals[parameter.name] = {
+        ends = {
             p: (math.nan, math.nan) if unheld else (interval.low[p], interval.high[p])
             for p in PROBABILITIES
         }
+        if even[i]:
+            ends = {p: _of_one_sign(pair, fit.values[i]) for p, pair in ends.items()}
+        intervals[parameter.name] = ends
     lowest = max(profiles, key=lambda interval: interval.found_better, default=None)
     # of outliers the highest density may be a narrow one, of a few readings that lie on a curve
     robust = fit.problem.robust
@@ -216,6 +222,17 @@ def profiled(
             Finding(Kind.BETTER_ELSEWHERE, size=lowest.found_better, parameters=tuple(amounts))
         )
     return intervals, left_open
+
+
+def unsigned(fit: Fit) -> BoolArray:
+    """(n_par,) parameters that enter the curves without their sign."""
+    symmetry = fit.symmetry
+    return np.zeros(len(fit.names), dtype=bool) if symmetry is None else symmetry.unsigned
+
+
+def _of_one_sign(ends: tuple[float, float], value: float) -> tuple[float, float]:
+    """The part of an interval with the sign of `value`."""
+    return (max(ends[0], 0.0), ends[1]) if value > 0.0 else (ends[0], min(ends[1], 0.0))
 
 
 def _has_one_sign(ends: Ends, symmetric: Ends) -> bool:
@@ -250,7 +267,8 @@ def shown_value(
     unit_text = f" {unit}" if unit else ""
     if math.isnan(low) or math.isnan(high):
         return "=", f"{format_quantity(value)}{unit_text} ({phrase('no uncertainty')})"
-    closed = [low != edges[0] and math.isfinite(low), high != edges[1] and math.isfinite(high)]
+    # at 0 ends the interval of a parameter that enters without its sign
+    closed = [low not in (edges[0], 0.0, -math.inf), high not in (edges[1], 0.0, math.inf)]
     if not any(closed):
         return "", phrase("anywhere in {range}", range=f"[{low:.6g}, {high:.6g}]{unit_text}")
     level = "95 %" if ok else phrase("95 %, if the curve and the errors were right")

@@ -140,13 +140,7 @@ def model_of_formula(formula: str, given: Mapping[str, str]) -> MeasurementModel
     name, mark, text = (part.strip() for part in formula.rpartition("="))
     if not mark:
         name = "result" if "y" in given else "y"
-    inputs = {}
-    for key, stated in given.items():
-        quantity, unit = read_with_unit(stated, field=key)
-        inputs[key] = {"value": quantity.value, "unit": unit} | (
-            {} if quantity.exact else {"u": quantity.u}
-        )
-    tree = {"measurand": {"formula": text, "name": name}, "inputs": inputs}
+    tree = {"measurand": {"formula": text, "name": name}, "inputs": given}
     digest = hashlib.sha256(repr((formula, given)).encode()).hexdigest()
     return _model_of(tree, Places(_NO_FILE, {}), Path(_NO_FILE), digest, title=formula)
 
@@ -155,10 +149,9 @@ def _model_of(
     tree: dict[str, Any], places: Places, path: Path, digest: str, title: str = ""
 ) -> MeasurementModel:
     inputs = tree.get("inputs")
-    for name, raw in inputs.items() if isinstance(inputs, dict) else ():
-        if not isinstance(raw, dict):
-            rule = "must be a table, like {value = 1.0, u = 0.1}"
-            raise places.error(rule, ("inputs", name), value=raw)
+    if isinstance(inputs, Mapping):
+        tables = {name: _input_table(name, stated, places) for name, stated in inputs.items()}
+        tree = {**tree, "inputs": tables}
     top = checked(tree, _TopTable, places, ())
     quantities = tuple(_quantity(name, table, places) for name, table in top.inputs.items())
     if not 1 <= sum(len(quantity.parts) for quantity in quantities) <= _MOST_INPUTS:
@@ -184,6 +177,19 @@ def _model_of(
         top.draws,
         top.interval,
     )
+
+
+def _input_table(name: str, stated: Any, places: Places) -> dict[str, Any]:
+    """The table of an input, of "0.85(1) m" too."""
+    if isinstance(stated, dict):
+        return stated
+    if isinstance(stated, bool) or not isinstance(stated, str | int | float):
+        rule = 'must be a value, as "0.85(1) m", or a table, as {value = 0.85, u = 0.01}'
+        raise places.error(rule, ("inputs", name), value=stated)
+    with places.at(("inputs", name)):
+        quantity, unit = read_with_unit(stated, field=name)
+    u = {} if quantity.exact else {"u": quantity.u}
+    return {"value": quantity.value, "unit": unit, **u}
 
 
 def _quantity(name: str, table: InputTable, places: Places) -> InputQuantity:

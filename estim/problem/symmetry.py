@@ -63,6 +63,15 @@ class Symmetry:
         """(n_par,) parameters whose sign a map changes."""
         return np.any(np.diagonal(self.matrix, axis1=1, axis2=2) < 0.0, axis=0)
 
+    @property
+    def unsigned(self) -> BoolArray:
+        """(n_par,) parameters whose sign a map changes alone, as b of sqrt(1 + b**2*x)."""
+        diagonal = np.diagonal(self.matrix, axis1=1, axis2=2)
+        diagonals = diagonal[:, :, None] * np.eye(diagonal.shape[1])
+        alone = np.all(self.matrix == diagonals, axis=(1, 2)) & ~np.any(self.shift, axis=1)
+        alone &= np.count_nonzero(diagonal < 0.0, axis=1) == 1
+        return np.any((diagonal < 0.0) & alone[:, None], axis=0)
+
     def images(self, draws: FloatArray, near: FloatArray) -> tuple[FloatArray, FloatArray]:
         """All images (n_map, n_draw, n_par) of draws (n_draw, n_par), turned as close to `near`
         (n_par,) as the limits allow, and how many full turns of each lie within the limits.
