@@ -131,9 +131,7 @@ def test_one_model_is_nothing_to_compare(tmp_path):
     pattern = campaign(
         tmp_path, 'model = "independent", sigma_v_m_s = 0.02, derivative = "central"', VIDEO
     )
-    with pytest.raises(
-        InputError, match=r"c\.toml:\d+: 'noise' allows one model at most for run 'r'"
-    ):
+    with pytest.raises(InputError, match=r"c\.toml:\d+: 'noise' allows no other model for run 'r'"):
         pattern.noise_models("r")
 
 

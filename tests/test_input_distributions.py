@@ -80,6 +80,25 @@ def test_copula_meets_the_correlation_where_a_distribution_is_skew(other, r, rng
     assert abs(np.corrcoef(plain["a"], plain["b"])[0, 1] - r) > 0.02
 
 
+def test_copula_meets_the_correlation_of_readings_taken_together_with_another_input(rng):
+    """They share the chi-square of their t distribution, the other input does not."""
+    inputs = [
+        Input("a", 1.0, 1.0, "t", 6.0, group="readings"),
+        Input("b", 2.0, 1.0, "t", 6.0, group="readings"),
+        Input("c", 3.0, 2.0, "rectangular"),
+        Input("d", 4.0, 1.0, "t", 6.0, group="others"),
+    ]
+    pairs = {("a", "b"): 0.3, ("a", "c"): 0.6, ("b", "d"): 0.6}
+    copula = copula_matrix(inputs, correlation_matrix(inputs, pairs))
+    drawn = draw_inputs(inputs, copula, rng=rng, n_draw=400_000)
+    for (first, second), r in pairs.items():
+        assert np.corrcoef(drawn[first], drawn[second])[0, 1] == pytest.approx(r, abs=0.01)
+    # on a scale that all their readings share, t distributions have the correlation of the normal
+    # variates; without it the two that share none fall short
+    assert copula[0, 1] == 0.3
+    assert copula[1, 3] > 0.65
+
+
 def test_skew_quantities_cannot_be_fully_anticorrelated():
     inputs = [Input("a", 1.0, 1.0, "exponential"), Input("b", 1.0, 1.0, "exponential")]
     assert copula_matrix(inputs, correlation_matrix(inputs, {("a", "b"): 1.0}))[

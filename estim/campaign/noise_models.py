@@ -30,7 +30,7 @@ def noise_candidates(
     levels: Levels, data: Run, posed: Callable[[NoiseTable], Noise]
 ) -> tuple[NoiseModel, ...]:
     """The models of the noise that the table `data` of a run and its noise table allow.  Raises
-    InputError where there is only one.
+    InputError where there is nothing to choose between.
 
     posed : noise table -> the noise of the run with it.
     """
@@ -83,9 +83,9 @@ def noise_candidates(
         )
         normal = msgspec.structs.replace(normal, **{speed: getattr(table, speed)})
         candidates += _with_tails("independent", phrase("speeds as measured"), normal)
-    if len(candidates) < 2:
+    if not candidates:
         raise noise.error(
-            f"allows one model at most for run '{levels.run.name}': nothing to compare (times "
+            f"allows no other model for run '{levels.run.name}': nothing to compare (times "
             f"and '{position}' would allow several)"
         )
     return tuple(candidates)

@@ -19,7 +19,7 @@ from estim.common import InputError
 from estim.curves.columns import column
 from estim.curves.dual_numbers import plain
 from estim.curves.formula import Formula, evaluate, read_formula
-from estim.curves.projected import linear_in
+from estim.curves.variable_projection import linear_in
 from estim.given_numbers import finite_numbers
 from estim.problem import Curve
 

@@ -2,7 +2,7 @@
 
 The formula says in which unit each parameter must be (`dimensions`), and the points show how large
 such a thing may be: a place or a length along x, a rate or a frequency up to half a turn from one
-point to the next, a pure number (`scales`).  The linear parameters are solved for (`projected`), so
+point to the next, a pure number (`scales`).  The linear parameters are solved for (`variable_projection`), so
 only the others are drawn, thousands of times.  The best trials go down to their optima, and each
 parameter, and those of each term of a sum, are looked for again beside the others.  Nothing is
 taken for found until three descents of a search (where the curve is no sum of terms), or two
@@ -21,7 +21,7 @@ from estim.arrays import FloatArray
 from estim.common import InputError
 from estim.curves.formula import Formula
 from estim.curves.models import Limits
-from estim.curves.projected import ProjectedCurve, projected
+from estim.curves.variable_projection import ProjectedCurve, project_curve
 
 _DRAWN, _DRAWN_EACH = 3000, 1500  # trials, and more for each parameter that is drawn
 _GO_DOWN = 12
@@ -53,7 +53,7 @@ def guess_starts(
         the parameters where several searches did not end at one place.
     """
     unknown = [name for name in formula.names if name not in known]
-    search = projected(formula, x, y, u, known, limits, unknown)
+    search = project_curve(formula, x, y, u, known, limits, unknown)
     ends: list[End] = []
     for seed in range(_SEARCHES if search.nonlinear else 1):
         end, sure = _searched(search, np.random.default_rng(seed + 1))

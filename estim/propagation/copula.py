@@ -19,7 +19,8 @@ from estim.distributions import normal_log_density
 from estim.propagation.inputs import PSD_TOLERANCE, Input
 from estim.propagation.scores import POSITIVE, score
 
-# of the sums over a normal variate: so far out that no moment of a t distribution is missed
+# step and half width of the sums over a normal variate, as wide as moments of a t distribution
+# need, and terms of a series
 _STEP, _FAREST, _N_TERM = 0.005, 28.0, 80
 
 
@@ -55,23 +56,24 @@ def draw_inputs(
 ) -> dict[str, FloatArray]:
     """Draws of each input, name -> (n_draw,), in the input's unit.
 
+    Inputs of one group share the chi-square variate of their t distribution (JCGM 102, 5.3.2).
     The normal variates are taken in the order of the names, so the order in which inputs are listed
     changes no draw.
     """
     order = sorted(range(len(inputs)), key=lambda i: inputs[i].name)
     normal = rng.standard_normal((len(inputs), n_draw))
     ordered = copula[np.ix_(order, order)]
-    if np.count_nonzero(ordered) > len(inputs):
+    if np.count_nonzero(ordered) > len(inputs):  # beside the diagonal
         variance, axes = np.linalg.eigh(ordered)
         normal = (axes * np.sqrt(np.maximum(variance, 0.0))) @ axes.T @ normal
     dof_of = {quantity.group: quantity.drawn_dof for quantity in inputs if quantity.group}
-    wider = {
+    t_factor = {
         name: np.sqrt(dof_of[name] / rng.chisquare(dof_of[name], n_draw)) for name in sorted(dof_of)
     }
     drawn = {
         inputs[i].name: inputs[i].value
         + inputs[i].drawn_scale
-        * (z * wider[inputs[i].group] if inputs[i].group else standard_score(inputs[i], z))
+        * (z * t_factor[inputs[i].group] if inputs[i].group else standard_score(inputs[i], z))
         for i, z in zip(order, normal, strict=True)
     }
     return {quantity.name: drawn[quantity.name] for quantity in inputs}
@@ -98,24 +100,27 @@ def _copula_coefficient(first: Input, second: Input, target: float) -> float:
 
     z = _STEP * (np.arange(-_FAREST / _STEP, _FAREST / _STEP) + 0.5)
     weight = _STEP * np.exp(normal_log_density(z))
-    scores = []
+    scores, share = [], 1.0
     for quantity in (first, second):
         if math.isinf(quantity.standard_deviation):
             rule = "cannot include a t distribution with dof <= 2 (it has no standard deviation)"
             raise InputError(rule, field="correlation", value=quantity.name)
-        score = standard_score(quantity, z)
-        centred = score - np.sum(weight * score)
+        drawn = z if quantity.group else standard_score(quantity, z)
+        share *= _share_of_factor(quantity.drawn_dof) if quantity.group else 1.0
+        centred = drawn - np.sum(weight * drawn)
         scores.append(centred / math.sqrt(np.sum(weight * centred**2)))
-    product = np.empty(_N_TERM)
+    product = np.empty(_N_TERM)  # of the coefficients a_k b_k
     previous, polynomial = np.zeros_like(z), np.ones_like(z)
     for degree in range(_N_TERM):
-        product[degree] = np.prod([np.sum(weight * score * polynomial) for score in scores])
+        product[degree] = np.prod([np.sum(weight * drawn * polynomial) for drawn in scores])
         previous, polynomial = (
             polynomial,
             (z * polynomial - math.sqrt(degree) * previous) / math.sqrt(degree + 1),
         )
-    low = float(np.sum(weight * scores[0] * scores[1][::-1]))
-    high = float(np.sum(weight * scores[0] * scores[1]))
+    product *= share
+    low, high = (  # at rho = -1 and 1
+        share * float(np.sum(weight * scores[0] * other)) for other in (scores[1][::-1], scores[1])
+    )
     product[-1] += 0.5 * (high - low) - product[1::2].sum()
     product[-2] += 0.5 * (high + low) - product[0::2].sum()
     if not low - PSD_TOLERANCE <= target <= high + PSD_TOLERANCE:
@@ -135,3 +140,11 @@ def _copula_coefficient(first: Input, second: Input, target: float) -> float:
     if excess(1.0) <= 0.0 or excess(-1.0) >= 0.0:  # at a limit but for rounding
         return math.copysign(1.0, target)
     return float(brentq(excess, -1.0, 1.0, xtol=1e-14))
+
+
+def _share_of_factor(dof: float) -> float:
+    """E[w]/sqrt(E[w^2]) of w = sqrt(dof/chi-square), dof > 2: what is left of a correlation with a
+    variate that does not share it.
+    """
+    logarithm = math.lgamma(0.5 * (dof - 1.0)) - math.lgamma(0.5 * dof)
+    return math.sqrt(0.5 * (dof - 2.0)) * math.exp(logarithm)

@@ -44,12 +44,7 @@ def curve_report(
     >>> sorted(files)
     ['report.md', 'result.json']
     """
-    require_one_of(kind, KINDS, field="kind")
-    if fit.problem.own_density:
-        raise InputError(
-            "needs readings about a curve, and a log density has none: use sample_curve",
-            field="fit",
-        )
+    _check(fit, kind)
     tables = {run.name: _table_of(run) for run in fit.problem.runs}
     text = hashlib.sha256(
         "; ".join(
@@ -70,8 +65,8 @@ def write_curve_report(
     target: Target | None = None,
     figures: FigureChoice = "main",
 ) -> Analysis:
-    """The draws of a fitted curve, of one data set or of several, whose report is written into
-    `folder`: `report.md`, `result.json`, `figures/`.
+    """Samples the posterior of a fitted curve, of one data set or of several, and writes its report
+    into `folder`: `report.md`, `result.json`, `figures/`.
 
     fit : of `fit_curve` or `fit_curves`.  title : of the report.
     kind : "measured", "synthetic" or "published": printed on the report.
@@ -89,10 +84,20 @@ def write_curve_report(
     ...     print(sorted(path.name for path in Path(folder).iterdir()))
     ['report.md', 'result.json']
     """
+    _check(fit, kind)
     analysis = sample_curve(fit, seed=seed, target=target)
     for name, data in curve_report(fit, analysis, title=title, kind=kind, figures=figures).items():
         write_whole(Path(folder) / name, data)
     return analysis
+
+
+def _check(fit: CurveFit, kind: str) -> None:
+    require_one_of(kind, KINDS, field="kind")
+    if fit.problem.own_density:
+        raise InputError(
+            "needs readings about a curve, and a log density has none: use sample_curve alone",
+            field="fit",
+        )
 
 
 def _table_of(run: Observations) -> Run:

@@ -21,6 +21,8 @@ from estim.curves.models import Limits
 from estim.curves.parameter_sizes import ParameterSizes, location_parameters, scale_of
 from estim.levenberg_marquardt import LeastSquares
 
+_INDEPENDENT = 1e-9  # share of a column that must be left where those before it are taken out
+
 
 def linear_in(formula: Formula, names: Collection[str]) -> tuple[str, ...]:
     """Those of `names` in which the curve is linear together: half way between two sets of values
@@ -60,10 +62,12 @@ def _close(a: FloatArray, b: FloatArray) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class ProjectedCurve:
-    """x, y, weight : (n_obs,), y weighted.
-    linear, nonlinear : names of the parameters that are solved for and drawn.
+    """The residuals of a curve as functions of its nonlinear parameters.
 
-    scales, blocks : of those drawn; which of them occur in one term of the formula.
+    x, y, weight : (n_obs,), y weighted.
+    linear, nonlinear : names of the parameters that are solved for, which have no limits, and of
+        the others.
+    scales : of the nonlinear ones.  blocks : which of them occur in one term of the formula.
     """
 
     formula: Formula
@@ -78,24 +82,25 @@ class ProjectedCurve:
 
     @cached_property
     def function(self) -> LeastSquares:
-        """The sum of squares as a function of the drawn parameters, which descents minimise."""
+        """The sum of squares as a function of the nonlinear parameters, for descents."""
         return LeastSquares(
             lambda points, _which: self.residuals(points),
-            np.array([scale.low for scale in self.scales]),
-            np.array([scale.high for scale in self.scales]),
-            np.array([scale.sizes[0][0] for scale in self.scales]),
-            np.zeros(0, dtype=np.int64),
-            np.arange(len(self.nonlinear)),
-            1e-7,
-            self.x.size,
+            low=np.array([scale.low for scale in self.scales]),
+            high=np.array([scale.high for scale in self.scales]),
+            size=np.array([scale.sizes[0][0] for scale in self.scales]),
+            linear=np.zeros(0, dtype=np.int64),  # solved for in the residuals
+            nonlinear=np.arange(len(self.nonlinear)),
+            step=1e-7,
+            n_res=self.x.size,
         )
 
     @property
     def rounding(self) -> float:
+        """A sum of squares that is one of rounding errors."""
         return 1e-20 * float(self.y @ self.y)
 
     def parameters_at(self, nonlinear: FloatArray) -> dict[str, float]:
-        """Name -> value of the parameters that are fit; those solved for within their limits."""
+        """Name -> value of the parameters that are fit."""
         rest, columns = self._parts(nonlinear[None, :])
         with np.errstate(over="ignore"):  # inf: such a parameter is 0
             size = positive_or(np.linalg.norm(columns[:, 0], axis=1), 1.0)
@@ -114,18 +119,17 @@ class ProjectedCurve:
 
     def residuals(self, nonlinear: FloatArray) -> FloatArray:
         """(n, n_obs) what the curves at nonlinear (n, n_nonlinear) leave of y; not finite where the
-        curve is not.
+        curve is not.  By Gram-Schmidt on the curves of the linear parameters.
         """
         rest, columns = self._parts(nonlinear)
         basis: list[FloatArray] = []
         with np.errstate(all="ignore"):
             for column in columns:
                 column /= np.sqrt(_dot(column, column))
-                for earlier in basis * 2:
+                for earlier in basis * 2:  # twice, for rounding
                     column -= _dot(column, earlier) * earlier
                 size = np.sqrt(_dot(column, column))
-                # share of a column that must be left where those before it are taken out
-                column *= np.where(size > 1e-9, 1.0 / size, 0.0)
+                column *= np.where(size > _INDEPENDENT, 1.0 / size, 0.0)
                 basis.append(column)
                 rest -= _dot(column, rest) * column
         return rest
@@ -145,12 +149,12 @@ class ProjectedCurve:
             **{name: Dual(np.float64(0.0), {name: 1.0}) for name in self.linear},
         }
         curve, shape = evaluate(self.formula.tree, symbols), (nonlinear.shape[0], self.x.size)
-        still = np.broadcast_to(plain(curve), shape)
+        constant = np.broadcast_to(plain(curve), shape)
         columns = np.empty((len(self.linear), *shape))
         with np.errstate(all="ignore"):
             for column, name in zip(columns, self.linear, strict=True):
                 np.multiply(curve.partials[name], self.weight, out=column)
-            return self.y - still * self.weight, columns
+            return self.y - constant * self.weight, columns
 
 
 def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -158,7 +162,7 @@ def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.einsum("ij,ij->i", a, b)[:, None]
 
 
-def projected(
+def project_curve(
     formula: Formula,
     x: FloatArray,
     y: FloatArray,
