@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from estim.problem.curve import LocalCurve
-from estim.problem.noise import Independent, Scale
+from estim.problem.noise import Independent
+from estim.problem.noise_variance import Scale
 from estim.problem.observations import Observations, Parameter
 from estim.problem.posterior import Problem
 from estim.problem.priors import Prior

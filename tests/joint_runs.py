@@ -14,7 +14,8 @@ from estim.campaign import Campaign, load_campaign
 from estim.model import Body
 from estim.model.simulate import frame_times, simulate_positions
 from estim.problem.curve import LocalCurve
-from estim.problem.noise import Independent, Scale
+from estim.problem.noise import Independent
+from estim.problem.noise_variance import Scale
 from estim.problem.observations import Observations, Parameter
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal, Prior

@@ -26,7 +26,8 @@ from estim.problem.differences import covariance_in_bands
 from estim.problem.finite_differences import STENCILS, differentiate
 from estim.problem.installed_tails import InstalledTails
 from estim.problem.likelihood import Noise, Points
-from estim.problem.noise import Differentiated, Independent, Scale
+from estim.problem.noise import Differentiated, Independent
+from estim.problem.noise_variance import Scale
 from estim.problem.roots import root_of
 from estim.problem.tails import OutlierMixture, StudentT, TwoPiece
 

@@ -29,7 +29,7 @@ from estim.campaign.campaign_file import NoiseTable
 from estim.cli.commands import cli
 from estim.common.errors import InputError
 from estim.fitting.least_squares import Fit, fit_least_squares
-from estim.problem.noise import Scale
+from estim.problem.noise_variance import Scale
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal, Uniform
 from estim.reports.calibration import unlike_fit

@@ -19,7 +19,8 @@ from scipy.special import logsumexp
 from estim.checks.cross_validation import LeaveOneOut, difference, leave_one_out
 from estim.problem.curve import LocalCurve
 from estim.problem.finite_differences import STENCILS, differentiate
-from estim.problem.noise import Differentiated, Independent, Scale
+from estim.problem.noise import Differentiated, Independent
+from estim.problem.noise_variance import Scale
 from estim.problem.observations import Observations, Parameter
 from estim.problem.posterior import Posterior, Problem
 from estim.problem.priors import Normal

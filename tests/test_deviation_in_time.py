@@ -17,7 +17,8 @@ from estim.curves.rolling import MotionCurve, RollingMotion
 from estim.discrepancy.force import force_priors, track_with_ways
 from estim.discrepancy.trajectory import TrackResponse, Trajectory
 from estim.problem.likelihood import Points
-from estim.problem.noise import Independent, Scale
+from estim.problem.noise import Independent
+from estim.problem.noise_variance import Scale
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 

@@ -15,8 +15,8 @@ import pytest
 from scipy import optimize, special
 
 from estim import Component, InputError, fit_curve
-from estim.curves.curve_problem import AxisNames
 from estim.curves.function import wrap_function
+from estim.curves.units import AxisNames
 from estim.fitting import Fit
 from estim.fitting.unconstrained import silent_parameters
 from estim.pipeline import sample_curve

@@ -20,7 +20,8 @@ from estim.checks.goodness_of_fit import Check, Goodness
 from estim.fitting import arrowhead
 from estim.fitting.fisher_information import information
 from estim.fitting.least_squares import _fit_curve, fit_least_squares
-from estim.problem.noise import Independent, Scale
+from estim.problem.noise import Independent
+from estim.problem.noise_variance import Scale
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal, Uniform
 from estim.problem.whitened_residuals import Linear

@@ -20,7 +20,8 @@ from estim.campaign import Campaign, load_campaign
 from estim.curves.formula import read_formula
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.likelihood import Points
-from estim.problem.noise import Independent, Scale
+from estim.problem.noise import Independent
+from estim.problem.noise_variance import Scale
 from estim.reading.run import Run
 
 G, RADIUS, GAMMA, KAPPA, PHI, THETA0, SIGMA = (

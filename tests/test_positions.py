@@ -18,7 +18,8 @@ from estim.campaign import Campaign, load_campaign
 from estim.checks.outliers import find_outliers
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.curve import LocalCurve
-from estim.problem.noise import Independent, Scale
+from estim.problem.noise import Independent
+from estim.problem.noise_variance import Scale
 from estim.problem.observations import Observations, Parameter
 from estim.problem.posterior import Problem
 from estim.problem.priors import Uniform

@@ -19,7 +19,8 @@ from estim.checks.diagnosis import _equally_weighted_runs
 from estim.fitting import fit_problem
 from estim.fitting.incidental_parameters import measure_of
 from estim.fitting.least_squares import Fit, fit_least_squares
-from estim.problem.noise import Independent, Scale
+from estim.problem.noise import Independent
+from estim.problem.noise_variance import Scale
 from estim.problem.observations import Parameter
 from estim.problem.posterior import Problem
 from estim.problem.priors import HalfNormal, Normal

@@ -16,7 +16,7 @@ from estim import Component, DataSet, InputError, fit_curve, fit_curves, fit_man
 from estim.campaign import load_campaign
 from estim.cli.commands import cli
 from estim.problem.curve_noise import Readings
-from estim.problem.noise import Scale
+from estim.problem.noise_variance import Scale
 
 Array = NDArray[np.float64]
 # kafe2 2.11.0, examples/006_advanced_errors/03_relative_uncertainties.py

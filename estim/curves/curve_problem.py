@@ -39,9 +39,7 @@ from estim.curves.parameter_settings import (
 from estim.curves.several_abscissas import OfPoints
 from estim.curves.systematic_errors import Component, DistortedCurve
 from estim.curves.tied import TiedCurve, followed, only_for_ties, read_tied
-from estim.curves.units import AxisNames as AxisNames
-from estim.curves.units import check_units, refuse_degrees
-from estim.curves.units import units_of as units_of
+from estim.curves.units import AxisNames, check_units, refuse_degrees, units_of
 from estim.given_numbers import check_lengths
 from estim.problem import (
     Curve,

@@ -17,7 +17,7 @@ import numpy as np
 
 from estim.arrays import Named
 from estim.common import InputError, Notation
-from estim.curves.derived_units import unit_that_follows as unit_that_follows
+from estim.curves.derived_units import unit_that_follows
 from estim.curves.formula import Formula, check_names, evaluate, read_formula
 from estim.problem import Derived
 

@@ -18,13 +18,9 @@ from estim.arrays import FloatArray
 from estim.common import InputError, number
 from estim.curves.curve_problem import CurveProblem
 from estim.curves.formula import Formula, read_formula
-from estim.curves.models import Limits, named_model, names_only
-from estim.curves.models import ModelSum as ModelSum
-from estim.curves.models import known_models as known_models
-from estim.curves.models import read_model as read_model
+from estim.curves.models import Limits, ModelSum, named_model, names_only, read_model
 from estim.curves.several_abscissas import OfPoints, arguments_taken
 from estim.curves.starting_values import guess_starts
-from estim.curves.variable_projection import linear_in as linear_in
 from estim.problem import MOST_REWEIGHTED, Counted, Flat, errors_widened, typical_size
 
 _SIZE = "size_of_density"

@@ -2,12 +2,12 @@
 
 The formula says in which unit each parameter must be (`dimensions`), and the points show how large
 such a thing may be: a place or a length along x, a rate or a frequency up to half a turn from one
-point to the next, a pure number (`scales`).  The linear parameters are solved for (`variable_projection`), so
-only the others are drawn, thousands of times.  The best trials go down to their optima, and each
-parameter, and those of each term of a sum, are looked for again beside the others.  Nothing is
-taken for found until three descents of a search (where the curve is no sum of terms), or two
-searches that share no random number, end at the same squares.  Of numbers that draw the same curve
-the search of the fit takes the usual ones (`estim.fitting.optimum`).
+point to the next, a pure number (`scales`).  The linear parameters are solved for
+(`variable_projection`), so only the others are drawn, thousands of times.  The best trials go down
+to their optima, and each parameter, and those of each term of a sum, are looked for again beside
+the others.  Nothing is taken for found until three descents of a search (where the curve is no sum
+of terms), or two searches that share no random number, end at the same squares.  Of numbers that
+draw the same curve the search of the fit takes the usual ones (`estim.fitting.optimum`).
 """
 
 from __future__ import annotations

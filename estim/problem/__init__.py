@@ -18,7 +18,9 @@ from estim.problem.curve import (
     Wording,
     plain_words,
 )
-from estim.problem.events import BINOMIAL, POISSON, Counted, Counts, Events, Law, counted_words
+from estim.problem.events import Events
+from estim.problem.count_distributions import BINOMIAL, POISSON, Counted, Law
+from estim.problem.count_noise import Counts, counted_words
 from estim.problem.coordinates import WIDE, Coordinates, compensated
 from estim.problem.differences import used_columns
 from estim.problem.errors_in_x import ROOTED, rooted
@@ -29,22 +31,16 @@ from estim.problem.likelihood import (
     Points,
     StackedPoints,
     n_draws,
-    some_draws,
-    reading_sd,
     own_values,
+    reading_sd,
     shift_of,
+    some_draws,
     spread_of,
 )
 from estim.problem.own_density import OwnDensity
-from estim.problem.noise import (
-    STENCILS,
-    Derivative,
-    Differentiated,
-    Independent,
-    Scale,
-    NoiseVariance,
-    differentiate,
-)
+from estim.problem.noise import Differentiated, Independent
+from estim.problem.finite_differences import STENCILS, Derivative, differentiate
+from estim.problem.noise_variance import NoiseVariance, Scale
 from estim.problem.correlated_normal import GaussianErrors
 from estim.problem.observations import (
     MAX_LACKING,
@@ -52,14 +48,16 @@ from estim.problem.observations import (
     Observations,
     Parameter,
     Rows,
+    parameters_of,
     shared_first,
     uses_of,
-    parameters_of,
 )
 from estim.problem.prior_measures import InformationBlock, JeffreysPrior, Measure, ResponseSurface
-from estim.problem.posterior import Group, Posterior, Problem
+from estim.problem.posterior import Posterior, Problem
+from estim.problem.correlated_runs import Group
 from estim.problem.priors import (
     PRIORS,
+    DefaultError,
     Flat,
     HalfNormal,
     JointNormal,
@@ -68,7 +66,6 @@ from estim.problem.priors import (
     Prior,
     Uniform,
     Unstated,
-    DefaultError,
     as_prior,
     centre_of,
     of_other_package,

@@ -21,13 +21,7 @@ import numpy as np
 
 from estim.arrays import FloatArray, IntArray, Named
 from estim.common import InputError, behind, phrase
-from estim.problem.count_distributions import BINOMIAL as BINOMIAL
-from estim.problem.count_distributions import POISSON as POISSON
-from estim.problem.count_distributions import Counted as Counted
-from estim.problem.count_distributions import Law as Law
-from estim.problem.count_noise import CountErrors
-from estim.problem.count_noise import Counts as Counts
-from estim.problem.count_noise import counted_words as counted_words
+from estim.problem.count_noise import CountErrors, Counts
 from estim.problem.curve import Curve, LocalCurve, Wording
 from estim.problem.errors_in_x import ROOTED, rooted
 from estim.problem.likelihood import Likelihood, Points, n_draws

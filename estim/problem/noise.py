@@ -40,12 +40,9 @@ from estim.problem.curve import SpeedCurve, Wording
 from estim.problem.differences import in_rows
 from estim.problem.errors_in_x import LatentErrors
 from estim.problem.errors_in_x_quadrature import true_abscissas
-from estim.problem.finite_differences import STENCILS as STENCILS
-from estim.problem.finite_differences import Derivative as Derivative
-from estim.problem.finite_differences import differentiate as differentiate
+from estim.problem.finite_differences import Derivative
 from estim.problem.likelihood import Likelihood, Noise, Points
-from estim.problem.noise_variance import NoiseVariance as NoiseVariance
-from estim.problem.noise_variance import Scale as Scale
+from estim.problem.noise_variance import NoiseVariance, Scale
 from estim.problem.robust_likelihood import RobustErrors
 from estim.problem.tails import GAUSSIAN, Gaussian, Tails
 

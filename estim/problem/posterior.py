@@ -20,8 +20,7 @@ import numpy as np
 from estim.arrays import BoolArray, FloatArray, IntArray, finite_or, in_blocks
 from estim.common import InputError
 from estim.problem.coordinates import Coordinates
-from estim.problem.correlated_runs import Group as Group
-from estim.problem.correlated_runs import SharedNoise, grouped
+from estim.problem.correlated_runs import Group, SharedNoise, grouped
 from estim.problem.likelihood import Ends, Likelihood, Noise
 from estim.problem.observations import Observations, Parameter, parameters_of, uses_of
 from estim.problem.prior_measures import JeffreysPrior, Measure
