@@ -187,6 +187,8 @@ class LeastSquares:
     linear, nonlinear : which parameters are solved for, and which descend; others stay.
     step : of differences, of a parameter's size.
     n_res : residuals of a descent.
+    exact : points (n, n_par), to which descents (n,) they belong, and parameters (n_moving,) ->
+        residuals (n, n_res), and their derivatives (n, n_res, n_moving) in place of differences.
     """
 
     residuals: Callable[[FloatArray, IntArray], FloatArray]
@@ -197,6 +199,7 @@ class LeastSquares:
     nonlinear: IntArray
     step: float
     n_res: int
+    exact: Callable[[FloatArray, IntArray, IntArray], tuple[FloatArray, FloatArray]] | None = None
 
     quasi_newton, fraction_to_bound = False, 0.9
 
@@ -249,9 +252,11 @@ class LeastSquares:
         self, points: FloatArray, moving: IntArray, step: float, which: IntArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Residuals (n, n_res) at points (n, n_par), and their derivatives (n, n_res, n_moving) by
-        differences of `step` of a parameter's size.
+        differences of `step` of a parameter's size, unless exact ones are known.
         """
         which = np.arange(len(points)) if which is None else which
+        if self.exact is not None and moving.size:
+            return self.exact(points, which, moving)
         at, n_row = points[:, moving], 1 + moving.size
         steps = step * np.maximum(np.abs(at), self.size[moving])
         beside = at + np.where(at + steps > self.high[moving], -steps, steps)

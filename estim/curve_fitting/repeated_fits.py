@@ -141,39 +141,21 @@ def fit_many(
     solved, moving = np.split(np.arange(len(priors)), [0])
     arguments = (residuals, low, high, size, solved, moving, _STEP, sets.shape[1])
 
-    def local(values: FloatArray, which: IntArray) -> tuple[FloatArray, FloatArray]:
+    def exact(
+        values: FloatArray, which: IntArray, moving: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
         named = run.bind(problem.named(values))
         at, u = run.curve.local(points[which], named), errors[which]
-        columns = np.stack([at.gradient[name] / u for name in problem.names], axis=2)
-        return (at.value - sets[which]) / u, columns
+        columns = [at.gradient[problem.names[i]] / u for i in moving]
+        return (at.value - sets[which]) / u, np.stack(columns, axis=2)
 
-    exact = isinstance(run.curve, Formula)
-    function = _ExactLeastSquares(*arguments, local) if exact else LeastSquares(*arguments)
+    # where y has a large offset, differences have few digits
+    function = LeastSquares(*arguments, exact if isinstance(run.curve, Formula) else None)
     values, chi2, _ = function.descend(
         np.tile(begin, (len(sets), 1)), ftol=_SETTLED, max_steps=_MOST_STEPS
     )
     rounding = _DIGIT * np.max(np.abs(sets) / errors, axis=1)
     return _concluded(function, first.names, values, chi2, rounding, stated=u_y is not None)
-
-
-@dataclass(frozen=True, eq=False)
-class _ExactLeastSquares(LeastSquares):
-    """Least squares of a formula, whose derivatives are exact: where y has a large offset, those by
-    differences have few digits.
-
-    local : points (n, n_par), and to which sets (n,) they belong -> residuals (n, n_res), and their
-        derivatives (n, n_res, n_par).
-    """
-
-    local: Callable[[FloatArray, IntArray], tuple[FloatArray, FloatArray]]
-
-    def tangents(
-        self, points: FloatArray, moving: IntArray, step: float, which: IntArray | None = None
-    ) -> tuple[FloatArray, FloatArray]:
-        if not moving.size:
-            return super().tangents(points, moving, step, which)
-        base, columns = self.local(points, np.arange(len(points)) if which is None else which)
-        return base, columns[:, :, moving]
 
 
 def _rows(values: ArrayLike, field: str, shape: tuple[int, ...] | None) -> FloatArray:
