@@ -34,7 +34,7 @@ _AGREE = 1e-3  # of the squares
 _FINELY = 20  # abscissas for each point, at which curves through the points are compared
 _SAME = 1e-6  # of the squares: minima in noise differ by more
 
-End = tuple[FloatArray, float]  # values (n_par,), and the squares left
+End = tuple[FloatArray, float]  # values (n_bent,) of the drawn parameters, and the squares left
 
 
 def guess_starts(
@@ -65,7 +65,7 @@ def guess_starts(
             len(ends) > (1 if len(search.nonlinear) < _MANY else 2)
             and ends[1][1] <= ends[0][1] * (1.0 + _AGREE) + search.rounding
         ):
-            return {**_named(search, _plainest(search, ends)), **known}
+            return {**search.parameters_at(_plainest(search, ends)[0]), **known}
     names = search.nonlinear or unknown
     why = (
         "from the points"
@@ -82,13 +82,13 @@ def guess_starts(
 
 
 def _searched(search: ProjectedCurve, rng: np.random.Generator) -> tuple[End, bool]:
-    """The best values (n_par,) of one search, the squares that they leave, and whether several of
+    """The best values (n_bent,) of one search, the squares that they leave, and whether several of
     its descents ended there.
     """
     if not search.nonlinear:
-        return _down(search, search.points(np.zeros((1, 0))), 1)[0], True
+        return (np.zeros(0), float(search.squares(np.zeros((1, 0)))[0])), True
     n = _DRAWN + _DRAWN_EACH * len(search.nonlinear)
-    drawn = search.points(np.column_stack([scale.draw(rng, n) for scale in search.scales]))
+    drawn = np.column_stack([scale.draw(rng, n) for scale in search.scales])
     alone = len(search.blocks) < 2
     ends: list[End] = []
     for points in (drawn[:_FEW], drawn) if alone else (drawn,):
@@ -115,21 +115,16 @@ def _plainest(search: ProjectedCurve, ends: Sequence[End]) -> End:
     with np.errstate(all="ignore"):
         rough = [
             float(np.sum(np.abs(np.diff(search.formula.value(x, values)[0]))))
-            for values in ({**_named(search, end), **search.known} for end in equal)
+            for values in ({**search.parameters_at(end[0]), **search.known} for end in equal)
         ]
     smooth = [end for end, r in zip(equal, rough, strict=True) if not r > 1.05 * min(rough)]
-    n = len(search.nonlinear)
-    return min(smooth, key=lambda end: int(np.sum(end[0][:n] < 0.0)))
-
-
-def _named(search: ProjectedCurve, end: End) -> dict[str, float]:
-    return dict(zip(search.names, end[0].tolist(), strict=True))
+    return min(smooth, key=lambda end: int(np.sum(end[0] < 0.0)))
 
 
 def _drawn_for(
     search: ProjectedCurve, block: Sequence[int], point: FloatArray, rng: np.random.Generator
 ) -> FloatArray:
-    """(n, n_par) `point` with other values of the parameters of a block."""
+    """(n, n_bent) `point` with other values of the parameters of a block."""
     # values of one parameter, the others held
     n = 300 * len(block) ** 2
     tried = np.repeat(point[None, :], n, axis=0)
@@ -160,7 +155,7 @@ def _swept(search: ProjectedCurve, end: End, rng: np.random.Generator) -> End:
 
 
 def _best(search: ProjectedCurve, points: FloatArray, n: int) -> FloatArray:
-    """The best `n` of `points` (n_point, n_par), or fewer where the curve is not finite."""
+    """The best `n` of `points` (n_point, n_bent), or fewer where the curve is not finite."""
     squares = search.squares(points)
     order = np.argsort(squares, kind="stable")[:n]
     return points[order[np.isfinite(squares[order])]]

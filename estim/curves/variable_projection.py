@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from estim.arrays import FloatArray, IntArray, all_finite, max_abs
+from estim.arrays import FloatArray, all_finite, max_abs, positive_or
 from estim.curves.dimensions import dimensions_of
 from estim.curves.dual_numbers import Dual, plain
 from estim.curves.formula import Formula, evaluate, names_in
@@ -21,7 +21,7 @@ from estim.curves.models import Limits
 from estim.curves.parameter_sizes import ParameterSizes, location_parameters, scale_of
 from estim.levenberg_marquardt import LeastSquares
 
-_NONE = np.zeros(0, dtype=np.int64)
+_INDEPENDENT = 1e-9  # share of a column that must be left where those before it are taken out
 
 
 def linear_in(formula: Formula, names: Collection[str]) -> tuple[str, ...]:
@@ -62,11 +62,11 @@ def _close(a: FloatArray, b: FloatArray) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class ProjectedCurve:
-    """Least squares of a curve as a function of its nonlinear parameters.
+    """The residuals of a curve as functions of its nonlinear parameters.
 
     x, y, weight : (n_obs,), y weighted.
-    nonlinear, linear : names of the parameters in the order of points (n, n_par); the linear ones,
-        which have no limits, are solved for.
+    linear, nonlinear : names of the parameters that are solved for, which have no limits, and of
+        the others.
     scales : of the nonlinear ones.  blocks : which of them occur in one term of the formula.
     """
 
@@ -75,29 +75,23 @@ class ProjectedCurve:
     y: FloatArray
     weight: FloatArray
     known: Mapping[str, float]
-    nonlinear: tuple[str, ...]
     linear: tuple[str, ...]
+    nonlinear: tuple[str, ...]
     scales: tuple[ParameterSizes, ...]
     blocks: tuple[tuple[int, ...], ...]
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        return (*self.nonlinear, *self.linear)
-
     @cached_property
     def function(self) -> LeastSquares:
-        """The sum of squares, for descents."""
-        n, n_linear = len(self.nonlinear), len(self.linear)
+        """The sum of squares as a function of the nonlinear parameters, for descents."""
         return LeastSquares(
-            lambda points, _which: self._local(points, _NONE)[0],
-            low=np.array([scale.low for scale in self.scales] + n_linear * [-math.inf]),
-            high=np.array([scale.high for scale in self.scales] + n_linear * [math.inf]),
-            size=np.array([scale.sizes[0][0] for scale in self.scales] + n_linear * [1.0]),
-            linear=np.arange(n, n + n_linear),
-            nonlinear=np.arange(n),
-            step=1.0,
+            lambda points, _which: self.residuals(points),
+            low=np.array([scale.low for scale in self.scales]),
+            high=np.array([scale.high for scale in self.scales]),
+            size=np.array([scale.sizes[0][0] for scale in self.scales]),
+            linear=np.zeros(0, dtype=np.int64),  # solved for in the residuals
+            nonlinear=np.arange(len(self.nonlinear)),
+            step=1e-7,
             n_res=self.x.size,
-            exact=lambda points, _which, moving: self._local(points, moving),
         )
 
     @property
@@ -105,34 +99,67 @@ class ProjectedCurve:
         """A sum of squares that is one of rounding errors."""
         return 1e-20 * float(self.y @ self.y)
 
-    def points(self, nonlinear: FloatArray) -> FloatArray:
-        """(n, n_par) with nonlinear (n, n_nonlinear), the linear parameters 0."""
-        return np.hstack([nonlinear, np.zeros((len(nonlinear), len(self.linear)))])
+    def parameters_at(self, nonlinear: FloatArray) -> dict[str, float]:
+        """Name -> value of the parameters that are fit."""
+        rest, columns = self._parts(nonlinear[None, :])
+        with np.errstate(over="ignore"):  # inf: such a parameter is 0
+            size = positive_or(np.linalg.norm(columns[:, 0], axis=1), 1.0)
+        solved = (
+            np.linalg.lstsq((columns[:, 0] / size[:, None]).T, rest[0], rcond=None)[0] / size
+            if self.linear
+            else np.zeros(0)
+        )
+        return dict(
+            zip(
+                (*self.nonlinear, *self.linear),
+                (*nonlinear.tolist(), *solved.tolist()),
+                strict=True,
+            )
+        )
 
-    def squares(self, points: FloatArray) -> FloatArray:
-        """(n,) sums of squares with the best linear parameters, inf where the curve is not
-        finite.
+    def residuals(self, nonlinear: FloatArray) -> FloatArray:
+        """(n, n_obs) what the curves at nonlinear (n, n_nonlinear) leave of y; not finite where the
+        curve is not.  By Gram-Schmidt on the curves of the linear parameters.
         """
+        rest, columns = self._parts(nonlinear)
+        basis: list[FloatArray] = []
         with np.errstate(all="ignore"):
-            return 2.0 * self.function.evaluate(points, np.arange(len(points)))[1]
+            for column in columns:
+                column /= np.sqrt(_dot(column, column))
+                for earlier in basis * 2:  # twice, for rounding
+                    column -= _dot(column, earlier) * earlier
+                size = np.sqrt(_dot(column, column))
+                column *= np.where(size > _INDEPENDENT, 1.0 / size, 0.0)
+                basis.append(column)
+                rest -= _dot(column, rest) * column
+        return rest
 
-    def _local(self, points: FloatArray, moving: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Residuals (n, n_obs) at points (n, n_par), and their derivatives (n, n_obs, n_moving)."""
+    def squares(self, nonlinear: FloatArray) -> FloatArray:
+        """(n,) sums of squares, inf where the curve is not finite."""
+        return 2.0 * self.function.objectives(nonlinear)
+
+    def _parts(self, nonlinear: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(n, n_obs) y without what the linear parameters do not move, and (n_linear, n, n_obs) the
+        curves of a unit of each.
+        """
         symbols: dict[str, Any] = {
             "x": self.x,
             **{name: np.float64(value) for name, value in self.known.items()},
-            **{name: points[:, [i]] for i, name in enumerate(self.names)},
+            **{name: nonlinear[:, [i]] for i, name in enumerate(self.nonlinear)},
+            **{name: Dual(np.float64(0.0), {name: 1.0}) for name in self.linear},
         }
-        names = [self.names[i] for i in moving]
-        symbols |= {name: Dual(symbols[name], {name: 1.0}) for name in names}
-        curve, shape = evaluate(self.formula.tree, symbols), (len(points), self.x.size)
-        columns = np.zeros((len(names), *shape))
+        curve, shape = evaluate(self.formula.tree, symbols), (nonlinear.shape[0], self.x.size)
+        constant = np.broadcast_to(plain(curve), shape)
+        columns = np.empty((len(self.linear), *shape))
         with np.errstate(all="ignore"):
-            for column, name in zip(columns, names, strict=True):
-                if isinstance(curve, Dual) and name in curve.partials:
-                    np.multiply(curve.partials[name], self.weight, out=column)
-            residuals = np.broadcast_to(plain(curve), shape) * self.weight - self.y
-        return residuals, columns.transpose(1, 2, 0)
+            for column, name in zip(columns, self.linear, strict=True):
+                np.multiply(curve.partials[name], self.weight, out=column)
+            return self.y - constant * self.weight, columns
+
+
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    """(n, 1) scalar products of the rows of a and b (n, n_obs)."""
+    return np.einsum("ij,ij->i", a, b)[:, None]
 
 
 def project_curve(
@@ -167,8 +194,8 @@ def project_curve(
         y * weight,
         weight,
         known,
-        nonlinear,
         linear,
+        nonlinear,
         scales,
         _blocks(formula, nonlinear),
     )
