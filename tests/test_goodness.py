@@ -264,7 +264,7 @@ def test_data_sets_are_simulated_until_every_p_value_is_known_well_enough(
         errors = rng.standard_normal((20, n))
         return (lambda: errors,) * 2
 
-    tests = goodness_of_fit._of_order(20, stated=True)
+    tests = goodness_of_fit._of_order(np.ones(20), stated=True)
     usual = goodness_of_fit._Tested(np.random.default_rng(2).standard_normal(20), tests)
     (checks,) = goodness_of_fit._checks([usual], simulate)
     least = min(check.p_value for check in checks.values())
@@ -312,6 +312,19 @@ def test_the_p_values_of_right_curves_are_uniform_though_simulation_ends_early()
         found = check_linear(z, root, x=x, y=x + z, f=x, sd=np.ones(12), stated=True, rng=rng)
         p_values.append(found.checks["autocorrelation"].p_value)
     assert stats.kstest(p_values, "uniform").pvalue < 1e-6
+
+
+@pytest.mark.parametrize("n", [5, 9])
+def test_a_blunder_at_the_end_of_a_short_series_is_found_as_one_in_the_middle(n: int) -> None:
+    """The fit follows a reading at the end, so that less is left of it."""
+    x = np.arange(1.0, n + 1.0)
+    for i in range(n):
+        y = 2.0 * x + 0.1 * np.random.default_rng(i).standard_normal(n)
+        assert fit_curve("a*x + b", x, y).status == "ok"
+        y[i] += 40.0
+        fit = fit_curve("a*x + b", x, y)
+        assert fit.status == "poor-fit", i
+        assert fit.goodness[0].failed == ("largest",), i
 
 
 @pytest.mark.parametrize("stated", [True, False])

@@ -7,14 +7,14 @@ with that projection in it (`estim.problem.whitened_residuals`).
 
 What each test detects: `chi2` the size of the residuals (only where the size of the noise was
 stated); `runs` too few changes of sign; `autocorrelation` correlated neighbours; `trend` a slow
-drift along the run; `largest` a single outlier (not beside a mixture, which has room for some).  Of
-a curve that is no motion two more are made.  `uneven` (not beside a smooth deviation, which may be
-local): whether residuals are larger or smaller where the curve f, its size |f| or x is large, the
-largest of |sum |z| w|/sum |z| over standardised w = f, |f|, x.  `repeated`, where x were read more
-than once: the F test of lack of fit, whether the means at each x scatter more about the curve than
-the readings of one x about their mean (its statistic is the share of chi2 that the means have,
-which rises with F).  Residuals that are all zero have no pattern to test: they fail as such
-(`zero`).
+drift along the run; `largest` a single outlier, of residuals over their standard deviations after
+the fit, sqrt(1 - leverage) (not beside a mixture, which has room for some).  Of a curve that is no
+motion two more are made.  `uneven` (not beside a smooth deviation, which may be local): whether
+residuals are larger or smaller where the curve f, its size |f| or x is large, the largest of |sum
+|z| w|/sum |z| over standardised w = f, |f|, x.  `repeated`, where x were read more than once: the F
+test of lack of fit, whether the means at each x scatter more about the curve than the readings of
+one x about their mean (its statistic is the share of chi2 that the means have, which rises with
+F).  Residuals that are all zero have no pattern to test: they fail as such (`zero`).
 
 Whether a curve is a `poor-fit` is decided here and nowhere else, for a line, a curve, a run or a
 joint fit: a test fails below P_POOR_FIT.  There are up to seven tests of a run, each of which would
@@ -79,6 +79,7 @@ _AT_ONCE, _MOST_AT_ONCE = 500, 1e5  # data sets and numbers
 _SLOW_ORDER, _SLOW_WEIGHT = 5, 4.0
 _SAME = 1e-9  # of its size: what varies less is the same everywhere
 _LEAST_REPEATED = 2  # readings beyond the first of their x: a single one may be a copied row
+_LEAST_LEFT = 0.05  # standard deviations: of a point that determines a parameter alone less is left
 _NO_DRIFT = 0.5  # standard deviations of a slow shape in independent residuals
 _OF_NEIGHBOURS = frozenset(("runs", "autocorrelation"))
 P_FLOOR = 1.0 / (1.0 + _N_SIMULATED)  # a p-value of the tests below cannot come out smaller
@@ -229,16 +230,17 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
     for group, response, spread in zip(problem.groups, responses, spreads, strict=True):
         whitened = group.split(response.z)
         dof = _dof(response.root) if known else 0
+        left = group.split(_left_by_fit(response.root, spread))
         tested = [
-            _Tested(z, _tests_of(run, named, raw_and_sd[run.name][1]), dof)
-            for run, z in zip(group.runs, whitened, strict=True)
+            _Tested(z, _tests_of(run, named, raw_and_sd[run.name][1], own), dof)
+            for run, z, own in zip(group.runs, whitened, left, strict=True)
         ]
         record = _recording(
             [(run.y, z, *raw_and_sd[run.name]) for run, z in zip(group.runs, whitened, strict=True)]
         )
         simulate = _simulated(response, spread, record, rng)
-        own = any(run.noise.own_density for run in group.runs)  # whose residuals mean nothing
-        checked = [{}] if own else _checks(tested, simulate, max(1.0, n_run / MANY_RUNS))
+        density = any(run.noise.own_density for run in group.runs)  # whose residuals mean nothing
+        checked = [{}] if density else _checks(tested, simulate, max(1.0, n_run / MANY_RUNS))
         for run, z, checks in zip(group.runs, whitened, checked, strict=True):
             results[run.name] = _goodness_of(fit, run, z, *raw_and_sd[run.name], checks, named)
     return tuple(results[run.name] for run in problem.runs)
@@ -264,7 +266,8 @@ def check_linear(
     """
     n_par = root.shape[1]
     (spread,) = spreads_by_runs([root], [np.arange(n_par)], np.zeros((n_par, n_par)))
-    tests = _of_order(z.size, stated=stated) | _uneven(f, x) | _repeated(x, sd)
+    tests = _of_order(_left_by_fit(root, spread), stated=stated)
+    tests |= _uneven(f, x) | _repeated(x, sd)
     tested = _Tested(z, tests, _dof(root))
     record = _recording([(y, z, y - f, sd)])
     (checks,) = _checks([tested], _simulated(Linear(z, root), spread, record, rng))
@@ -360,6 +363,14 @@ def _simulated(
         return exact, exact if record is None else lambda: fitted(record(errors))
 
     return simulate
+
+
+def _left_by_fit(root: FloatArray, spread: FloatArray) -> FloatArray:
+    """(n_obs,) standard deviations of whitened residuals after the fit, sqrt(1 - leverage), at
+    least `_LEAST_LEFT`.  root, spread : as above.
+    """
+    leverage = np.einsum("ij,ij->i", moves := root @ spread, moves)
+    return np.sqrt(np.maximum(1.0 - leverage, _LEAST_LEFT**2))
 
 
 def _goodness_of(
@@ -552,10 +563,12 @@ def _checks(
 
 
 def _tests_of(
-    run: Observations, named: Mapping[str, FloatArray], sd: FloatArray
+    run: Observations, named: Mapping[str, FloatArray], sd: FloatArray, left: FloatArray
 ) -> dict[str, Statistic]:
-    """The tests of a run.  sd : (n_obs,) standard deviations of y about the curve."""
-    tests, arguments = _of_order(run.n_obs, stated=run.stated), run.bind(named)
+    """The tests of a run.  sd : (n_obs,) standard deviations of y about the curve.  left : (n_obs,)
+    those of the whitened residuals.
+    """
+    tests, arguments = _of_order(left, stated=run.stated), run.bind(named)
     values = (
         run.curve.local(run.x, arguments).slope
         if run.positions
@@ -568,14 +581,16 @@ def _tests_of(
     return tests | _speed(values)
 
 
-def _of_order(n: int, *, stated: bool) -> dict[str, Statistic]:
-    """Tests of the order of n residuals, and of their size if that was `stated`."""
-    slow = _slow(n, 3)
+def _of_order(left: FloatArray, *, stated: bool) -> dict[str, Statistic]:
+    """Tests of the order of residuals, whose standard deviations after the fit are left (n_obs,),
+    and of their size if that was `stated`.
+    """
+    slow, n = _slow(left.size, 3), left.size
     tests: dict[str, Statistic] = {
         "runs": lambda z: -np.sum(np.diff(np.signbit(z), axis=1), axis=1).astype(float),
         "autocorrelation": lambda z: np.einsum("ij,ij->i", z[:, 1:], z[:, :-1]) / _size(z),
         "trend": lambda z: np.max(np.abs(z @ slow), axis=1) / np.sqrt(_size(z) / n),
-        "largest": lambda z: np.max(np.abs(z), axis=1) / np.sqrt(_size(z) / n),
+        "largest": lambda z: np.max(np.abs(z / left), axis=1) / np.sqrt(_size(z) / n),
     }
     return {"chi2": _squares} | tests if stated else tests
 
