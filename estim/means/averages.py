@@ -6,8 +6,9 @@ What to use when:
   weighted mean.  Where they scatter more than these explain, the hierarchical mean: it
   has a dark uncertainty tau, which is inferred with the mean.  "Birge" (the scale factor of the
   Particle Data Group), "DerSimonian-Laird" and "Mandel-Paule" stand beside them.
-- readings without uncertainties, `mean(values)`: s/sqrt(n), Student's t (GUM 4.2); `poor-fit` where
-  one lies much farther from their mean than the others.
+- readings without uncertainties, in the order in which they were taken, `mean(values)`: s/sqrt(n),
+  Student's t (GUM 4.2); `poor-fit` where one lies much farther from their mean than the others, or
+  where they drift.
 - readings in groups, days for instance, `mean(values, groups=days)`: the readings of one group
   share an error, and the means of the groups count (GUM H.5).
 
@@ -99,7 +100,8 @@ class Mean(Tabled):
     chi2, p_value : of the weighted mean; nan for readings.  birge : sqrt(chi2/dof).
     tau_interval : of the dark uncertainty; nan for readings.
     groups : None without groups.
-    status : "ok", or "poor-fit" where one of the readings is not as the others.
+    status : "ok", or "poor-fit" where one of the readings is not as the others, or where each
+        depends on the one before.
 
     >>> from estim import mean
     >>> found = mean([9.81, 9.78, 9.80], 0.02)
@@ -288,16 +290,34 @@ def _of_readings(x: FloatArray, probability: float) -> Mean:
         stated=False,
         rng=stream(0, Stream.GOODNESS),
     )
-    if "largest" not in goodness.failed:
+    steps = np.diff(x)
+    sorted_values = not (steps > 0.0).any() or not (steps < 0.0).any()
+    in_order = [name for name in ("trend", "autocorrelation", "runs") if name in goodness.failed]
+    if "largest" in goodness.failed:
+        i = int(np.argmax(np.abs(z)))
+        reason = phrase(
+            "value number {n}, {value}, lies much farther from the mean than the others ({p}): "
+            "check it",
+            n=i + 1,
+            value=f"{x[i]:.6g}",
+            p=format_p(goodness.checks["largest"].p_value, P_FLOOR),
+        )
+    elif in_order and sorted_values:
+        reason = phrase(
+            "the scatter of the readings alone tells the uncertainty (GUM 4.2), if they are "
+            "independent; as they stand, they only rise or only fall, so that they were sorted, "
+            "or drift"
+        )
+        return replace(result, reason=reason)
+    elif in_order:
+        reason = phrase(
+            "the readings drift, or each depends on the one before ({p}), so that their mean is "
+            "less certain than their scatter says (GUM 4.2.7): take readings that are independent, "
+            "or state which of them share an error (groups)",
+            p=format_p(goodness.checks[in_order[0]].p_value, P_FLOOR),
+        )
+    else:
         return result
-    i = int(np.argmax(np.abs(z)))
-    reason = phrase(
-        "value number {n}, {value}, lies much farther from the mean than the others ({p}): "
-        "check it",
-        n=i + 1,
-        value=f"{x[i]:.6g}",
-        p=format_p(goodness.checks["largest"].p_value, P_FLOOR),
-    )
     return replace(result, reason=reason, status=Status.POOR_FIT)
 
 
