@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from estim import Component, DataSet, Poisson, fit_curve, fit_curves, load_campaign
 from estim.campaign import TableChoices, campaign_of_table
-from estim.common import InputError
+from estim.common import InputError, Kind
 from estim.fitting import fit_problem
 from estim.fitting.optimum import fit_optimum
 
@@ -276,3 +276,20 @@ def test_sets_with_exact_values_of_their_own_begin_each_by_itself() -> None:
         fixed = {"k[a]": 1.0, "k[b]": 5.3}
         found = fit_curves("A*sin(w*k*x + p)", data, shared=["A", "w", "p"], fixed=fixed)
         assert found.status == "ok"
+
+
+@pytest.mark.parametrize("jitter", [False, True])
+def test_readings_that_stand_in_two_data_sets_are_said_to_count_twice(jitter: bool) -> None:
+    x, rng = np.arange(10.0), np.random.default_rng(1)
+    first, other = (2.0 * x + 0.1 * rng.standard_normal(10) for _ in range(2))
+    sets = {
+        "monday": DataSet(x, first, 0.1, jitter=jitter),
+        "copy": DataSet(x[2:], first[2:], 0.1, jitter=jitter),
+    }
+    copied = fit_curves("a*x + b", sets, start={"a": 1.0, "b": 0.0})
+    assert [f.names for f in copied.remarks if f.kind is Kind.READINGS_COPIED] == [
+        ("monday", "copy")
+    ]
+    sets["copy"] = DataSet(x, other, 0.1, jitter=jitter)
+    right = fit_curves("a*x + b", sets, start={"a": 1.0, "b": 0.0})
+    assert Kind.READINGS_COPIED not in [f.kind for f in right.remarks]

@@ -38,6 +38,7 @@ from estim.checks.diagnosis import (
     unidentified,
 )
 from estim.checks.model_discrepancy import deviation_finding, unasked, wrong_curves
+from estim.checks.doubtful_data import data_remarks
 from estim.checks.fitted_curve import (
     curve_findings,
     curve_remarks,

@@ -13,7 +13,7 @@ import numpy as np
 from estim.arrays import FloatArray, positive_or
 from estim.checks.conflict import Conflict, stated_values
 from estim.checks.consistency import Consistency
-from estim.checks.counts_as_readings import counts_as_readings
+from estim.checks.doubtful_data import data_remarks
 from estim.checks.goodness_of_fit import P_FLOOR, P_POOR_FIT, P_TOLD, SCATTER_LIMIT, Goodness
 from estim.checks.identifiability import Identifiability
 from estim.checks.model_discrepancy import deviation_remarks, unasked, wrong_curves
@@ -451,8 +451,8 @@ def _remarks(fit: Fit, goodness: Sequence[Goodness], conflict: Conflict) -> list
             )
         if 1.5 < good.scatter_ratio <= SCATTER_LIMIT:
             remarks.append(Finding(Kind.SCATTER_LARGE, run=good.run, size=good.scatter_ratio))
+    remarks += data_remarks(fit.problem.runs)
     for run in fit.problem.runs:
-        remarks += counts_as_readings(run)
         readings = run.motion.instrument_readings if run.motion else ()
         exact = tuple(name for name in readings if isinstance(run.arguments.get(name), float))
         if exact:

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from estim.checks.counts_as_readings import counts_as_readings
 from estim.checks.diagnosis import failed_tests, marginal_tests, tolerated_pattern
+from estim.checks.doubtful_data import data_remarks
 from estim.checks.goodness_of_fit import P_FLOOR, P_POOR_FIT, Goodness
 from estim.common import Amount, Finding, Kind
 from estim.fitting import FEW, Ends, Fit, Optimum, coverage_of_sd, pressed_edges, silent_parameters
@@ -116,7 +116,7 @@ def curve_remarks(
     """What to know of a fit that may be ok.  p_below : probability of a chi2 at most as large.
     stated : whether the size of the errors was.  perfect : whether there are residuals at all.
     """
-    remarks = [remark for run in fit.problem.runs for remark in counts_as_readings(run)]
+    remarks = data_remarks(fit.problem.runs)
     if _NO_DIGITS >= best.tolerance > _FEW_DIGITS and not perfect:
         remarks.append(Finding(Kind.ROUNDING, size=best.tolerance))
     if best.frail and not best.singular:

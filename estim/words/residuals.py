@@ -179,6 +179,12 @@ WORDS: Table = {
         found=_deviance(f) if "dof" in f.numbers else facts(f)["p"],
     ),
     Kind.COUNTS_AS_READINGS: _counts_as_readings,
+    Kind.READINGS_COPIED: lambda f: phrase(
+        "{first} and {second} hold the same readings, which therefore count twice: the "
+        "uncertainties are too small; leave one of them out",
+        first=f.names[0],
+        second=f.names[1],
+    ),
     Kind.SCATTER_TOO_LARGE: (
         "{of_run}the inferred scatter is {n:.0f} times that expected from the instrument"
     ),
