@@ -298,7 +298,8 @@ def test_stated_error_of_a_derivative_covers_the_noise_of_the_function(rng):
     [
         (lambda q: np.abs(q["x"]), "differs on the two sides"),
         (lambda q: np.sqrt(np.maximum(q["x"], 0.0)), "differs on the two sides"),
-        (lambda q: np.sqrt(q["x"]), "undefined next to the estimate"),
+        (lambda q: np.sqrt(q["x"]), "undefined, next to the estimate"),
+        (lambda q: np.arctan2(q["x"], -1.0), "jumps"),
         (lambda q: np.log(q["x"] - 1.0), "no finite value at the estimates"),
         (lambda q: q["x"] ** 2, "all first derivatives vanish"),
         (lambda q: q["x"] + 5e-6 * np.sin(1e7 * q["x"] + 1.0), "is known only to"),

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.arrays import FloatArray
+from estim.arrays import BoolArray, FloatArray
 from estim.common import InputError
 from estim.curves import HALVED, evaluate, extrapolated, read_formula
 from estim.given_numbers import real_numbers
@@ -210,16 +210,23 @@ def gradient(function: MeasurementFunction, inputs: Sequence[Input]) -> Gradient
         )
         width = (above - below).reshape(-1, *(1,) * value.ndim)
         with np.errstate(all="ignore"):
-            tables.append(
-                (
-                    *extrapolated(right, left, width, first_trusted=_SETTLED),
-                    _kink(value, right, left, steps),
-                )
-            )
+            slope, error = extrapolated(right, left, width, first_trusted=_SETTLED)
+            jumps = _jumps(right, left)
+            kink = np.where(jumps, 0.0, _kink(value, right, left, steps))
+            tables.append((np.where(jumps, np.nan, slope), error, kink))
     derivative, error, kink = (np.array(column) for column in zip(*tables, strict=True))
     for array in (value, derivative, error, kink):
         array.flags.writeable = False
     return Gradient(value, derivative, error, kink)
+
+
+def _jumps(right: FloatArray, left: FloatArray) -> BoolArray:
+    """() or (n_out,) whether the function is not continuous: its values on both sides, right and
+    left (n_step, ...), come no closer with the steps.
+    """
+    across = np.abs(right - left)
+    rounding = 100.0 * np.finfo(float).eps * np.maximum(np.abs(right), np.abs(left))[-1]
+    return (across[-1] > 0.5 * across[_SETTLED]) & (across[-1] > rounding)
 
 
 def _kink(value: FloatArray, right: FloatArray, left: FloatArray, steps: FloatArray) -> FloatArray:

@@ -302,9 +302,8 @@ def _derivative_notes(
             (
                 missing,
                 phrase(
-                    "there is no derivative with respect to '{name}': the function is "
-                    "undefined next to the estimate, so u is "
-                    "unknown",
+                    "there is no derivative with respect to '{name}': the function jumps, or is "
+                    "undefined, next to the estimate, so u is unknown",
                     name=quantity.name,
                 ),
             ),
