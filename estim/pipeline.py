@@ -37,6 +37,7 @@ from estim.checks import (
     find_modes,
     find_outliers,
     headline,
+    held_by_draws,
     identify,
     influences,
     not_measured,
@@ -312,6 +313,7 @@ def analyse_fit(
         )
     )
     chain, comparison = drawn.chain, drawn.comparison
+    unheld = tuple(finding for finding in unheld if not held_by_draws(finding, fit, chain))
     progress(100, phrase("checks"))
     goodness = check_goodness(fit, rng=stream(seed, Stream.GOODNESS)) if tested else untested(fit)
     modes = find_modes(fit, chain.thinned(20_000))

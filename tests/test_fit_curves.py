@@ -10,11 +10,21 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
-from estim import Component, DataSet, Poisson, fit_curve, fit_curves, load_campaign
+from estim import (
+    Component,
+    DataSet,
+    Poisson,
+    Target,
+    fit_curve,
+    fit_curves,
+    load_campaign,
+    sample_curve,
+)
 from estim.campaign import TableChoices, campaign_of_table
 from estim.common import InputError, Kind
 from estim.fitting import fit_problem
 from estim.fitting.optimum import fit_optimum
+from estim.pipeline import analyse_fit
 
 T = np.linspace(0.0, 6.0, 30)
 RNG = np.random.default_rng(3)
@@ -293,3 +303,46 @@ def test_readings_that_stand_in_two_data_sets_are_said_to_count_twice(jitter: bo
     sets["copy"] = DataSet(x, other, 0.1, jitter=jitter)
     right = fit_curves("a*x + b", sets, start={"a": 1.0, "b": 0.0})
     assert Kind.READINGS_COPIED not in [f.kind for f in right.remarks]
+
+
+@pytest.mark.slow
+def test_a_spread_between_sets_is_identified_though_the_joint_mode_is_in_a_corner() -> None:
+    """c + s z with z = 0(1) in each set: the highest density has s at its limit and all z near 0,
+    which next to no probability has.  The marginal of s is that of normal means, on a grid.
+    """
+    rng, x, n = np.random.default_rng(2), np.linspace(0.0, 2.0, 6), 5
+    means = 10.0 + rng.standard_normal(n)
+    sets = {f"s{k}": DataSet(x, m + 0.3 * rng.standard_normal(6), 0.3) for k, m in enumerate(means)}
+    fit = fit_curves(
+        "c + s*z + 0*x",
+        sets,
+        shared=["c", "s"],
+        start={"c": 10.0, "s": 1.0, "z": 0.0},
+        bounds={"s": (0.0, 10.0)},
+        priors={"z": "0(1)"},
+    )
+    analysis = sample_curve(fit, seed=1, target=Target(ess=1000.0))
+    assert analysis.diagnosis.status == "ok", analysis.diagnosis.reasons
+    y = np.array([points.y for points in sets.values()]).mean(axis=1)
+    s = np.linspace(0.0, 10.0, 4001)
+    variance = s**2 + 0.3**2 / 6.0
+    log_density = -0.5 * (n - 1) * (np.log(variance) + y.var(ddof=1) / variance)
+    shares = np.cumsum(np.exp(log_density - log_density.max()))
+    draws = analysis.chain.column("s")
+    for p in (0.16, 0.5, 0.84):
+        exact = float(np.interp(p, shares / shares[-1], s))
+        assert np.mean(draws < exact) == pytest.approx(p, abs=4.0 * 0.5 / np.sqrt(1000.0))
+    # what is measured of a set is no limit: z enters with its sign, whatever that of s
+    assert all(estimate.upper is None for estimate in analysis.estimates)
+
+
+@pytest.mark.slow
+def test_a_product_that_only_limits_hold_is_not_identified() -> None:
+    x = np.linspace(1.0, 2.0, 12)
+    y = 6.0 * x + 0.1 * np.random.default_rng(1).standard_normal(12)
+    fit = fit_curve(
+        "a*b*x", x, y, u_y=0.1, start={"a": 2.0, "b": 3.0}, bounds=dict.fromkeys("ab", (1.0, 4.0))
+    )
+    analysis = analyse_fit(fit.fit, seed=1, target=Target(ess=400.0))
+    assert analysis.chain.convergence.met
+    assert analysis.diagnosis.status == "not-identified"

@@ -35,6 +35,7 @@ from estim.checks.diagnosis import (
     sampling_findings,
     several_solutions,
     too_many_outliers,
+    held_by_draws,
     unidentified,
 )
 from estim.checks.model_discrepancy import deviation_finding, unasked, wrong_curves

@@ -30,6 +30,8 @@ from estim.words import describe
 
 # curvature of the log prior along a direction, 1 for a normal prior, below which it does not hold
 # it
+# of a range, the part beside each limit, and of the draws, how many may lie there
+_EDGE, _AT_EDGES = 0.05, 0.01
 _FLAT = 0.05
 
 # standard deviations of a parameter, by which a run whose covariance is held may move those of
@@ -282,6 +284,21 @@ def same_curve(fit: Fit) -> tuple[Finding, ...]:
 def unidentified(fit: Fit, identifiability: Identifiability) -> tuple[Finding, ...]:
     """What neither the data nor the priors hold, as the fit shows before any draw."""
     return (*_flat_directions(fit, identifiability), *open_sides(fit, fit.scale))
+
+
+def held_by_draws(finding: Finding, fit: Fit, chain: Chain) -> bool:
+    """Whether a direction that is flat at the fit is not so for the posterior: draws have converged
+    and keep away from the limits of all that moves along it.  The highest joint density of a spread
+    and of what is spread by it lies in a corner of next to no probability.
+    """
+    if finding.kind is not Kind.DIRECTION_FLAT or not chain.convergence.met:
+        return False
+    moving = [fit.names.index(amount.name) for amount in finding.parameters]
+    low, high = (limits[moving] for limits in fit.problem.support())
+    draws = chain.flat[:, moving]
+    with np.errstate(invalid="ignore"):
+        from_edge = np.minimum(draws - low, high - draws) / (high - low)
+    return bool(np.all(np.mean(from_edge < _EDGE, axis=0) <= _AT_EDGES))
 
 
 def _flat_directions(fit: Fit, identifiability: Identifiability) -> list[Finding]:

@@ -147,7 +147,9 @@ def zero_allowed(fit: Fit) -> frozenset[str]:
     Their draws exclude zero whatever the data say, since Jeffreys' prior is 0 there.
     """
     unsigned = (
-        () if fit.symmetry is None else np.flatnonzero(fit.symmetry.flips & (fit.values > 0.0))
+        ()
+        if fit.symmetry is None
+        else np.flatnonzero(fit.symmetry.flips & fit.problem.unstated & (fit.values > 0.0))
     )
     allowed = set[str]()
     for i in unsigned:
