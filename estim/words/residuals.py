@@ -209,11 +209,11 @@ WORDS: Table = {
         f,
         "there are only {n:.0f} degrees of freedom: value ± standard error contains the true "
         "value in {share:.0f} % of such experiments, not in 68 %; the intervals (Student's t) "
-        "have their nominal coverage"
+        "allow for it"
         if f.size > 1
         else "there is only {n:.0f} degree of freedom: value ± standard error contains the true "
         "value in {share:.0f} % of such experiments, not in 68 %; the intervals (Student's t) "
-        "have their nominal coverage",
+        "allow for it",
         share=100.0 * f.numbers["coverage"],
     ),
     Kind.NOT_TESTABLE: (
