@@ -23,6 +23,7 @@ _OF_SPREADSHEETS = (
     "#CONNECT! #BLOCKED! #BUSY!"
 )
 _ERRORS = frozenset(_OF_SPREADSHEETS.split())
+NOT_COMPUTED = "never computed: open the file in the spreadsheet program and save it"
 
 
 class Row(NamedTuple):

@@ -314,7 +314,11 @@ def numeric_columns(layout: Layout) -> tuple[str, ...]:
 
 def _is_numeric(rows: Sequence[Row], column: int) -> bool:
     def number(cell: str) -> bool:
-        return _MEANT_AS_A_NUMBER.fullmatch(cell) is not None or holds_a_value(cell)
+        return (
+            _MEANT_AS_A_NUMBER.fullmatch(cell) is not None
+            or holds_a_value(cell)
+            or cell.startswith("=")  # a formula that was not computed
+        )
 
     ends = [row.cells[column : column + 1] for row in (*rows[:1], *rows[-1:])]
     if any(number(cell) for cells in ends for cell in cells):
@@ -483,7 +487,7 @@ def _header(
     comments = [
         (number, line.lstrip("# \t").rstrip())
         for number, line in below
-        if number < rows[0].number and is_comment(line)
+        if number < rows[0].number and is_comment(line) and line.strip("# \t")
     ]
     for number, line in comments[-1:]:
         if are_names(cells := _cells(line, delimiter)[columns]):

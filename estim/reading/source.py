@@ -54,16 +54,8 @@ def read_source(path: Path, dialect: Dialect) -> Source:
             names = archive.namelist()
         if {"xl/workbook.xml", "content.xml"} & {*names}:
             refuse(dialect, "does not go with a workbook", "delimiter", "encoding")
-            text, sheet, others = sheet_text(data, dialect)
-            if others and dialect.sheet is None:
-                facts = [
-                    phrase(
-                        "read from sheet '{sheet}', the first with a table (others: {others})",
-                        sheet=sheet,
-                        others=listed(others),
-                    )
-                ]
-            return Source(text, digest, "\t", tuple(facts))
+            text, chosen = sheet_text(data, dialect)
+            return Source(text, digest, "\t", chosen)
         data, name = _of_archive(data, dialect)
         facts = [phrase("read from '{name}' in the archive", name=name)]
     else:
