@@ -274,6 +274,25 @@ def test_a_sheet_that_would_fill_the_memory_is_refused(
         read_table(tmp_path / name)
 
 
+@pytest.mark.parametrize(
+    ("last", "said"),
+    [
+        ("10;20", "line 6 stands apart"),
+        ("6;12,6", "what stands below the table was not read (line 6)"),  # the sum
+        ("2;4,2", "what stands below the table was not read (line 6)"),  # the mean
+        ("# total\n6;12,6", ""),
+    ],
+)
+def test_a_last_row_below_an_empty_line_is_named_or_left_out(
+    tmp_path: Path, last: str, said: str
+) -> None:
+    (tmp_path / "a.csv").write_text(f"t;U\n1;2,1\n2;4,3\n3;6,2\n\n{last}\n")
+    table = read_columns(tmp_path / "a.csv", needed=["t", "U"], min_rows=2)
+    assert [fact for fact in table.facts if not fact.startswith(said)] == []
+    assert bool(table.facts) == bool(said)
+    assert len(table.lines) == 3 + ("apart" in said or not said)
+
+
 AXES = "time,seconds_elapsed,z,y,x\n" + "".join(
     f"{i + 1},0.{i},9.{i},0.0{i},0.1{i}\n" for i in range(9)
 )

@@ -7,6 +7,8 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Callable, Sequence
+from itertools import pairwise
+from math import fsum
 from pathlib import Path
 
 from estim.common import InputError, in_its_file, is_unit, phrase
@@ -118,16 +120,6 @@ def read_layout(path: Path, dialect: Dialect) -> Layout:
     else:
         split, sums = _without_sums(split)
         ends = [*sums, *ends]
-    if ends:
-        below_it = line_numbers([row.number for row in ends])
-        facts.append(
-            phrase(
-                "what stands below the table was not read (line {lines})"
-                if len(ends) == 1
-                else "what stands below the table was not read (lines {lines})",
-                lines=below_it,
-            )
-        )
     split = [row._replace(cells=_without_thousands(row.cells, dialect)) for row in split]
     start = _start(split, delimiter)
     above = split[:start]
@@ -144,6 +136,26 @@ def read_layout(path: Path, dialect: Dialect) -> Layout:
         same = line_numbers([row.number for row in repeated])
         facts.append(
             phrase("lines that repeat the head of the table were not read ({lines})", lines=same)
+        )
+    if _is_last_apart(rows, lines):
+        if _sums_up(rows):
+            ends = [rows.pop(), *ends]
+        else:
+            facts.append(
+                phrase(
+                    "line {line} stands apart, below an empty line, and is read like those above",
+                    line=rows[-1].number,
+                )
+            )
+    if ends:
+        below_it = line_numbers([row.number for row in ends])
+        facts.append(
+            phrase(
+                "what stands below the table was not read (line {lines})"
+                if len(ends) == 1
+                else "what stands below the table was not read (lines {lines})",
+                lines=below_it,
+            )
         )
     names, header_line, units = _header(above, below, rows, delimiter, dialect)
     if not names:
@@ -229,6 +241,32 @@ def _sum_word(row: Row) -> str:
     words = (cell.strip(" :=").casefold() for cell in row.cells)
     word = next((word for word in words if word in _SUMS), "")
     return word if any(map(holds_a_value, row.cells)) else ""
+
+
+def _is_last_apart(rows: Sequence[Row], lines: Lines) -> bool:
+    """Whether no row but the last one stands below an empty line.  lines : all that are not."""
+    first, last = rows[0].number, rows[-1].number
+    pairs = pairwise(number for number, _ in lines if first <= number <= last)
+    return len(rows) > 3 and [below for above, below in pairs if below > above + 1] == [last]
+
+
+def _sums_up(rows: Sequence[Row]) -> bool:
+    """Whether each number of the last row is the sum of those above it, or each is their mean."""
+    columns = [
+        [float(cell.replace(",", ".")) for cell in cells]
+        for i, last in enumerate(rows[-1].cells)
+        for cells in [[cell for row in rows for cell in row.cells[i : i + 1] if cell]]
+        if last and all(map(looks_like_a_number, cells))
+    ]
+    return any(
+        all(
+            abs(fsum(above) / (len(above) if mean else 1) - last) <= 1e-9 * max(map(abs, above))
+            and len({*above}) > 1
+            for *above, last in columns
+        )
+        for mean in (False, True)
+        if columns
+    )
 
 
 def _is_a_row(row: Row, *, like: Row) -> bool:
