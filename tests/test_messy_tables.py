@@ -293,6 +293,17 @@ def test_a_last_row_below_an_empty_line_is_named_or_left_out(
     assert len(table.lines) == 3 + ("apart" in said or not said)
 
 
+def test_a_column_that_cannot_be_read_stops_only_those_who_read_it(tmp_path: Path) -> None:
+    rows = "\n".join(f"0{i}/05/2024,{i},{2 * i},{i} {unit}" for i, unit in enumerate("VVA", 1))
+    (tmp_path / "a.csv").write_text(f"day,t,U,I\n{rows}\n")
+    table = read_columns(tmp_path / "a.csv", needed=["t", "U"], min_rows=2)
+    assert table.columns["U"].tolist() == [2.0, 4.0, 6.0]
+    assert table.unread == ("day", "I")
+    for name, says in (("day", "--dates dmy or mdy"), ("I", "written like the cells above it")):
+        with pytest.raises(InputError, match=f"a.csv:.*{says}"):
+            read_columns(tmp_path / "a.csv", needed=["t", name], min_rows=2)
+
+
 AXES = "time,seconds_elapsed,z,y,x\n" + "".join(
     f"{i + 1},0.{i},9.{i},0.0{i},0.1{i}\n" for i in range(9)
 )
