@@ -347,7 +347,7 @@ def numeric_columns(layout: Layout) -> tuple[str, ...]:
     the column is read, it is refused, and no other column takes its place.
     """
     named = [(i, name) for i, name in enumerate(layout.names) if name and not name.startswith("_")]
-    return tuple(name for i, name in named if _is_numeric(layout.rows, i))
+    return tuple(name for i, name in named if name in layout.refused or _is_numeric(layout.rows, i))
 
 
 def _is_numeric(rows: Sequence[Row], column: int) -> bool:
