@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 import zipfile
 from contextlib import nullcontext
@@ -21,6 +22,7 @@ from estim.curve_fitting.tables import read_table
 from estim.reading.dialect import Dialect, name_and_unit
 from estim.reading.layout import read_layout
 from estim.reading.named_columns import read_columns
+from estim.reading.source import read_suffixes
 
 
 def _needs_package(file: str) -> None:
@@ -302,6 +304,28 @@ def test_a_column_that_cannot_be_read_stops_only_those_who_read_it(tmp_path: Pat
     for name, says in (("day", "--dates dmy or mdy"), ("I", "written like the cells above it")):
         with pytest.raises(InputError, match=f"a.csv:.*{says}"):
             read_columns(tmp_path / "a.csv", needed=["t", name], min_rows=2)
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "says"),
+    [
+        ("a.xlsx", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "is an old .xls or has a password"),
+        ("a.trk", b"<object/>", "is of the program Tracker: .*estim import"),
+        (
+            "a.csv",
+            b"t [s];U [V]\n1;+1.9E+00 VDC\n2;+2.1E+00 VDC\n3;+3.0E+00 VDC\n",
+            ":2: 'U .V.' must be in the unit of its header, V, or numbers alone: .1.9E.00 VDC",
+        ),
+    ],
+)
+def test_what_is_no_table_of_these_is_named(
+    tmp_path: Path, file: str, content: bytes, says: str
+) -> None:
+    (tmp_path / file).write_bytes(content)
+    done = runner().invoke(cli, ["line", str(tmp_path / file)], standalone_mode=False)
+    assert isinstance(done.exception, InputError)
+    assert re.search(says, str(done.exception))
+    assert ".xls" not in read_suffixes()
 
 
 AXES = "time,seconds_elapsed,z,y,x\n" + "".join(
