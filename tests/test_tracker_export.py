@@ -196,7 +196,7 @@ REFUSED = {
     "blank": ("\n# t,x\n", f"{NO_NAMES}: nothing".replace(":1:", ":")),
     "no names but 0.0": ("0.0\t0.1\n0.1\t0.2\n", f"{NO_NAMES}: 0.0"),
     "names of columns above those of Logger Pro": (
-        "Time\tPosition\nt\tx\n0.1\t0.2\n",
+        "Position\tTime\nx\tt\n0.1\t0.2\n",
         "a.txt:1: 'header' must have a line of column names",
     ),
     "no names but 12.5": ("12.5;0.1\n", "a.txt:1: 'header' must have a line of column names"),

@@ -40,13 +40,18 @@ def test_cells_shown_in_per_cent_are_read_in_per_cent(
 
 
 @BOTH
-def test_a_column_shown_in_per_cent_in_part_is_refused_without_its_unit(
-    tmp_path: Path, make: Make
+@pytest.mark.parametrize(
+    ("name", "shares", "says"),
+    [
+        ("T", [Percent(0.02), 0.03, Percent(0.07)], "3: 'T' must be written like the cells above"),
+        ("T (%)", [0.03, Percent(0.02), Percent(0.07)], "3: 'T' must be a number .*: 2%"),
+    ],
+)
+def test_a_column_shown_in_per_cent_in_part_is_refused(
+    tmp_path: Path, make: Make, name: str, shares: list[object], says: str
 ) -> None:
-    shares = [Percent(0.021), 0.029, Percent(0.07)]
-    book = make({"A": [["t", "T"], *enumerate(shares)]})
-    with pytest.raises(InputError, match=r"a\.\w+:3: 'T' must be written like the cells above it"):
-        read(tmp_path, book, "T")
+    with pytest.raises(InputError, match=rf"a\.\w+:{says}"):
+        read(tmp_path, make({"A": [["t", name], *enumerate(shares)]}), "T")
 
 
 def test_a_percent_sign_that_is_text_of_the_format_is_no_factor(tmp_path: Path) -> None:

@@ -66,7 +66,11 @@ def in_plain_numbers(table: Layout) -> Layout:
                 before = _dates_before(table, index, cells)
                 table = _moments(table, index, cells, before)
                 dates = index - 1 if before else dates
-            elif table.units[index] and all(_QUANTITY.fullmatch(cell) for cell in ends):
+            elif (
+                table.units[index]
+                and all(_QUANTITY.fullmatch(cell) for cell in ends)
+                and not all(map(holds_a_value, ends))
+            ):
                 number, cell = next(pair for pair in cells if not holds_a_value(pair[1]))
                 rule = f"must be in the unit of its header, {table.units[index]}, or numbers alone"
                 raise InputError(rule, field=name, value=cell, line=number)

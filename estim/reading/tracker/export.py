@@ -12,6 +12,7 @@ from __future__ import annotations
 import csv
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -225,7 +226,8 @@ def _track_names(lines: Lines, delimiter: str, columns: Sequence[str]) -> list[t
     ]
     if not names:
         return [("unnamed", 0)]
-    if len(names) > 1 and columns[names[0][1] : names[1][1]] == ["t"]:
+    starts = [*(i for _, i in names), len(columns)]
+    if len(names) > 1 and any(columns[i:j] == ["t"] for i, j in pairwise(starts)):
         return []
     return [(names[0][0], 0)] if len(names) == 1 else names
 
