@@ -44,6 +44,11 @@ def is_missing(cell: str) -> bool:
     return cell.lower() in _MISSING
 
 
+def is_formula(cell: str) -> bool:
+    """Whether a cell is a formula in the place of its value: `=B2/2`, but not the remark `=> B`."""
+    return cell.startswith("=") and not cell.startswith(("==", "=>"))
+
+
 def is_spreadsheet_error(cell: str) -> bool:
     """Whether a cell is what a spreadsheet puts in the place of a value that it does not have:
     `#N/A`, `#DIV/0!`, in several languages.

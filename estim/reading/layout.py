@@ -16,6 +16,7 @@ from estim.reading.cell_formats import holds_a_value, in_plain_numbers
 from estim.reading.cells import (
     Row,
     is_comment,
+    is_formula,
     is_missing,
     is_spreadsheet_error,
     looks_like_a_number,
@@ -355,7 +356,7 @@ def _is_numeric(rows: Sequence[Row], column: int) -> bool:
         return (
             _MEANT_AS_A_NUMBER.fullmatch(cell) is not None
             or holds_a_value(cell)
-            or cell.startswith("=")  # a formula that was not computed
+            or is_formula(cell)
         )
 
     ends = [row.cells[column : column + 1] for row in (*rows[:1], *rows[-1:])]

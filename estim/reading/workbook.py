@@ -22,7 +22,7 @@ from urllib.parse import urljoin
 from estim.common import Files, InputError, listed, phrase
 from estim.reading.archive import opened, unpacked
 from estim.reading.cell_formats import holds_a_value
-from estim.reading.cells import NOT_COMPUTED
+from estim.reading.cells import NOT_COMPUTED, is_formula
 from estim.reading.dialect import Dialect, cell_name, column_number
 from estim.reading.markup import Attributes, parse_xml
 from estim.reading.table import line_numbers
@@ -339,7 +339,7 @@ def _no_numbers(
 ) -> InputError:
     """The error for a workbook with these sheets, where none of the tables holds numbers."""
     rule = "has no sheet with rows of numbers"
-    if any(cell.startswith("=") for cells, _ in tables.values() for row in cells for cell in row):
+    if any(is_formula(cell) for cells, _ in tables.values() for row in cells for cell in row):
         rule += f", but formulas that were {NOT_COMPUTED}"
     elif len(tables) < len(names) or any(facts for _, facts in tables.values()):
         rule += " (what is hidden is not read; --sheet NAME reads a hidden sheet)"
