@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import io
 import json
+import re
 import sys
 import zipfile
 from contextlib import nullcontext
@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from command_runner import runner
 from messy_tables import LINE, MESSY
-from workbooks import ods, xlsx
+from workbooks import xlsx
 
 from estim import InputError, fit_curve
 from estim.cli.commands import cli
@@ -22,6 +22,7 @@ from estim.curve_fitting.tables import read_table
 from estim.reading.dialect import Dialect, name_and_unit
 from estim.reading.layout import read_layout
 from estim.reading.named_columns import read_columns
+from estim.reading.source import read_suffixes
 
 
 def _needs_package(file: str) -> None:
@@ -275,20 +276,56 @@ def test_a_sheet_that_would_fill_the_memory_is_refused(
         read_table(tmp_path / name)
 
 
-@pytest.mark.parametrize("text", ["Err:502", "#DIV/0!"])
-def test_an_error_that_a_workbook_calls_the_number_0_is_refused(tmp_path: Path, text: str) -> None:
-    pytest.importorskip("python_calamine")
-    book = ods({"A": [["t", "U"], [0, 1], [1, 77.25], [2, 3]]})
-    with (
-        zipfile.ZipFile(io.BytesIO(book)) as archive,
-        zipfile.ZipFile(tmp_path / "a.ods", "w") as changed,
-    ):
-        for part in archive.namelist():
-            content = archive.read(part).decode()
-            content = content.replace('"77.25"><text:p>77,25', f'"0"><text:p>{text}')
-            changed.writestr(part, content)
-    with pytest.raises(InputError, match=f"a.ods:3: 'cell' must be a number: {text}"):
-        read_table(tmp_path / "a.ods")
+@pytest.mark.parametrize(
+    ("last", "said"),
+    [
+        ("10;20", "line 6 stands apart"),
+        ("6;12,6", "what stands below the table was not read (line 6)"),  # the sum
+        ("2;4,2", "what stands below the table was not read (line 6)"),  # the mean
+        ("# total\n6;12,6", ""),
+    ],
+)
+def test_a_last_row_below_an_empty_line_is_named_or_left_out(
+    tmp_path: Path, last: str, said: str
+) -> None:
+    (tmp_path / "a.csv").write_text(f"t;U\n1;2,1\n2;4,3\n3;6,2\n\n{last}\n")
+    table = read_columns(tmp_path / "a.csv", needed=["t", "U"], min_rows=2)
+    assert [fact for fact in table.facts if not fact.startswith(said)] == []
+    assert bool(table.facts) == bool(said)
+    assert len(table.lines) == 3 + ("apart" in said or not said)
+
+
+def test_a_column_that_cannot_be_read_stops_only_those_who_read_it(tmp_path: Path) -> None:
+    rows = "\n".join(f"0{i}/05/2024,{i},{2 * i},{i} {unit}" for i, unit in enumerate("VVA", 1))
+    (tmp_path / "a.csv").write_text(f"day,t,U,I\n{rows}\n")
+    table = read_columns(tmp_path / "a.csv", needed=["t", "U"], min_rows=2)
+    assert table.columns["U"].tolist() == [2.0, 4.0, 6.0]
+    assert table.unread == ("day", "I")
+    for name, says in (("day", "--dates dmy or mdy"), ("I", "written like the cells above it")):
+        with pytest.raises(InputError, match=f"a.csv:.*{says}"):
+            read_columns(tmp_path / "a.csv", needed=["t", name], min_rows=2)
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "says"),
+    [
+        ("a.xlsx", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "is an old .xls or has a password"),
+        ("a.trk", b"<object/>", "is of the program Tracker: .*estim import"),
+        (
+            "a.csv",
+            b"t [s];U [V]\n1;+1.9E+00 VDC\n2;+2.1E+00 VDC\n3;+3.0E+00 VDC\n",
+            ":2: 'U .V.' must be in the unit of its header, V, or numbers alone: .1.9E.00 VDC",
+        ),
+    ],
+)
+def test_what_is_no_table_of_these_is_named(
+    tmp_path: Path, file: str, content: bytes, says: str
+) -> None:
+    (tmp_path / file).write_bytes(content)
+    done = runner().invoke(cli, ["line", str(tmp_path / file)], standalone_mode=False)
+    assert isinstance(done.exception, InputError)
+    assert re.search(says, str(done.exception))
+    assert ".xls" not in read_suffixes()
 
 
 AXES = "time,seconds_elapsed,z,y,x\n" + "".join(

@@ -195,6 +195,10 @@ REFUSED = {
     "empty": ("", "a.txt: must not be empty: its size is 0"),
     "blank": ("\n# t,x\n", f"{NO_NAMES}: nothing".replace(":1:", ":")),
     "no names but 0.0": ("0.0\t0.1\n0.1\t0.2\n", f"{NO_NAMES}: 0.0"),
+    "names of columns above those of Logger Pro": (
+        "Position\tTime\nx\tt\n0.1\t0.2\n",
+        "a.txt:1: 'header' must have a line of column names",
+    ),
     "no names but 12.5": ("12.5;0.1\n", "a.txt:1: 'header' must have a line of column names"),
     "begins with a date": ("2019-02-17;0.1\n", f"{NO_NAMES}: 2019-02-17;0.1"),
     "maybe decimal commas": (

@@ -1,6 +1,7 @@
 """Workbooks as spreadsheets write them, by a few lines of XML: .xlsx and .ods without a package.
 
-A cell: None, a number, a text, a date or a time, or `Formula` with the value that the program kept.
+A cell: None, a number, a text, a date or a time, `Percent` of a number that is shown in per cent,
+or `Formula` with the value that the program kept, None where it was never computed.
 """
 
 from __future__ import annotations
@@ -23,6 +24,23 @@ class Formula:
 
     text: str
     value: object
+
+
+@dataclass(frozen=True)
+class Percent:
+    """share : 0.021 where the sheet shows 2.1 %."""
+
+    share: float
+
+
+def changed(book: bytes, *replacements: tuple[str, str]) -> bytes:
+    """The workbook with other words in its XML; each must be there."""
+    with zipfile.ZipFile(io.BytesIO(book)) as archive:
+        parts = {name: archive.read(name).decode() for name in archive.namelist()}
+    for old, new in replacements:
+        assert any(old in content for content in parts.values()), old
+        parts = {name: content.replace(old, new) for name, content in parts.items()}
+    return zipped(parts, compress=False)
 
 
 def column_letters(column: int) -> str:
@@ -87,9 +105,11 @@ def xlsx(sheets: Mapping[str, Cells]) -> bytes:
         ),
         "xl/styles.xml": (
             f'{_DECLARATION}<styleSheet xmlns="{_OFFICE}/spreadsheetml/2006/main">'
+            '<numFmts count="1"><numFmt numFmtId="164" formatCode="0.0%"/></numFmts>'
             '<fonts count="1"><font/></fonts><fills count="1"><fill/></fills>'
             '<borders count="1"><border/></borders><cellStyleXfs count="1"><xf/></cellStyleXfs>'
-            '<cellXfs count="2"><xf numFmtId="0"/><xf numFmtId="22" applyNumberFormat="1"/>'
+            '<cellXfs count="3"><xf numFmtId="0"/><xf numFmtId="22" applyNumberFormat="1"/>'
+            '<xf numFmtId="164" applyNumberFormat="1"/>'
             "</cellXfs></styleSheet>"
         ),
     }
@@ -114,7 +134,9 @@ def _xlsx_cell(place: str, cell: object) -> str:
         formula, cell = f"<f>{escape(cell.text)}</f>", cell.value
     match cell:
         case None:
-            return ""
+            return f'<c r="{place}">{formula}<v></v></c>' if formula else ""
+        case Percent():
+            return f'<c r="{place}" s="2">{formula}<v>{cell.share!r}</v></c>'
         case bool():
             return f'<c r="{place}" t="b">{formula}<v>{int(cell)}</v></c>'
         case int() | float():
@@ -167,7 +189,11 @@ def _ods_cell(cell: object) -> str:
         formula, cell = f" table:formula={quoteattr('of:' + cell.text)}", cell.value
     match cell:
         case None:
-            return "<table:table-cell/>"
+            return f"<table:table-cell{formula}/>"
+        case Percent():
+            kind = f'office:value-type="percentage" office:value="{cell.share!r}"'
+            text = f"<text:p>{100 * cell.share:.0f} %</text:p>"
+            return f"<table:table-cell{formula} {kind}>{text}</table:table-cell>"
         case int() | float():
             shown = str(cell).replace(".", ",")  # as a German LibreOffice shows it
             kind = f'office:value-type="float" office:value="{cell!r}"'

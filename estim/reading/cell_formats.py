@@ -46,7 +46,7 @@ def in_plain_numbers(table: Layout) -> Layout:
     uncertainties, these in further columns u_NAME.  Rows have a cell for each column, or are left
     for their reader to refuse.
 
-    Raises InputError with the line where a column is not written in one format.
+    Columns that are not written in one format stay as they are, and are `refused`.
     """
     width, dates = len(table.names), -1
     for index in reversed(range(width)):
@@ -59,12 +59,23 @@ def in_plain_numbers(table: Layout) -> Layout:
         name = table.names[index]
         if name.startswith("_") or index == dates or all(map(looks_like_a_number, ends)):
             continue
-        if all(_quantity(cell) for cell in ends):
-            table = _quantities(table, index, cells)
-        elif all(_moment(cell) for cell in ends):
-            before = _dates_before(table, index, cells)
-            dates = index - 1 if before else dates
-            table = _moments(table, index, cells, before)
+        try:
+            if all(_quantity(cell) for cell in ends):
+                table = _quantities(table, index, cells)
+            elif all(_moment(cell) for cell in ends):
+                before = _dates_before(table, index, cells)
+                table = _moments(table, index, cells, before)
+                dates = index - 1 if before else dates
+            elif (
+                table.units[index]
+                and all(_QUANTITY.fullmatch(cell) for cell in ends)
+                and not all(map(holds_a_value, ends))
+            ):
+                number, cell = next(pair for pair in cells if not holds_a_value(pair[1]))
+                rule = f"must be in the unit of its header, {table.units[index]}, or numbers alone"
+                raise InputError(rule, field=name, value=cell, line=number)
+        except InputError as error:
+            table = replace(table, refused={**table.refused, name: error})
     return table
 
 

@@ -23,6 +23,7 @@ _OF_SPREADSHEETS = (
     "#CONNECT! #BLOCKED! #BUSY!"
 )
 _ERRORS = frozenset(_OF_SPREADSHEETS.split())
+NOT_COMPUTED = "never computed: open the file in the spreadsheet program and save it"
 
 
 class Row(NamedTuple):
@@ -41,6 +42,11 @@ def looks_like_a_number(cell: str) -> bool:
 def is_missing(cell: str) -> bool:
     """Whether a cell states that there is no value."""
     return cell.lower() in _MISSING
+
+
+def is_formula(cell: str) -> bool:
+    """Whether a cell is a formula in the place of its value: `=B2/2`, but not the remark `=> B`."""
+    return cell.startswith("=") and not cell.startswith(("==", "=>"))
 
 
 def is_spreadsheet_error(cell: str) -> bool:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from estim.common import EXTREME, InputError, extreme, read_number
-from estim.reading.cells import Row, looks_like_a_number
+from estim.reading.cells import NOT_COMPUTED, Row, is_formula, looks_like_a_number
 from estim.reading.dialect import cell_name
 from estim.reading.layout import Layout
 
@@ -62,6 +62,10 @@ def number_in(row: Row, name: str, cell: str, mark: str, position: tuple[int, in
             rule = EXTREME if np.isfinite(value) else "must be finite"
             raise row_refused(row, rule, name, cell, named)
         return value
+    if is_formula(cell):
+        raise row_refused(
+            row, f"must be a number, not a formula that was {NOT_COMPUTED}", name, cell, named
+        )
     hint = f" (as 1234{mark}5 or 2e3; a time as 13:05:00)" if re.search(r"\d", cell) else ""
     raise row_refused(row, f"must be a number{hint}", name, cell, named)
 

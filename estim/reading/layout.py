@@ -7,6 +7,8 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Callable, Sequence
+from itertools import pairwise
+from math import fsum
 from pathlib import Path
 
 from estim.common import InputError, in_its_file, is_unit, phrase
@@ -14,6 +16,7 @@ from estim.reading.cell_formats import holds_a_value, in_plain_numbers
 from estim.reading.cells import (
     Row,
     is_comment,
+    is_formula,
     is_missing,
     is_spreadsheet_error,
     looks_like_a_number,
@@ -118,16 +121,6 @@ def read_layout(path: Path, dialect: Dialect) -> Layout:
     else:
         split, sums = _without_sums(split)
         ends = [*sums, *ends]
-    if ends:
-        below_it = line_numbers([row.number for row in ends])
-        facts.append(
-            phrase(
-                "what stands below the table was not read (line {lines})"
-                if len(ends) == 1
-                else "what stands below the table was not read (lines {lines})",
-                lines=below_it,
-            )
-        )
     split = [row._replace(cells=_without_thousands(row.cells, dialect)) for row in split]
     start = _start(split, delimiter)
     above = split[:start]
@@ -144,6 +137,26 @@ def read_layout(path: Path, dialect: Dialect) -> Layout:
         same = line_numbers([row.number for row in repeated])
         facts.append(
             phrase("lines that repeat the head of the table were not read ({lines})", lines=same)
+        )
+    if _is_last_apart(rows, lines):
+        if _sums_up(rows):
+            ends = [rows.pop(), *ends]
+        else:
+            facts.append(
+                phrase(
+                    "line {line} stands apart, below an empty line, and is read like those above",
+                    line=rows[-1].number,
+                )
+            )
+    if ends:
+        below_it = line_numbers([row.number for row in ends])
+        facts.append(
+            phrase(
+                "what stands below the table was not read (line {lines})"
+                if len(ends) == 1
+                else "what stands below the table was not read (lines {lines})",
+                lines=below_it,
+            )
         )
     names, header_line, units = _header(above, below, rows, delimiter, dialect)
     if not names:
@@ -231,6 +244,32 @@ def _sum_word(row: Row) -> str:
     return word if any(map(holds_a_value, row.cells)) else ""
 
 
+def _is_last_apart(rows: Sequence[Row], lines: Lines) -> bool:
+    """Whether no row but the last one stands below an empty line.  lines : all that are not."""
+    first, last = rows[0].number, rows[-1].number
+    pairs = pairwise(number for number, _ in lines if first <= number <= last)
+    return len(rows) > 3 and [below for above, below in pairs if below > above + 1] == [last]
+
+
+def _sums_up(rows: Sequence[Row]) -> bool:
+    """Whether each number of the last row is the sum of those above it, or each is their mean."""
+    columns = [
+        [float(cell.replace(",", ".")) for cell in cells]
+        for i, last in enumerate(rows[-1].cells)
+        for cells in [[cell for row in rows for cell in row.cells[i : i + 1] if cell]]
+        if last and all(map(looks_like_a_number, cells))
+    ]
+    return any(
+        all(
+            abs(fsum(above) / (len(above) if mean else 1) - last) <= 1e-9 * max(map(abs, above))
+            and len({*above}) > 1
+            for *above, last in columns
+        )
+        for mean in (False, True)
+        if columns
+    )
+
+
 def _is_a_row(row: Row, *, like: Row) -> bool:
     """Whether a line below the table has its cells, with a number in one: such a line is a row,
     whatever its first cell is called, unless that announces what follows: "Exposure time:".
@@ -309,12 +348,16 @@ def numeric_columns(layout: Layout) -> tuple[str, ...]:
     the column is read, it is refused, and no other column takes its place.
     """
     named = [(i, name) for i, name in enumerate(layout.names) if name and not name.startswith("_")]
-    return tuple(name for i, name in named if _is_numeric(layout.rows, i))
+    return tuple(name for i, name in named if name in layout.refused or _is_numeric(layout.rows, i))
 
 
 def _is_numeric(rows: Sequence[Row], column: int) -> bool:
     def number(cell: str) -> bool:
-        return _MEANT_AS_A_NUMBER.fullmatch(cell) is not None or holds_a_value(cell)
+        return (
+            _MEANT_AS_A_NUMBER.fullmatch(cell) is not None
+            or holds_a_value(cell)
+            or is_formula(cell)
+        )
 
     ends = [row.cells[column : column + 1] for row in (*rows[:1], *rows[-1:])]
     if any(number(cell) for cells in ends for cell in cells):
@@ -483,7 +526,7 @@ def _header(
     comments = [
         (number, line.lstrip("# \t").rstrip())
         for number, line in below
-        if number < rows[0].number and is_comment(line)
+        if number < rows[0].number and is_comment(line) and line.strip("# \t")
     ]
     for number, line in comments[-1:]:
         if are_names(cells := _cells(line, delimiter)[columns]):

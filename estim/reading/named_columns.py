@@ -65,6 +65,9 @@ def _columns(
 ) -> Table:
     indices = [place_of(name, layout.names, layout.header_line) for name in needed]
     dialect = layout.dialect
+    for index in indices:
+        if layout.names[index] in layout.refused:
+            raise layout.refused[layout.names[index]]
     if not {layout.names[index] for index in indices} & {*layout.moments}:
         # the order of days and months may be needed for a column that is left unread
         keys = ("since", "time_unit") if layout.moments else ("dates", "since", "time_unit")

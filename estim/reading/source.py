@@ -20,8 +20,11 @@ from estim.reading.workbook import sheet_text
 
 GROUP = "estim.readers"  # of entry points
 _TABLES = (".csv", ".txt", ".tsv", ".dat")
-_NO_TEXT = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0", b"%PDF", b"\x1f\x8b", b"\x89PNG", b"\xff\xd8\xff")
-_OWN = (*_TABLES, ".trk", ".trz", ".xls", ".xlsx", ".ods", ".zip", ".toml")
+_OLD_WORKBOOK = b"\xd0\xcf\x11\xe0"
+_NO_TEXT = (b"PK\x03\x04", b"%PDF", b"\x1f\x8b", b"\x89PNG", b"\xff\xd8\xff")
+_TRACKER = (".trk", ".trz")
+_READ = (*_TABLES, *_TRACKER, ".xlsx", ".ods", ".zip", ".toml")
+_OWN = (".xls", *_READ)  # the first one to be refused
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,9 @@ def read_source(path: Path, dialect: Dialect) -> Source:
     """The text of the table at `path`.  Raises InputError where it holds several and none is
     stated.
     """
+    if path.suffix.lower() in _TRACKER:
+        rule = "is of the program Tracker: make a table of it (estim import FILE -o FILE.csv)"
+        raise InputError(rule, field="file")
     data = read_bytes(path)
     digest = hashlib.sha256(data).hexdigest()
     facts: list[str] = []
@@ -54,21 +60,19 @@ def read_source(path: Path, dialect: Dialect) -> Source:
             names = archive.namelist()
         if {"xl/workbook.xml", "content.xml"} & {*names}:
             refuse(dialect, "does not go with a workbook", "delimiter", "encoding")
-            text, sheet, others = sheet_text(data, dialect)
-            if others and dialect.sheet is None:
-                facts = [
-                    phrase(
-                        "read from sheet '{sheet}', the first with a table (others: {others})",
-                        sheet=sheet,
-                        others=listed(others),
-                    )
-                ]
-            return Source(text, digest, "\t", tuple(facts))
+            text, chosen = sheet_text(data, dialect)
+            return Source(text, digest, "\t", chosen)
         data, name = _of_archive(data, dialect)
         facts = [phrase("read from '{name}' in the archive", name=name)]
     else:
         rule = "names a sheet of a workbook or a table in a zip archive, and this file is neither"
         refuse(dialect, rule, "sheet")
+    if data.startswith(_OLD_WORKBOOK):
+        rule = (
+            "is an old .xls or has a password: save it as CSV, or as .xlsx without a password, in "
+            "the spreadsheet program"
+        )
+        raise InputError(rule, field="file")
     if data.startswith(_NO_TEXT):
         rule = "must be text, .xlsx, .ods or a zip of a table: save it as CSV or .xlsx"
         raise InputError(rule, field="file")
@@ -103,7 +107,7 @@ def read_suffixes() -> tuple[str, ...]:
         path = Path(f"a.{plugin.name}")
         with suppress(InputError):  # offered by several packages
             added += [path.suffix] if reader_of(path) == plugin else []
-    return (*_OWN, *added)
+    return (*_READ, *added)
 
 
 def known_readers() -> Iterator[str | InputError]:

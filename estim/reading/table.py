@@ -126,6 +126,7 @@ class Layout:
         names of their own.
     assumed : how the table was read, where that is not plain.
     moments : names of the columns that held dates or times.
+    refused : column -> why it cannot be read.
     """
 
     file: str
@@ -141,6 +142,7 @@ class Layout:
     first_column: int | None = None
     assumed: tuple[str, ...] = ()
     moments: tuple[str, ...] = ()
+    refused: Mapping[str, InputError] = field(default_factory=dict)
 
 
 def require_unit(

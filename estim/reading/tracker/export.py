@@ -12,6 +12,7 @@ from __future__ import annotations
 import csv
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -55,7 +56,10 @@ def head_of_export(text: str) -> tuple[int, str, bool] | None:
     number, line = lines[at]
     delimiter = shown_delimiter(line)
     names = [name_and_unit(cell)[0] for cell in split_cells(line, delimiter)]
-    nameless = _track_names(lines[:at], delimiter, len(names)) == [("unnamed", 0)]
+    starts = _track_names(lines[:at], delimiter, names)
+    if not starts:
+        return None
+    nameless = starts == [("unnamed", 0)]
     return number, line, nameless and not {"x", "y"} <= set(names)
 
 
@@ -156,7 +160,9 @@ def _laid_out(file: str, digest: str, lines: Lines, track_name: str | None) -> t
     while cells and not cells[-1]:
         cells.pop()
     columns = [name_and_unit(cell) for cell in cells]
-    starts = _track_names(lines[:at], delimiter, len(cells))
+    starts = _track_names(lines[:at], delimiter, [name for name, _ in columns])
+    if not starts:
+        raise _no_header(lines)
     track, low, high = _chosen(starts, len(cells), track_name, number)
     indices: dict[str, int] = {}
     for i, (name, _) in enumerate(columns):
@@ -206,18 +212,23 @@ def _decimal_mark(rows: Sequence[Row], indices: Sequence[int]) -> Decimal:
     return "comma" if "," in first else "point"
 
 
-def _track_names(lines: Lines, delimiter: str, width: int) -> list[tuple[str, int]]:
-    """Names of the tracks and the column where each begins, from the line above the header; one
-    without a name if there is none.
+def _track_names(lines: Lines, delimiter: str, columns: Sequence[str]) -> list[tuple[str, int]]:
+    """Names of the tracks and the column where each begins, from the line above the header, which
+    names `columns`; one without a name if there is none.  Empty where t has a name of its own.
     """
     if not lines:
         return [("unnamed", 0)]
     cells = lines[-1][1].split(delimiter) if delimiter != " " else [lines[-1][1]]
     names = [
-        (" ".join(cell.split())[:100], i) for i, cell in enumerate(cells[:width]) if cell.strip()
+        (" ".join(cell.split())[:100], i)
+        for i, cell in enumerate(cells[: len(columns)])
+        if cell.strip()
     ]
     if not names:
         return [("unnamed", 0)]
+    starts = [*(i for _, i in names), len(columns)]
+    if len(names) > 1 and any(columns[i:j] == ["t"] for i, j in pairwise(starts)):
+        return []
     return [(names[0][0], 0)] if len(names) == 1 else names
 
 
