@@ -71,9 +71,20 @@ class Quantity:
         """The same quantity in another unit, `factor` new units per old one."""
         return Quantity(self.value * factor, self.u * abs(factor))
 
+    def of_unit(self, unit: str = "1") -> QuantityOfUnit:
+        """The same with its unit, for files."""
+        return QuantityOfUnit(self.value, self.u, unit)
+
     @property
     def exact(self) -> bool:
         return self.u == 0.0
+
+
+@dataclass(frozen=True)
+class QuantityOfUnit(Quantity):
+    """A quantity that says its unit."""
+
+    unit: str = "1"
 
 
 def read_number(text: str) -> float:
