@@ -211,6 +211,8 @@ def write_files(folder: Path, files: Files) -> None:
         files,
         {name: sha256(data).hexdigest() for name, data in files.items()},
         within=folder,
+        rule="is there already with other contents, and is not overwritten: remove it, or choose "
+        "another name",
     )
     for name, data in files.items():
         write_whole(folder / name, data, within=folder)
