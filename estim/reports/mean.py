@@ -40,7 +40,7 @@ def mean_statement(table_mean: TableMean) -> str:
     best, unit, name = table_mean.mean.best, behind(table_mean.unit), table_mean.name
     if not math.isnan(best.k):
         return expanded_statement(
-            phrase("mean"),
+            f"{phrase('mean')}: ",
             name,
             unit,
             best.value,

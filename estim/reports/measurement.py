@@ -53,11 +53,11 @@ _LAWS = PhraseTable(
 _BY_DRAWS = PhraseTable(
     {
         "symmetric": (
-            "{what}: {best} the probabilistically symmetric {percent} coverage interval {ends}, by "
+            "{what}{best} the probabilistically symmetric {percent} coverage interval {ends}, by "
             "propagation of distributions ({n} Monte Carlo trials, JCGM 101)."
         ),
         "shortest": (
-            "{what}: {best} the shortest {percent} coverage interval {ends}, by "
+            "{what}{best} the shortest {percent} coverage interval {ends}, by "
             "propagation of distributions ({n} Monte Carlo trials, JCGM 101)."
         ),
     }
@@ -188,12 +188,12 @@ def statement(propagation: Propagation, i: int) -> str:
     budget, drawn = propagation.budgets[i], propagation.sampled
     output, quoted = propagation.model.outputs[i], _quoted(propagation, i)
     unit = behind(output.unit)
-    what = f"{output.name}, {output.meaning}" if output.meaning else output.name
+    what = f"{output.name}, {output.meaning}: " if output.meaning else ""
     percent = per_cent(budget.probability)
     if quoted == "GUM":
         if budget.u == 0.0:
             return phrase(
-                "{what}: {name} = {value}, exact.",
+                "{what}{name} = {value}, exact.",
                 what=what,
                 name=output.name,
                 value=format_rounded(budget.value, 0.0) + unit,
@@ -263,10 +263,12 @@ def expanded_statement(
     dof: float,
     probability: float,
 ) -> str:
-    """A value with its expanded uncertainty, stated as GUM 7.2.4 requires."""
+    """A value with its expanded uncertainty, stated as GUM 7.2.4 requires.  what : stands before
+    it, with a colon, or "".
+    """
     expanded = f"{format_rounded(value, k * u)} ± {format_rounded(k * u, k * u, beside=value)}"
     return phrase(
-        "{what}: {name} = {value}, where the number after ± is the expanded "
+        "{what}{name} = {value}, where the number after ± is the expanded "
         "uncertainty U = k u, with the standard "
         "uncertainty u = {u} and the coverage factor k = {k:.2f} from {law} for a "
         "coverage probability of {percent}.",
