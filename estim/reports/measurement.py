@@ -347,12 +347,17 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
     draws = sampled.draws[:, i]
     draws = draws[np.isfinite(draws)]
     percent = per_cent(sampled.probability)
+    known = gum.u > 0.0 and math.isfinite(gum.value)
+    tail = 0.1 * (1.0 - sampled.probability)
+    ends = list(np.quantile(draws, [tail, 1.0 - tail])) if draws.size else []
+    if known:
+        room = 0.25 * (gum.high - gum.low)
+        ends += [gum.low - room, gum.high + room]
+    low, high = min(ends, default=0.0), max(ends, default=1.0)
+    high = high if high > low else low + 1.0
+    ax.set_xlim(low, high)  # tails go on beyond the frame, those of the draws and of the curve
     if draws.size:
-        tail = 0.1 * (1.0 - sampled.probability)
-        low, high = np.quantile(draws, [tail, 1.0 - tail])
-        counts, edges = np.histogram(
-            draws, bins=120, range=(low, high if high > low else low + 1.0)
-        )
+        counts, edges = np.histogram(draws, bins=120, range=(low, high))
         ax.stairs(
             counts / (draws.size * np.diff(edges)),
             edges,
@@ -364,10 +369,8 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
         label = _INTERVALS_DRAWN[propagation.model.interval].format(percent=percent)
         for end in (interval.low[i], interval.high[i]):
             ax.axvline(float(end), color=BLUE, label=label)
-    if gum.u > 0.0 and math.isfinite(gum.value):
-        left, right = ax.get_xlim()
-        room = 0.25 * (gum.high - gum.low)
-        x = np.linspace(min(left, gum.low - room), max(right, gum.high + room), 400)
+    if known:
+        x = np.linspace(low, high, 400)
         ax.plot(
             x,
             # normal for very many degrees of freedom
