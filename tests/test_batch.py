@@ -591,3 +591,22 @@ def test_runs_are_counted_in_whole_numbers_and_each_column_is_explained() -> Non
     for column in ("scatter", "typical sd", "narrowed", "outlying"):
         assert column in head
         assert column in meaning
+
+
+def test_a_cross_stands_only_where_the_run_has_the_quantity() -> None:
+    values = np.array([1.0, 1.1])
+    one = [msgspec.structs.replace(row, names=("a", "b")) for row in rows_of(values, 0.1)]
+    other = [
+        msgspec.structs.replace(row, campaign="d.toml", names=("a",))
+        for row in rows_of(values, 0.1)
+    ]
+    bad = msgspec.structs.replace(other[0], status="poor-fit", values={})
+    none = msgspec.structs.replace(one[0], status="", error="no file", values={}, names=())
+    nobody = msgspec.structs.replace(none, campaign="e.toml")
+    rows = [*one, *other, bad, none, msgspec.structs.replace(none, campaign="d.toml"), nobody]
+    (a,) = spreads(rows)
+    for spread, numbers in ((a, [5, 6, 7, 8]), (replace(a, name="b"), [6])):
+        figure = overview_figure(rows, [spread])
+        (crosses,) = (line for line in figure.axes[0].lines if line.get_marker() == "x")
+        assert crosses.get_xdata().tolist() == numbers
+    assert [text.get_text() for text in figure.legends[0].texts] == ["median"]

@@ -117,7 +117,7 @@ def test_same_seed_gives_the_same_bytes(estim: Command, fitted: Path, tmp_path: 
             "cannot be read (file name too long)",
         ),
         (("fit", "{campaign}", "--resume", "--out", "/proc/x"), "cannot be written"),
-        (("simulate", "{campaign}", "--out", "x"), "is not a known key"),
+        (("simulate", "{campaign}", "--out", "x"), "is a key of a campaign"),
         *(
             ((name, "{campaign}", "--out", ""), "'--out' must not be empty")
             for name in ("fit", "line", "batch", "plan", "simulate", "import")

@@ -18,7 +18,7 @@ from estim.line.table_line import LineColumns, straight_line
 from estim.means.table_mean import mean_of_table
 from estim.reading.dialect import Dialect, name_and_unit
 from estim.reading.layout import read_layout
-from estim.reading.named_columns import line_numbers, read_columns
+from estim.reading.named_columns import line_numbers, place_of, read_columns
 
 
 def read(
@@ -549,3 +549,10 @@ def test_no_other_column_takes_the_place_of_one_that_cannot_be_read(cell, tmp_pa
 def test_a_column_of_labels_is_no_column_of_numbers(cell, tmp_path):
     (tmp_path / "a.csv").write_text("v,w\n" + "".join(f"{cell},{2 * i}\n" for i in range(5)))
     assert mean_of_table(tmp_path / "a.csv").name == "w"
+
+
+def test_a_unit_may_stand_in_other_brackets() -> None:
+    header = ["t (s)", "U / V", "T (s)"]
+    assert [place_of(name, header) for name in ("t [s]", "U [V]", "U", "T (s)")] == [0, 1, 1, 2]
+    with pytest.raises(InputError, match=r"'t \[ms\]' is missing"):
+        place_of("t [ms]", header)

@@ -10,11 +10,14 @@ from replica_run import heavy_04
 from test_noise import CAMPAIGN, SIGMA, campaign_file
 
 from estim.campaign import Campaign, load_campaign
+from estim.common import as_json, json_of
 from estim.model import Body, trajectory
 from estim.model.energy import kinetic_energy, potential_energy
 from estim.pipeline import analyse
+from estim.reports.energy import summarise_energy
 from estim.sampling.chain import Target
 from estim.studies.energy import drift_of, energy_along
+from estim.verification import estimates
 
 BODY = Body(radius=0.15, gamma=0.187, kappa=0.45)
 MOTION = {"phi": np.radians(4.0), "theta0": np.radians(60.0)}
@@ -141,3 +144,7 @@ def test_relative_change_is_that_of_the_formula(tmp_path: Path, rng: np.random.G
     expected = (record.total - record.start.value) / record.start.value
     assert np.all(np.abs(record.relative - expected) < 4.0 * record.u_relative + 2e-3)
     assert record.mean_relative.value == pytest.approx(record.relative.mean(), abs=1e-9)
+    units = {one.name: one.unit for one in estimates(json_of(as_json(summarise_energy(record))))}
+    own = {"loss_per_metre": "J/(kg m)", "loss_force": "N"}
+    assert len(units) >= 5
+    assert units == dict.fromkeys(units, "1") | {name: own[name] for name in own if name in units}

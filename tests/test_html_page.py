@@ -293,7 +293,7 @@ def test_what_is_missing_is_said_before_anything_is_computed(
     model: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for trouble, said in (
-        (ImportError, 'needs the package weasyprint: pip install "estim[pdf]"'),
+        (ImportError, "'--format pdf' needs the package weasyprint: pip install "),
         (OSError, "needs libraries that weasyprint"),
     ):
 

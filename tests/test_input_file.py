@@ -5,6 +5,7 @@ size is bounded, whatever the file says of it.
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -15,6 +16,7 @@ import pytest
 from estim import InputError, read_table
 from estim.campaign import load_campaign
 from estim.campaign.design import load_design
+from estim.measurement_model import read_model
 from estim.reading.input_file import line_after_comment, lines_of, read_bytes, read_text
 from estim.reading.tracker.importing import Choices, import_track
 from estim.studies.published import read_published
@@ -182,3 +184,16 @@ def test_a_null_character_is_told_with_its_line_and_the_cure(tmp_path: Path) -> 
     file.write_bytes(b"t,y\n1,2\n2,\x003\n")
     with pytest.raises(InputError, match=r"nul\.csv:3: .*null character.*--encoding utf-16;"):
         read_table(file)
+
+
+def test_a_file_of_another_kind_is_told_for_what_it_is(project: Path) -> None:
+    data = project / "data"
+    campaign, design = data / "replica" / "campaign.toml", data / "replica" / "design.toml"
+    for read, file, told in (
+        (load_design, campaign, "3: 'kind' is a key of a campaign; here a design"),
+        (load_campaign, design, "'instruments' is a key of a design of a synthetic campaign"),
+        (read_model, campaign, "'kind' is a key of a campaign; here a measurement model"),
+        (load_campaign, data / "gum" / "s1-mass.toml", "'measurand' is a key of a measurement"),
+    ):
+        with pytest.raises(InputError, match=re.escape(told)):
+            read(file)

@@ -104,6 +104,7 @@ def test_every_command_prints_one_object_with_estimates_units_and_files(
         assert one["result"] in said["results"]
         assert math.isfinite(one["value"])
         assert one["u"] >= 0.0
+        assert one["unit"], one
     assert any(ESTIMATED.get(command, "") in one["name"] for one in said["estimates"]) or (
         command not in ESTIMATED
     )
@@ -117,7 +118,8 @@ def test_numbers_are_those_that_are_said(place: dict[str, str]) -> None:
     plain = runner().invoke(cli, ["diff", "9.81(2) m/s²", "9.75(1) m/s²"])
     assert plain.stdout.splitlines() == said["lines"]
     line = ran("line", "data/everyday/calibration.csv", "--figures", "none")
-    assert [one["name"] for one in line["estimates"]] == ["intercept", "slope"]
+    named = [(one["name"], one["unit"]) for one in line["estimates"]]
+    assert named == [("intercept", "V"), ("slope", "V/A")]
     # of a line there are two estimates: none of them is the one to be compared with a value
     refused = runner().invoke(cli, ["diff", "out/calibration", "1.2(1)"])
     assert "must have one estimate" in str(refused.exception)

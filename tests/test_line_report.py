@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from estim.cli.commands import cli
+from estim.verification import estimates
 
 pytestmark = pytest.mark.usefixtures("undrawn", "few_draws")
 PHI = np.arange(1.0, 9.0)
@@ -48,6 +49,12 @@ def line(
 @pytest.fixture(scope="module")
 def good(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, str, dict]:
     return line(tmp_path_factory.mktemp("good"), PHI, RISING, u=(0.1, 0.5))
+
+
+def test_every_estimate_of_a_line_has_its_unit(good: tuple[Result, str, dict]) -> None:
+    units = {one.name: one.unit for one in estimates(good[2])}
+    assert units["steepest_phi"] == units["above_theory.excess"] == "rad"
+    assert set(units.values()) == {"1", "rad"}
 
 
 def test_points_on_a_line_though_their_uncertainties_are_large_are_sampled(tmp_path: Path) -> None:

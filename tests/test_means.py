@@ -14,6 +14,7 @@ import math
 import numpy as np
 import pytest
 from command_runner import runner
+from matplotlib.colors import to_hex
 from scipy import integrate, stats
 from scipy.signal import lfilter
 
@@ -22,6 +23,7 @@ from estim.cli.commands import cli
 from estim.common import spoken
 from estim.common.errors import InputError
 from estim.common.quantity_text import Quantity, difference
+from estim.drawing import PALE
 from estim.means.dark_uncertainty import der_simonian_laird, hierarchical
 from estim.means.table_mean import mean_of_table
 from estim.reports.mean import mean_figure, mean_statement
@@ -389,6 +391,17 @@ def test_values_are_numbered_whole_in_the_figure(tmp_path) -> None:
     ticks = figure.axes[0].get_xticks()
     assert ticks.size > 2
     assert np.all(ticks % 1.0 == 0.0), ticks
+
+
+@pytest.mark.parametrize(("last", "best"), [("4,.1", "hierarchical"), ("1.1,.1", "weighted")])
+def test_the_recommended_mean_is_the_one_band_and_always_of_one_colour(
+    tmp_path, last: str, best: str
+) -> None:
+    (tmp_path / "a.csv").write_text(f"g,u_g\n1,.1\n1.1,.1\n0.9,.1\n{last}\n")
+    (ax,) = mean_figure(mean_of_table(tmp_path / "a.csv")).axes
+    (band,) = ax.patches
+    assert band.get_label() == f"{best}, 95 % (recommended)"
+    assert to_hex(band.get_facecolor(), keep_alpha=True) == f"{PALE}ff".lower()
 
 
 def test_a_mean_of_two_readings_has_one_degree_of_freedom(tmp_path) -> None:

@@ -38,7 +38,7 @@ from estim.measurement_model.model_file import _OutputTable, _TopTable, model_of
 from estim.measurement_model.propagating import ellipse, propagate
 from estim.propagation import propagate_linear, propagate_monte_carlo
 from estim.propagation.scores import Distribution
-from estim.reports.measurement import measurement_report, statement
+from estim.reports.measurement import distribution_figure, measurement_report, statement
 
 GUM = Path(__file__).resolve().parents[1] / "data" / "gum"
 FILES = sorted(path.stem for path in GUM.glob("*.toml"))
@@ -708,5 +708,15 @@ def test_draws_in_two_separate_groups_are_told(rng):
     ):
         few = replace(model_of_formula(formula, inputs), draws=10_000)
         said = statement(propagate(few, rng=rng), 0)
+        assert said[:4] in ("", "y = ")  # a name without a meaning is not told twice
         assert ("in two separate groups, up to −" in said) == groups
         assert ("two separate groups" in said) == groups
+
+
+def test_the_histogram_of_the_draws_goes_as_far_as_the_curve_and_the_frame(rng) -> None:
+    model = replace(model_of_formula("y=a^2", {"a": "3.0(5)"}), draws=10_000)
+    (ax,) = distribution_figure(propagate(model, rng=rng)).axes
+    edges = ax.patches[0].get_data().edges
+    curve = max(ax.lines, key=lambda line: len(line.get_xdata())).get_xdata()
+    for ends in (edges, curve):
+        assert (ends[0], ends[-1]) == pytest.approx(ax.get_xlim())

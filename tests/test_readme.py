@@ -4,6 +4,8 @@ somewhere.
 
 from __future__ import annotations
 
+import ast
+import builtins
 import json
 import re
 import shlex
@@ -153,6 +155,29 @@ def test_pages_that_code_and_data_name_are_there(project: Path) -> None:
     }
     assert len(named) > 30
     assert [pair for pair in sorted(named) if not (project / pair[0]).exists()] == []
+
+
+def test_python_of_every_page_imports_what_there_is_and_defines_what_it_uses(project: Path) -> None:
+    """Of a page that no other test runs; what is not estim's need not be installed."""
+    for page in pages(project):
+        text = page.read_text(encoding="utf-8")
+        if page.parent.name == "reference":  # signatures
+            continue
+        nodes = list(ast.walk(ast.parse("\n".join(blocks(text, "python")))))
+        defined = set(vars(builtins))
+        for node in nodes:
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("estim"):
+                exec(ast.unparse(node), {})
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                defined |= {name.asname or name.name.partition(".")[0] for name in node.names}
+            elif isinstance(node, ast.FunctionDef | ast.ClassDef):
+                defined.add(node.name)
+            elif isinstance(node, ast.arg):
+                defined.add(node.arg)
+            elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+                defined.add(node.id)
+        used = {node.id for node in nodes if isinstance(node, ast.Name)}
+        assert used <= defined, f"{page.name}: {used - defined}"
 
 
 def test_the_index_names_every_page(project: Path) -> None:

@@ -28,6 +28,7 @@ from estim.model import (
     trajectory,
     turning_angle,
 )
+from estim.reports.regimes import regime_figure
 from estim.studies.regimes import BodyMap, map_bodies
 
 
@@ -238,6 +239,17 @@ def command(*words: object) -> tuple[int, str]:
         else 0
     )
     return int(code or 0), done.stdout + str(done.exception or "")
+
+
+def test_no_name_of_a_run_covers_a_number_of_the_map(replica: Path) -> None:
+    figure = regime_figure(mapped(replica / "campaign.toml", bodies=["heavy"]), None)
+    figure.draw_without_rendering()
+    texts = [(text.get_text(), text.get_window_extent()) for text in figure.axes[0].texts]
+    names = [box for words, box in texts if words.startswith("heavy-")]
+    numbers = [box for words, box in texts if words.startswith("0.")]
+    assert len(names) == 4
+    assert len(numbers) > 5
+    assert not [box for box in numbers for name in names if box.overlaps(name)]
 
 
 def test_the_command_maps_what_a_run_should_do(tmp_path: Path) -> None:

@@ -118,4 +118,4 @@ def test_arbitrary_units_are_one_word() -> None:
     axes = AxisNames("wavelength", "nm", "intensity", "a.u.")
     x = np.linspace(-3.0, 3.0, 31)
     y = np.exp(-(x**2) / 2.0) + 0.01 * np.cos(40.0 * x)
-    assert fit_curve("gaussian", x, y, axes=axes).fit.problem.parameters[0].unit == "a.u·nm"
+    assert fit_curve("gaussian", x, y, axes=axes).fit.problem.parameters[0].unit == "a.u.·nm"

@@ -100,7 +100,15 @@ TAMPERINGS: dict[str, tuple[Callable[[Path], object], str]] = {
         "title: 'A Sum', recomputed 'A sum'",
     ),
     "the layout of the result": (other_layout, "result.json is not as it was written"),
-    "a figure": (other_figure, ".png is not as it was written"),
+    "a figure": (other_figure, ".png, all of it: differs from what is recomputed"),
+    "a number of the result taken away": (
+        lambda f: changed(f / "out" / "result.json", '"value": 3.0', '"value": null'),
+        "value: 'null', recomputed '3'",
+    ),
+    "a word of the report": (
+        lambda f: changed(f / "out" / "report.md", "\u00a0", " $\\tau "),
+        r"$\tau",
+    ),
     "a figure taken away": (
         lambda f: next((f / "out" / "figures").glob("*.png")).unlink(),
         ".png is missing",
@@ -275,6 +283,7 @@ def test_what_cannot_be_verified_is_one_line(model: Path) -> None:
     shutil.move(model / "model.toml", model / "moved.toml")
     for arguments, rule in (
         (("verify", "empty"), "holds no origin.json"),
+        (("verify", "moved.toml"), "or a file beside its origin.json: moved.toml"),
         (("verify", "out"), "'input' cannot be found"),
         (("diff", "out", "empty"), "'result' cannot be found"),
         (("diff", "out", "moved.toml"), "must be a result.json of estim"),

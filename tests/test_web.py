@@ -1032,6 +1032,8 @@ def test_what_a_class_cannot_hand_in_is_said_where_it_was_handed_in(browser: Bro
         assert refused.status == 422
         assert said in refused.text
         assert 'name="who"' in refused.text
+    nobody = browser.hand_in({"a.csv": LINE}, fields={"batch": fields["batch"], "who": " "})
+    assert (nobody.status, "Write your name" in nobody.text) == (422, True)
     assert browser.hand_in({"a.csv": LINE}, fields=fields | {"batch": "none"}).status == 404
     line = browser.fill_in(asked.place, asked="line").place
     browser.ended(line)
@@ -1209,6 +1211,12 @@ def test_a_name_is_shown_and_is_nothing_else(browser: Browser, folder: Path, nam
 )
 def test_an_address_opens_no_path(browser: Browser, path: str) -> None:
     assert browser.get(path).status == 404
+
+
+def test_an_address_that_takes_forms_leads_to_the_first_page(browser: Browser) -> None:
+    typed = browser.get("/files")
+    assert typed.status == 405
+    assert "begin at the first page" in typed.text
 
 
 def test_a_report_gives_its_own_files_alone(browser: Browser) -> None:

@@ -51,6 +51,7 @@ class RunRow(msgspec.Struct, frozen=True):
     """One run: its status, its values where that is ok, else the first reason; `error` where there
     is no result at all.
 
+    names : of its quantities, whatever its status; none where there is no result.
     kind : of the data, "measured" or "synthetic"; "" where there is no result.
     key : digest of what the result depends on.
     seconds : of one processor.  outputs : in `row.json`, files of the run and their SHA-256
@@ -71,6 +72,7 @@ class RunRow(msgspec.Struct, frozen=True):
     outputs: dict[str, str] = {}
     interval: float | None = None
     inputs: dict[str, str] = {}  # path of each file that was read -> SHA-256 of its bytes
+    names: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -88,6 +90,7 @@ def row_of(
 ) -> RunRow:
     """The row of a `result.json`.  labels : of its parameters, by their names without a level."""
     record = json.loads(result)
+    quantities = _quantities(record, labels)
     return RunRow(
         plain(str(unit.campaign)),
         unit.run,
@@ -95,23 +98,27 @@ def row_of(
         record["kind"],
         record["status"],
         next(iter(record["reasons"]), ""),
-        values=_values(record, labels) if record["status"] == "ok" else {},
+        values={
+            name: Value(p["mean"], p["sd"], p["q025"], p["q975"], p["unit"], informed, label)
+            for name, p, informed, label in quantities
+            if record["status"] == "ok" and p["mean"] is not None and p["sd"] is not None
+        },
+        names=tuple(name for name, *_ in quantities),
         seconds=seconds,
         key=key,
         interval=interval,
     )
 
 
-def _values(record: Json, labels: Mapping[str, Label]) -> dict[str, Value]:
+def _quantities(
+    record: Json, labels: Mapping[str, Label]
+) -> list[tuple[str, Json, bool, Label | None]]:
+    """Name, summary, whether the data narrowed it, and label of each quantity of a result."""
     bases = {split_level(name)[0]: p for name, p in record["parameters"].items()}
     entries = [(name, p, p["measured"], labels.get(name)) for name, p in bases.items()]
     for run in record["runs"].values():
         entries += [(name, run["derived"][name], True, None) for name in run["sought"]]
-    return {
-        name: Value(p["mean"], p["sd"], p["q025"], p["q975"], p["unit"], informed, label)
-        for name, p, informed, label in entries
-        if p["mean"] is not None and p["sd"] is not None
-    }
+    return entries
 
 
 def failed(unit: Unit, error: str, seconds: float = 0.0) -> RunRow:

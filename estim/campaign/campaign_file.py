@@ -401,12 +401,19 @@ def _checked_file(
 
 
 T = TypeVar("T")
+_FILES = {  # a key at the top that only such a file has
+    "kind": "a campaign",
+    "instruments": "a design of a synthetic campaign",
+    "measurand": "a measurement model",
+    "number": "a file of published values",
+}
 
 
 def checked(tree: object, kind: type[T], places: Places, path: KeyPath) -> T:
     """`tree` as a record of type `kind`; a mismatch becomes an InputError at its line."""
     if path == ():
         _check_numbers(tree, places, ())
+        _check_file(tree, kind, places)
     try:
         return msgspec.convert(tree, kind)
     except msgspec.ValidationError as error:
@@ -423,6 +430,15 @@ def checked(tree: object, kind: type[T], places: Places, path: KeyPath) -> T:
             raise places.error(rule, (*full, match[2])) from None
         rule, value = mismatch(message, kind, inner, entry)
         raise places.error(rule, full, field=None if full else "campaign", value=value) from None
+
+
+def _check_file(tree: object, kind: type, places: Places) -> None:
+    """A file that is to be of this `kind` has no key that tells it for another one."""
+    known = getattr(kind, "__struct_fields__", ())
+    needed = next((words for key, words in _FILES.items() if key in known), None)
+    for key, words in _FILES.items():
+        if needed and isinstance(tree, dict) and key in tree and key not in known:
+            raise places.error(f"is a key of {words}; here {needed} is needed", (key,))
 
 
 def _check_numbers(tree: object, places: Places, path: KeyPath) -> None:

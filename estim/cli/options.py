@@ -181,15 +181,11 @@ def _noted(
         try:
             import_module(module)
         except ImportError:
-            raise InputError(
-                f"needs the package {module}: {remedy}", field="--format", value=name
-            ) from None
+            rule = f"needs the package {module}: {remedy}"
+            raise InputError(rule, field=f"--format {name}") from None
         except OSError:  # of a package that calls libraries of the system
-            raise InputError(
-                f"needs libraries that {module} does not find ({_LIBRARIES}); {_BROWSER}",
-                field="--format",
-                value=name,
-            ) from None
+            rule = f"needs libraries that {module} does not find ({_LIBRARIES}); {_BROWSER}"
+            raise InputError(rule, field=f"--format {name}") from None
     context.meta[_KEY] = formats
     return formats
 

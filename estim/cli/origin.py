@@ -7,6 +7,7 @@ from __future__ import annotations
 import shlex
 import sys
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path, PurePosixPath
 
 import click
@@ -111,6 +112,16 @@ class Origin:
     def line(self) -> str:
         return shlex.join(["estim", *self.command])
 
+    @property
+    def subject(self) -> list[str]:
+        """The command without options, and the files that it names."""
+        words = takewhile(lambda word: not word.startswith("-"), self.command)
+        return [
+            str(Path(word).resolve()) if word in self.inputs else word
+            for i, word in enumerate(words)
+            if i == 0 or word in self.inputs
+        ]
+
 
 def read_origin(folder: Path, *, within: Path | None = None, name: str = ORIGIN) -> Origin:
     """The origin of the report in `folder`.  Raises InputError where there is none, or it is none
@@ -146,13 +157,13 @@ def read_origin(folder: Path, *, within: Path | None = None, name: str = ORIGIN)
     return origin
 
 
-def written_before(folder: Path, *, within: Path, name: str = ORIGIN) -> dict[str, str]:
-    """Files of the report that stands in `folder`, with their digests; none where there is none.
+def written_before(folder: Path, *, within: Path, name: str = ORIGIN) -> Origin | None:
+    """The origin of the report that stands in `folder`; None where there is none.
 
     Raises InputError for an origin that is none of ours.
     """
     exists = read_file(folder / name, within=within) is not None
-    return read_origin(folder, within=within, name=name).outputs if exists else {}
+    return read_origin(folder, within=within, name=name) if exists else None
 
 
 def stays_inside(name: str) -> bool:

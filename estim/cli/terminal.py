@@ -211,6 +211,8 @@ def write_files(folder: Path, files: Files) -> None:
         files,
         {name: sha256(data).hexdigest() for name, data in files.items()},
         within=folder,
+        rule="is there already with other contents, and is not overwritten: remove it, or choose "
+        "another name",
     )
     for name, data in files.items():
         write_whole(folder / name, data, within=folder)
@@ -228,16 +230,16 @@ def reserve_output(
     """
     for part in ("", *(group[0] for group in groups if len(groups) > 1)):
         place = folder / part
-        require_room(
-            place, names, written_before(place, within=within or folder), within=within or folder
-        )
+        before = written_before(place, within=within or folder)
+        require_room(place, names, before.outputs if before else {}, within=within or folder)
 
 
 def write_report(
     folder: Path, files: Files, *, within: Path | None = None, manifest: str = ORIGIN
 ) -> None:
     """Write a report whole, and how it was made (the file `manifest`), in place of the report that
-    was there, of which nothing stays.
+    was there, of which nothing stays; says so where that was of other files, or of another
+    command.
 
     Raises EstimError, with nothing written, where a file would be replaced that is not as estim
     wrote it.
@@ -249,11 +251,15 @@ def write_report(
     replace_own(
         folder,
         contents,
-        before,
+        before.outputs if before else {},
         manifest,
         lambda outputs: as_json(replace(origin, outputs=dict(outputs))),
         within=root,
     )
+    if before and folder == root and before.subject != origin.subject:
+        say(
+            f"{folder}: the report of `{before.line}` is replaced (--out would keep both)", err=True
+        )
     keep_files(folder, contents)
 
 

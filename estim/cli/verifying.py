@@ -54,6 +54,9 @@ def verify(report: Path) -> None:
     except OSError as error:
         rule = f"cannot be read ({(error.strerror or str(error)).lower()})"
         raise InputError(rule, field="report", value=str(report)) from None
+    if folder != report and not (folder / ORIGIN).is_file():
+        rule = f"must be the folder of a report, or a file beside its {ORIGIN}"
+        raise InputError(rule, field="report", value=str(report))
     origin = read_origin(folder)
     _check_command(origin, folder)
     place = _root_of(folder, origin)

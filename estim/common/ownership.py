@@ -56,24 +56,26 @@ FIGURES = (
 """Names of all figures, without the subject that may follow after a hyphen."""
 
 _FIGURE = re.compile(rf"({'|'.join(FIGURES)})(-.*)?\.png")
+_OTHERS = "was not written by estim, or was changed since: move it away, or choose another folder"
 _LARGEST = 2**30  # bytes; no file of a report is larger
 
 
 def require_own(
-    folder: Path, names: Iterable[str], digests: Mapping[str, str], *, within: Path
+    folder: Path,
+    names: Iterable[str],
+    digests: Mapping[str, str],
+    *,
+    within: Path,
+    rule: str = _OTHERS,
 ) -> None:
     """Raises EstimError where one of `names` stands in `folder` and is not as estim wrote it.
 
-    digests : of what estim wrote there, by its manifest.
+    digests : of what estim wrote there, by its manifest.  rule : what the error says.
     """
     for name in names:
         data = read_file(folder / name, at_most=_LARGEST, within=within)
         if data is not None and sha256(data).hexdigest() not in digests.get(name, "").split():
-            raise InputError(
-                "was not written by estim, or was changed since: move it away, or choose "
-                "another folder",
-                file=folder / name,
-            )
+            raise InputError(rule, file=folder / name)
 
 
 def require_room(

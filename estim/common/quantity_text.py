@@ -52,6 +52,7 @@ _TIMES_TEN = re.compile(
 )
 # characters of a quantity; the library's pattern takes time as the square of a row of blanks
 _LONGEST = 200
+_MAY_FOLLOW = "with or without a unit"
 EXTREME = "must be 0 or between 1e-100 and 1e100 in size"
 
 
@@ -71,9 +72,20 @@ class Quantity:
         """The same quantity in another unit, `factor` new units per old one."""
         return Quantity(self.value * factor, self.u * abs(factor))
 
+    def of_unit(self, unit: str = "1") -> QuantityOfUnit:
+        """The same with its unit, for files."""
+        return QuantityOfUnit(self.value, self.u, unit)
+
     @property
     def exact(self) -> bool:
         return self.u == 0.0
+
+
+@dataclass(frozen=True)
+class QuantityOfUnit(Quantity):
+    """A quantity that says its unit."""
+
+    unit: str = "1"
 
 
 def read_number(text: str) -> float:
@@ -96,8 +108,8 @@ def extreme(value: float) -> bool:
     return math.isfinite(value) and value != 0.0 and not 1e-100 <= abs(value) <= 1e100
 
 
-def read_quantity(source: str | float, *, field: str) -> Quantity:
-    """The quantity written in `source`.
+def read_quantity(source: str | float, *, field: str, unit: str = "without a unit") -> Quantity:
+    """The quantity written in `source`.  unit : how one is to be written, for the error.
 
     Raises InputError naming `field` where the text is no number, is not finite or beyond all
     measure, or has an uncertainty of zero or less.
@@ -108,7 +120,7 @@ def read_quantity(source: str | float, *, field: str) -> Quantity:
         quantity = (
             Quantity(float(source))
             if isinstance(source, (int, float))
-            else _read_text(source.strip(), field)
+            else _read_text(source.strip(), field, unit)
         )
     except OverflowError:
         raise InputError("must be finite", field=field, value=source) from None
@@ -133,8 +145,8 @@ def read_with_unit(source: str | float, *, field: str) -> tuple[Quantity, str]:
         rule = "must have a known unit after its number, such as m/s or kg"
         raise InputError(rule, field=field, value=source)
     if match is None or _NO_UNIT.match(unit) or not is_unit(unit):
-        return read_quantity(source, field=field), "1"
-    return read_quantity(match[1], field=field), unit
+        return read_quantity(source, field=field, unit=_MAY_FOLLOW), "1"
+    return read_quantity(match[1], field=field, unit=_MAY_FOLLOW), unit
 
 
 def require_clear_share(text: str, *, field: str, line: int | None = None) -> None:
@@ -151,7 +163,7 @@ def require_clear_share(text: str, *, field: str, line: int | None = None) -> No
     )
 
 
-def _read_text(text: str, field: str) -> Quantity:
+def _read_text(text: str, field: str, unit: str) -> Quantity:
     if len(text) > _LONGEST:
         raise InputError(
             f"must be at most {_LONGEST} characters long", field=field, value=len(text)
@@ -160,7 +172,7 @@ def _read_text(text: str, field: str) -> Quantity:
         return Quantity(read_number(_as_typed(text)))
     except ValueError:
         require_clear_share(text, field=field)
-    rule = 'must be a number as 4.0, or read like "4.0 +/- 0.4" or "4.0(4)", without a unit'
+    rule = f'must be a number as 4.0, or read like "4.0 +/- 0.4" or "4.0(4)", {unit}'
     if "_" in text or any(mark.isdecimal() and not mark.isascii() for mark in text):
         raise InputError(rule, field=field, value=text)
     from uncertainties import ufloat_fromstr

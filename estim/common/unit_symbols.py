@@ -143,7 +143,7 @@ _JOINED = re.compile(
     r"(?i:°|degrees?|deg\.?|grados?|grad)\s*(?:(C)(?:elsius)?|(F)(?:ahrenheit)?)(?![^\W\d_])"
 )
 _TOKEN = re.compile(
-    r"\d+(?:\.\d+)?(?:[eE][+-]?\d+)?|°[CF]?|a\.u(?![^\W\d_])|[^\W\d_]+|[%‰′″]|[()/ ]"
+    r"\d+(?:\.\d+)?(?:[eE][+-]?\d+)?|°[CF]?|a\.u\.|[^\W\d_]+|[%‰′″]|[()/ ]"
     r"|\^[+-]?\d{1,3}(?![\d.])"
 )
 
@@ -320,9 +320,10 @@ def _spelled(text: str) -> str:
     text = re.sub(r"\^[({]([+-]?\d+)[)}]", r"^\1", text.replace("**", "^"))
     text = re.sub(r"(?<=[^\W\d_°%])(?<!\d[eE])(?=-?\d)", "^", text)
     text = re.sub(r"\s*([/()^])\s*", r"\1", text)
-    return re.sub(
+    text = re.sub(
         r"\s*[·⋅*×]\s*|\s+|(?<=[^\W_])(?!(?<=\ba)\.u(?![^\W\d_]))\.(?=[^\W\d_])", " ", text
     )
+    return re.sub(r"\ba\.u(?![\w.])", "a.u.", text)
 
 
 def _quotient(tokens: deque[str]) -> list[Factor]:

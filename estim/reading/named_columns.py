@@ -17,7 +17,7 @@ from estim.arrays import FloatArray
 from estim.common import InputError, in_file, in_its_file, listed, phrase, same_numbers
 from estim.reading.cells import Row, is_missing
 from estim.reading.decimal_mark import decimal_mark, number_in, row_refused
-from estim.reading.dialect import PLAIN, Dialect, bare_name, names_and_units
+from estim.reading.dialect import PLAIN, Dialect, bare_name, name_and_unit, names_and_units
 from estim.reading.layout import Layout, cells_differ, numeric_columns, read_layout
 from estim.reading.source import refuse
 from estim.reading.table import (
@@ -186,11 +186,13 @@ def read_known_columns(
 
 def place_of(name: str, names: Sequence[str], line: int | None = None) -> int:
     """Where among `names`, on this line, the column `name` is: called just so, or so before its
-    unit.  Raises InputError listing what there is.
+    unit, or with the same unit in other brackets.  Raises InputError listing what there is.
     """
-    indices = [i for i, column in enumerate(names) if column == name] or [
-        i for i, column in enumerate(names) if bare_name(column) == name
-    ]
+    indices = (
+        [i for i, column in enumerate(names) if column == name]
+        or [i for i, column in enumerate(names) if bare_name(column) == name]
+        or [i for i, column in enumerate(names) if name_and_unit(column) == name_and_unit(name)]
+    )
     if not indices:
         raise InputError(
             "is missing",

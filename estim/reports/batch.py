@@ -13,7 +13,7 @@ import numpy as np
 
 from estim.batch import RunRow, RunScatter, odd_runs, spreads
 from estim.common import FigureChoice, Files, as_csv, as_json, phrase
-from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, grid, whole_ticks
+from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, grid, legend_below, whole_ticks
 from estim.pipeline import Analysis
 from estim.reports.analysis import analysis_report
 from estim.reports.pages import page, with_formats
@@ -113,7 +113,7 @@ def _csv(rows: Sequence[RunRow], quantities: Sequence[RunScatter]) -> bytes:
 
 def _record(row: RunRow) -> dict[str, object]:
     """The results in a row, without how and when it was made."""
-    left_out = ("seconds", "key", "outputs")
+    left_out = ("seconds", "key", "outputs", "names")
     return {key: value for key, value in msgspec.to_builtins(row).items() if key not in left_out}
 
 
@@ -135,16 +135,16 @@ def synthetic_words(rows: Sequence[RunRow]) -> str:
 
 
 def overview_figure(rows: Sequence[RunRow], shown: Sequence[RunScatter]) -> Figure:
-    """Each quantity against the number of the run; a run that is not ok is a cross at the bottom,
-    what stands apart is named.
+    """Each quantity against the number of the run; a run that is not ok is a cross at the bottom
+    where it has the quantity, what stands apart is named.
     """
     figure, axes = grid(len(shown), height=1.5, columns=1, sharex=True)
-    bad = np.array([i + 1 for i, row in enumerate(rows) if row.status != "ok"])
+    some_bad = any(row.status != "ok" for row in rows)
     for ax, spread in zip(axes, shown, strict=True):
         at = np.array(spread.rows) + 1
         outlying = np.isin(np.array(spread.rows), spread.apart)
         factor = spread.label.factor
-        ax.axhline(spread.median * factor, color=GREY)
+        ax.axhline(spread.median * factor, color=GREY, label=phrase("median"))
         for chosen, colour, mark in ((~outlying, BLUE, "o"), (outlying, ORANGE, "D")):
             bars = len(rows) <= 200  # of more, error bars would be one black band
             ax.errorbar(
@@ -160,19 +160,32 @@ def overview_figure(rows: Sequence[RunRow], shown: Sequence[RunScatter]) -> Figu
             name = rows[i].run or PurePath(rows[i].campaign).name
             value = spread.mean[spread.rows.index(i)] * factor
             ax.annotate(name, (i + 1, value), xytext=(4, 3), textcoords="offset points", color=INK)
-        if bad.size:
-            ax.plot(
-                bad, np.full(bad.size, 0.04), "x", color=INK, transform=ax.get_xaxis_transform()
-            )
+        bad = _not_ok(rows, spread)
+        ax.plot(bad, [0.04] * len(bad), "x", color=INK, transform=ax.get_xaxis_transform())
         ax.set_ylabel(spread.label.axis)
         ax.margins(y=0.15)
     if synthetic := synthetic_words(rows):
         figure.suptitle(synthetic)
     axes[-1].set_xlabel(
         phrase(
-            "number of the run (cross at the bottom: not ok)" if bad.size else "number of the run"
+            "number of the run (cross at the bottom: not ok)" if some_bad else "number of the run"
         )
     )
     axes[-1].set_xlim(0.4, len(rows) + 0.6)
     whole_ticks(axes[-1].xaxis)
+    legend_below(figure)
     return figure
+
+
+def _not_ok(rows: Sequence[RunRow], spread: RunScatter) -> list[int]:
+    """Numbers of the runs that are not ok and have the quantity; of one without a result that is
+    known where all others of its campaign, or of the batch, agree.
+    """
+    known = [row for row in rows if row.names]
+
+    def has_it(row: RunRow) -> bool:
+        of_campaign = [other for other in known if other.campaign == row.campaign]
+        alike = [row] if row.names else of_campaign or known
+        return all(spread.name in other.names for other in alike)
+
+    return [i for i, row in enumerate(rows, 1) if row.status != "ok" and has_it(row)]

@@ -35,13 +35,14 @@ def summarise_energy(e: EnergyRecord) -> Json:
     and to the largest kinetic energy; null where there is none.
     """
     return {
+        "unit": "1",  # of the ratios
         "mean_relative": e.mean_relative,
         "extreme_relative": e.extreme_relative,
         "mean_to_kinetic": e.mean_to_kinetic,
         "extreme_to_kinetic": e.extreme_to_kinetic,
-        "loss_per_metre": e.loss,  # J/(kg m)
+        "loss_per_metre": e.loss.of_unit("J/(kg m)"),
         "loss_interval_95": e.loss_interval,
-        "loss_force": e.loss_force,  # N
+        "loss_force": e.loss_force.of_unit("N"),
     }
 
 

@@ -23,6 +23,7 @@ from estim.drawing import (
     BLUE,
     INK,
     ORANGE,
+    PALE,
     Figure,
     legend_below,
     name_ticks,
@@ -40,7 +41,7 @@ def mean_statement(table_mean: TableMean) -> str:
     best, unit, name = table_mean.mean.best, behind(table_mean.unit), table_mean.name
     if not math.isnan(best.k):
         return expanded_statement(
-            phrase("mean"),
+            f"{phrase('mean')}: ",
             name,
             unit,
             best.value,
@@ -118,8 +119,14 @@ def mean_report(table_mean: TableMean, *, seed: int, figures: FigureChoice) -> F
     )
 
 
+def _interval_of(name: str, probability: float) -> str:
+    return f"{phrase(name)}, {per_cent(probability)}"
+
+
 def mean_figure(table_mean: TableMean) -> Figure:
-    """The values with their standard uncertainties, and the interval of each mean that counts."""
+    """The values with their standard uncertainties, and the interval of each mean that counts: of
+    the recommended one a band, of the other its ends.
+    """
     mean = table_mean.mean
     figure = new_figure(3.8)
     ax = figure.subplots()
@@ -128,18 +135,17 @@ def mean_figure(table_mean: TableMean) -> Figure:
         places = 1.0 + np.array([mean.groups.names.index(label) for label in table_mean.labels])
     others = "weighted" if mean.u_data is not None else "readings"
     with_tau = "hierarchical" if mean.u_data is not None else mean.recommended
-    quoted = mean.recommended if mean.status.ok else ""
-    for name, colour in {others: BLUE, with_tau: ORANGE}.items():
+    for name in {others, with_tau} - {mean.recommended}:
         a = mean.averages[name]
-        ax.axhspan(
-            a.low,
-            a.high,
-            color=colour,
-            alpha=0.2,
-            label=f"{phrase(name)}, {per_cent(mean.probability)}"
-            + (f" ({phrase('recommended')})" if name == quoted else ""),
-        )
-        ax.axhline(a.value, color=colour)
+        ax.axhline(a.value, color=ORANGE)
+        for end in (a.low, a.high):
+            ax.axhline(end, color=ORANGE, ls="--", label=_interval_of(name, mean.probability))
+    a = mean.best
+    label = _interval_of(mean.recommended, mean.probability)
+    if mean.status.ok:
+        label += f" ({phrase('recommended')})"
+    ax.axhspan(a.low, a.high, color=PALE, zorder=0.5, label=label)
+    ax.axhline(a.value, color=BLUE)
     ax.errorbar(
         places,
         mean.data,

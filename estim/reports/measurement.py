@@ -53,11 +53,11 @@ _LAWS = PhraseTable(
 _BY_DRAWS = PhraseTable(
     {
         "symmetric": (
-            "{what}: {best} the probabilistically symmetric {percent} coverage interval {ends}, by "
+            "{what}{best} the probabilistically symmetric {percent} coverage interval {ends}, by "
             "propagation of distributions ({n} Monte Carlo trials, JCGM 101)."
         ),
         "shortest": (
-            "{what}: {best} the shortest {percent} coverage interval {ends}, by "
+            "{what}{best} the shortest {percent} coverage interval {ends}, by "
             "propagation of distributions ({n} Monte Carlo trials, JCGM 101)."
         ),
     }
@@ -188,12 +188,12 @@ def statement(propagation: Propagation, i: int) -> str:
     budget, drawn = propagation.budgets[i], propagation.sampled
     output, quoted = propagation.model.outputs[i], _quoted(propagation, i)
     unit = behind(output.unit)
-    what = f"{output.name}, {output.meaning}" if output.meaning else output.name
+    what = f"{output.name}, {output.meaning}: " if output.meaning else ""
     percent = per_cent(budget.probability)
     if quoted == "GUM":
         if budget.u == 0.0:
             return phrase(
-                "{what}: {name} = {value}, exact.",
+                "{what}{name} = {value}, exact.",
                 what=what,
                 name=output.name,
                 value=format_rounded(budget.value, 0.0) + unit,
@@ -263,10 +263,12 @@ def expanded_statement(
     dof: float,
     probability: float,
 ) -> str:
-    """A value with its expanded uncertainty, stated as GUM 7.2.4 requires."""
+    """A value with its expanded uncertainty, stated as GUM 7.2.4 requires.  what : stands before
+    it, with a colon, or "".
+    """
     expanded = f"{format_rounded(value, k * u)} ± {format_rounded(k * u, k * u, beside=value)}"
     return phrase(
-        "{what}: {name} = {value}, where the number after ± is the expanded "
+        "{what}{name} = {value}, where the number after ± is the expanded "
         "uncertainty U = k u, with the standard "
         "uncertainty u = {u} and the coverage factor k = {k:.2f} from {law} for a "
         "coverage probability of {percent}.",
@@ -345,12 +347,17 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
     draws = sampled.draws[:, i]
     draws = draws[np.isfinite(draws)]
     percent = per_cent(sampled.probability)
+    known = gum.u > 0.0 and math.isfinite(gum.value)
+    tail = 0.1 * (1.0 - sampled.probability)
+    ends = list(np.quantile(draws, [tail, 1.0 - tail])) if draws.size else []
+    if known:
+        room = 0.25 * (gum.high - gum.low)
+        ends += [gum.low - room, gum.high + room]
+    low, high = min(ends, default=0.0), max(ends, default=1.0)
+    high = high if high > low else low + 1.0
+    ax.set_xlim(low, high)  # tails go on beyond the frame, those of the draws and of the curve
     if draws.size:
-        tail = 0.1 * (1.0 - sampled.probability)
-        low, high = np.quantile(draws, [tail, 1.0 - tail])
-        counts, edges = np.histogram(
-            draws, bins=120, range=(low, high if high > low else low + 1.0)
-        )
+        counts, edges = np.histogram(draws, bins=120, range=(low, high))
         ax.stairs(
             counts / (draws.size * np.diff(edges)),
             edges,
@@ -362,10 +369,8 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
         label = _INTERVALS_DRAWN[propagation.model.interval].format(percent=percent)
         for end in (interval.low[i], interval.high[i]):
             ax.axvline(float(end), color=BLUE, label=label)
-    if gum.u > 0.0 and math.isfinite(gum.value):
-        left, right = ax.get_xlim()
-        room = 0.25 * (gum.high - gum.low)
-        x = np.linspace(min(left, gum.low - room), max(right, gum.high + room), 400)
+    if known:
+        x = np.linspace(low, high, 400)
         ax.plot(
             x,
             # normal for very many degrees of freedom

@@ -88,7 +88,7 @@ def reanalysis_result(r: Reanalysis) -> Json:
 def _body(r: Reanalysis, body: BodyAnalysis) -> Json:
     table, ok = body.narrowing, body.joint.diagnosis.ok
     return {
-        "gamma_masses": body.gamma_masses,
+        "gamma_masses": body.gamma_masses and body.gamma_masses.of_unit(),
         "gamma_origin": gamma_origin(r.campaign.source, body.body),
         "joint": result_of(r.campaign, body.joint),
         "energies": {e.run: summarise_energy(e) for e in body.energies if ok},

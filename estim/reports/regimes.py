@@ -47,6 +47,7 @@ _STILL, _TURNS, _PASSES, _ROLLS = "#E4E4E4", "#D6E9F5", "#FBE3B3", "#C9E8DC"
 _DARK_VERMILION = "#B34700"
 _NEAR = 0.1  # of the axis of tilts, half as much of the other: runs nearer than this have one label
 _NAMED = 4  # names in one label
+_ROOM = 0.14, 0.1  # that one takes beside and above its run, of both axes
 _THETA_MIN = Notation("θ_min").label("rad").tex
 _ENDS = {
     "turns": {
@@ -332,7 +333,9 @@ def _distances(ax: Axes, body_map: BodyMap) -> None:
             label=phrase("turns back after this distance (m)"),
         )
         if finite.size > 0.06 * phi.size:
-            at = finite[int((0.35 + 0.12 * (i % 2)) * finite.size)]
+            usual = finite[int((0.35 + 0.12 * (i % 2)) * finite.size)]
+            free = [j for j in finite if not _has_name(body_map, body_map.phi[j], release[j])]
+            at = min(free or [usual], key=lambda j: abs(j - usual))
             ax.text(
                 phi[at],
                 release[at] * _DEGREES,
@@ -344,6 +347,16 @@ def _distances(ax: Axes, body_map: BodyMap) -> None:
                 clip_on=True,
                 bbox={"fc": _TURNS, "ec": "none", "pad": 0.6},
             )
+
+
+def _has_name(body_map: BodyMap, phi: float, theta0: float) -> bool:
+    """Whether the name of a run may cover a number here."""
+    width, height = np.ptp(body_map.phi), body_map.theta0_range[1] - body_map.theta0_range[0]
+    return any(
+        abs(phi - place.phi[0]) < _ROOM[0] * width
+        and -0.5 * _ROOM[1] < (theta0 - place.theta0[0]) / height < _ROOM[1]
+        for place in body_map.runs
+    )
 
 
 def _line_points(ax: Axes, line: ThetaMinSeries) -> None:

@@ -74,7 +74,8 @@ def straight_line_result(line: StraightLine) -> Json:
         "slope": fit.slope,
         # the same, with the recommended u
         "coefficients": {
-            key: {"value": value, "u": u} for key, (_, _, value, u) in _coefficients(line).items()
+            key: {"value": value, "u": u, "unit": unit}
+            for key, (_, unit, value, u) in _coefficients(line).items()
         },
         # of x, y, intercept and slope; "1" where the table states none
         "units": line.units,

@@ -73,7 +73,7 @@ def line_result(campaign: Campaign, analysis: LineAnalysis) -> Json:
         "disagreement": analysis.disagreement,
         "body": analysis.series.body,
         "n_obs": analysis.series.x.size,
-        "gamma_masses": analysis.gamma_masses,
+        "gamma_masses": analysis.gamma_masses and analysis.gamma_masses.of_unit(),
         "gamma_origin": gamma_origin(campaign.source, analysis.series.body),
         "methods": {name: _row(analysis, name) for name in _METHODS},
         "posterior": {
@@ -93,12 +93,12 @@ def line_result(campaign: Campaign, analysis: LineAnalysis) -> Json:
         "steepest_phi": Quantity(
             math.asin(min(max(steepest.x0, -1.0), 1.0)),
             steepest.u_x0 / math.sqrt(max(1.0 - steepest.x0**2, 1e-12)),
-        )
+        ).of_unit("rad")
         if ok
         else None,
         "log_bayes_factor_intercept": Quantity(
             evidence.log_bayes_factor, evidence.u_log_bayes_factor
-        )
+        ).of_unit()
         if ok
         else None,
         "intercept_prior_sd": evidence.intercept_sd,
@@ -133,7 +133,9 @@ def _above_theory(analysis: LineAnalysis, intercept: FloatArray) -> Json | None:
     return {
         "points": int(np.sum(analysis.series.y > x / gamma.value)),  # how many lie above it
         "tilt": math.asin(tilt),  # their mean
-        "excess": excess,  # theta_min of the Bayesian line there, less that of the theory
+        "excess": excess.of_unit(
+            "rad"
+        ),  # theta_min of the Bayesian line there, less that of the theory
     }
 
 
@@ -160,7 +162,12 @@ def _row(analysis: LineAnalysis, method: str) -> Json:
         fits = {"ols": analysis.ols, "weighted": analysis.weighted, "york": analysis.york}
         row = line_figures(fits[method])
     reading = analysis.readings[method]
-    row |= {"gamma": reading.gamma, "rolling_resistance": reading.resistance, "e_n": reading.e_n}
+    row |= {
+        "unit": "1",
+        "gamma": reading.gamma,
+        "rolling_resistance": reading.resistance,
+        "e_n": reading.e_n,
+    }
     if analysis.status.ok:
         return row
     uncertain = ("recommended", "reason", "gamma", "rolling_resistance", "e_n")

@@ -16,6 +16,7 @@ make other draws.  There
 from __future__ import annotations
 
 import difflib
+import json
 import math
 import re
 from collections.abc import Iterator, Mapping
@@ -50,7 +51,7 @@ _WIDTH = 80  # characters of a difference that are shown
 @dataclass(frozen=True)
 class Difference:
     """where : line or key, or `WHOLE`.  before, now : as the report has it, as it was
-    recomputed.  wrong : or else it was not compared.
+    recomputed, "" of what no line can show.  wrong : or else it was not compared.
     """
 
     where: str
@@ -59,7 +60,9 @@ class Difference:
     wrong: bool = True
 
     def __str__(self) -> str:
-        return f"{self.where}: {self.before!r}, recomputed {self.now!r}"
+        if not (self.before or self.now):
+            return f"{self.where}: differs from what is recomputed"
+        return f"{self.where}: '{self.before}', recomputed '{self.now}'"
 
 
 @dataclass(frozen=True)
@@ -106,7 +109,7 @@ def differences(files: Mapping[str, Pair], *, same_versions: bool) -> dict[str, 
             texts = (data.decode("utf-8", "replace").splitlines() for data in (before, now))
             found[name] = list(_of_lines(*texts, exact=exact, near=near))
         else:
-            found[name] = [Difference(WHOLE, "other bytes", "these", exact)]
+            found[name] = [Difference(WHOLE, "", "", exact)]
     return found
 
 
@@ -127,8 +130,9 @@ def estimate_in(node: object) -> tuple[float, float] | None:
 
 
 def short(value: object) -> str:
-    """A value on a line."""
-    return shorten(f"{value:.10g}" if isinstance(value, float) else str(value), _WIDTH)
+    """A value of JSON on a line."""
+    text = f"{value:.10g}" if isinstance(value, float) else value
+    return shorten(text if isinstance(text, str) else json.dumps(text), _WIDTH)
 
 
 def entries_of(where: str, before: Any, now: Any, mcse: float | None = None) -> Iterator[Entry]:

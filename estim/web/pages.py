@@ -140,9 +140,11 @@ class Pages:
             try:
                 if not contents:
                     raise InputError(phrase("Choose a file first."))
+                if batch and "who" not in fields:
+                    raise InputError(phrase("Write your name, or that of your group."))
                 if len(contents) < len(handed):
                     raise InputError(phrase("Two files have the same name: rename one of them."))
-                who = fields.get("who", "") if batch else None
+                who = fields["who"] if batch else None
                 uploads = await asyncio.to_thread(self._store.take_in, contents, who)
                 if batch is not None:
                     return self._answered(batch, uploads, row)
