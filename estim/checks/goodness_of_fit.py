@@ -79,7 +79,7 @@ _AT_ONCE, _MOST_AT_ONCE = 500, 1e5  # data sets and numbers
 _SLOW_ORDER, _SLOW_WEIGHT = 5, 4.0
 _SAME = 1e-9  # of its size: what varies less is the same everywhere
 _LEAST_REPEATED = 2  # readings beyond the first of their x: a single one may be a copied row
-_LEAST_LEFT = 0.05  # standard deviations: of a point that determines a parameter alone less is left
+_LEAST_LEFT = 0.3  # standard deviations: of a point that determines a parameter alone less is left
 _NO_DRIFT = 0.5  # standard deviations of a slow shape in independent residuals
 _OF_NEIGHBOURS = frozenset(("runs", "autocorrelation"))
 P_FLOOR = 1.0 / (1.0 + _N_SIMULATED)  # a p-value of the tests below cannot come out smaller
@@ -230,7 +230,7 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
     for group, response, spread in zip(problem.groups, responses, spreads, strict=True):
         whitened = group.split(response.z)
         dof = _dof(response.root) if known else 0
-        left = group.split(_left_by_fit(response.root, spread))
+        left = group.split(_left_by_fit(response.slopes_at_fit, spread))
         tested = [
             _Tested(z, _tests_of(run, named, raw_and_sd[run.name][1], own), dof)
             for run, z, own in zip(group.runs, whitened, left, strict=True)
@@ -365,11 +365,13 @@ def _simulated(
     return simulate
 
 
-def _left_by_fit(root: FloatArray, spread: FloatArray) -> FloatArray:
+def _left_by_fit(slopes: FloatArray, spread: FloatArray) -> FloatArray:
     """(n_obs,) standard deviations of whitened residuals after the fit, sqrt(1 - leverage), at
-    least `_LEAST_LEFT`.  root, spread : as above.
+    least `_LEAST_LEFT`, since no fit follows a point as closely as it would if it were linear.
+
+    slopes : (n_obs, n_par) minus the derivatives of the residuals.  spread : as above.
     """
-    leverage = np.einsum("ij,ij->i", moves := root @ spread, moves)
+    leverage = np.einsum("ij,ij->i", moves := slopes @ spread, moves)
     return np.sqrt(np.maximum(1.0 - leverage, _LEAST_LEFT**2))
 
 

@@ -48,6 +48,11 @@ class Linear:
         moved = self.root @ shifts
         return np.subtract(errors, moved, out=moved)
 
+    @property
+    def slopes_at_fit(self) -> FloatArray:
+        """(n_obs, n_par) minus the derivatives of each residual."""
+        return self.root
+
 
 @dataclass(frozen=True, eq=False)
 class TabulatedScores(Linear):
@@ -77,6 +82,12 @@ class TabulatedScores(Linear):
                 row += np.interp(error, self.at, column) * shift
         return moved
 
+    @property
+    def slopes_at_fit(self) -> FloatArray:
+        """Means over the errors."""
+        weights = np.exp(-0.5 * self.at**2)
+        return -np.einsum("iaj,a->ij", self.slopes, weights / weights.sum())
+
 
 @dataclass(frozen=True, eq=False)
 class CountedResiduals:
@@ -96,6 +107,11 @@ class CountedResiduals:
     @property
     def z(self) -> FloatArray:
         return deviance_residual(self.law, self.y, self.mean, self.trials)
+
+    @property
+    def slopes_at_fit(self) -> FloatArray:
+        """(n_obs, n_par) minus the derivatives of each residual."""
+        return self.root
 
     def drawn(self, n_sim: int, rng: np.random.Generator) -> FloatArray:
         mean = np.repeat(self.mean[:, None], n_sim, axis=1)
