@@ -288,17 +288,20 @@ def unidentified(fit: Fit, identifiability: Identifiability) -> tuple[Finding, .
 
 def held_by_draws(finding: Finding, fit: Fit, chain: Chain) -> bool:
     """Whether a direction that is flat at the fit is not so for the posterior: draws have converged
-    and keep away from the limits of all that moves along it.  The highest joint density of a spread
-    and of what is spread by it lies in a corner of next to no probability.
+    and keep away from the limits of all that moves along it, where anything has limits.  The
+    highest joint density of a spread and of what is spread by it lies in a corner of next to no
+    probability.
     """
     if finding.kind is not Kind.DIRECTION_FLAT or not chain.convergence.met:
         return False
     moving = [fit.names.index(amount.name) for amount in finding.parameters]
     low, high = (limits[moving] for limits in fit.problem.support())
-    draws = chain.flat[:, moving]
-    with np.errstate(invalid="ignore"):
-        from_edge = np.minimum(draws - low, high - draws) / (high - low)
-    return bool(np.all(np.mean(from_edge < _EDGE, axis=0) <= _AT_EDGES))
+    limited = np.isfinite(high - low)
+    if not limited.any():
+        return False
+    draws, low, high = chain.flat[:, moving][:, limited], low[limited], high[limited]
+    at_edge = np.minimum(draws - low, high - draws) < _EDGE * (high - low)
+    return bool(np.all(np.mean(at_edge, axis=0) <= _AT_EDGES))
 
 
 def _flat_directions(fit: Fit, identifiability: Identifiability) -> list[Finding]:

@@ -29,7 +29,8 @@ def data_remarks(runs: Sequence[Observations]) -> list[Finding]:
     of runs of which one holds all readings of the other.
     """
     counts = [Finding(Kind.COUNTS_AS_READINGS, run=run.name) for run in runs if _are_counts(run)]
-    rows = {run.name: [*zip(run.x.tolist(), run.y.tolist(), strict=True)] for run in runs}
+    several = runs if len(runs) > 1 else ()
+    rows = {run.name: {*zip(run.x.tolist(), run.y.tolist(), strict=True)} for run in several}
     copies = [
         Finding(Kind.READINGS_COPIED, names=(a, b))
         for a, b in combinations(rows, 2)
@@ -38,13 +39,8 @@ def data_remarks(runs: Sequence[Observations]) -> list[Finding]:
     return counts + copies
 
 
-def _copied(few: list[tuple[float, float]], many: list[tuple[float, float]]) -> bool:
-    return (
-        len(few) >= _LEAST_COPIED
-        and few[0] in many
-        and len({y for _, y in few}) >= _LEAST_VALUES
-        and {*many}.issuperset(few)
-    )
+def _copied(few: set[tuple[float, float]], many: set[tuple[float, float]]) -> bool:
+    return len(few) >= _LEAST_COPIED and few <= many and len({y for _, y in few}) >= _LEAST_VALUES
 
 
 def _are_counts(run: Observations) -> bool:

@@ -371,7 +371,7 @@ def _left_by_fit(slopes: FloatArray, spread: FloatArray) -> FloatArray:
 
     slopes : (n_obs, n_par) minus the derivatives of the residuals.  spread : as above.
     """
-    leverage = np.einsum("ij,ij->i", moves := slopes @ spread, moves)
+    leverage = np.sum(np.square(slopes @ spread), axis=1)
     return np.sqrt(np.maximum(1.0 - leverage, _LEAST_LEFT**2))
 
 
