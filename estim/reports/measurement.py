@@ -221,7 +221,7 @@ def statement(propagation: Propagation, i: int) -> str:
             )
             if math.isfinite(drawn.u[i])
             else phrase(
-                "the draws of {name} show no standard uncertainty (its tails are too heavy);",
+                "{name} has no standard uncertainty (the tails of its draws are too heavy), but",
                 name=output.name,
             )
         )
