@@ -41,7 +41,7 @@ from estim.checks import (
     identify,
     influences,
     not_measured,
-    optima,
+    optima_of,
     p_sentence,
     print_lines,
     result_table,
@@ -72,7 +72,6 @@ from estim.sampling import (
     Certificate,
     Certified,
     Chain,
-    Optima,
     Progress,
     Summary,
     Target,
@@ -383,7 +382,7 @@ def _drawn(
                 raise
             rng = stream(seed, Stream.CHAIN)
     density = folded(fit.sampled, fit.symmetry, fit.values, fit.cov)
-    start = _optima_of(fit)
+    start = optima_of(fit)
     if problem.n_par <= max_parameters:
         drawn = certified_chain(
             density,
@@ -401,21 +400,6 @@ def _drawn(
             chain, None, no_comparison(problem.n_par, too_many(problem.n_par, max_parameters))
         )
     return drawn
-
-
-def _optima_of(fit: Fit) -> Optima:
-    all_optima = optima(fit)
-    # optima with so small a share have no ridges that are followed
-    modes = tuple(all_optima.values[1:][all_optima.shares[1:] > 1e-3])
-    starts = (
-        *all_optima.values[1:],
-        *(mean for discrepancy in fit.lacking for mean in discrepancy.parts.means),
-    )
-    covs = (
-        *all_optima.covs[1:],
-        *(cov for discrepancy in fit.lacking for cov in discrepancy.parts.covs),
-    )
-    return Optima(fit.values, fit.cov, starts, covs, modes, fit.parts)
 
 
 def asks_for_a_cause(analysis: Analysis) -> bool:

@@ -16,19 +16,11 @@ import numpy as np
 from estim.arrays import BoolArray, FloatArray, IntArray, all_finite
 from estim.calibration.experiment import Experiment
 from estim.calibration.uniformity import N_RANK
+from estim.checks import optima_of
 from estim.common import PROBABILITIES, InputError, Label, NumericalError, Stream, stream
 from estim.fitting import Fit, fit_least_squares, fit_white
 from estim.problem import Parameter, Prior, Problem
-from estim.sampling import (
-    Chain,
-    InCoordinates,
-    Optima,
-    Target,
-    adapt_proposal,
-    certify,
-    marginal_chain,
-    sample_posterior,
-)
+from estim.sampling import Chain, InCoordinates, Target, certify, marginal_chain, sample_posterior
 
 What = Literal["sbc", "coverage"]
 
@@ -186,10 +178,10 @@ def posterior_draws(fit: Fit, ess: float, rng: np.random.Generator) -> tuple[Flo
     if spreads and (chain := _integrated(fit, ess, rng)) is not None:
         return chain.flat, "importance sampling", ""
     density = InCoordinates(fit.sampled, fit.coordinates)
-    at = Optima(fit.values, fit.cov).of(fit.coordinates)
+    at = optima_of(fit).of(fit.coordinates)
     # draws in each round of adaptation
     for n_round in (1000, 4000):
-        proposal = adapt_proposal(density, at.value, at.cov, rng=rng, n_round=n_round)
+        proposal = at.adapted(density, rng, n_round=n_round)
         n_draw, most = int(2.0 * ess), int(16.0 * ess)
         certificate = certify(
             density, proposal, rng=rng, n_draw=n_draw, least_ess=ess, max_draw=most

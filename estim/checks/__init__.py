@@ -58,7 +58,7 @@ from estim.checks.goodness_of_fit import (
     untested,
 )
 from estim.checks.identifiability import PRIOR_DOMINATED, Identifiability, identify
-from estim.checks.modes import Modes, find_modes, optima
+from estim.checks.modes import Modes, find_modes, optima_of
 from estim.checks.outliers import Outliers, bad_frames_found, find_outliers
 from estim.checks.rolling import Rolling, check_rolling, way_of
 from estim.checks.prior_sensitivity import CONFLICT, THRESHOLD, Sensitivity, power_scaling

@@ -17,6 +17,7 @@ import numpy as np
 
 from estim.arrays import FloatArray, all_finite, positive_or
 from estim.fitting import Fit, ProfileSearch, Start, information, minima, search_of
+from estim.sampling import Optima
 
 _VALLEY = 2.0  # drop of the log density between two modes
 _N_RIDGE = 32  # points along a ridge
@@ -68,6 +69,22 @@ def optima(fit: Fit) -> Modes:
         else np.eye(len(heights))[0]
     )
     return Modes(np.array(values), shares / np.sum(shares), np.array(covs))
+
+
+def optima_of(fit: Fit) -> Optima:
+    """Where the posterior of a fit is known to be high, for its proposals."""
+    all_optima = optima(fit)
+    # optima with so small a share have no ridges that are followed
+    modes = tuple(all_optima.values[1:][all_optima.shares[1:] > 1e-3])
+    starts = (
+        *all_optima.values[1:],
+        *(mean for discrepancy in fit.lacking for mean in discrepancy.parts.means),
+    )
+    covs = (
+        *all_optima.covs[1:],
+        *(cov for discrepancy in fit.lacking for cov in discrepancy.parts.covs),
+    )
+    return Optima(fit.values, fit.cov, starts, covs, modes, fit.parts)
 
 
 def find_modes(fit: Fit, draws: FloatArray | None = None) -> Modes:

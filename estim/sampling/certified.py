@@ -43,10 +43,18 @@ class Optima:
     modes: Sequence[FloatArray] = ()
     parts: NormalParts | None = None
 
-    def adapted(self, density: Density, rng: np.random.Generator) -> Proposal:
-        """A proposal adapted to `density` from these."""
+    def adapted(
+        self, density: Density, rng: np.random.Generator, *, n_round: int = 2000
+    ) -> Proposal:
+        """A proposal adapted to `density` from these, with so many draws in each round."""
         return adapt_proposal(
-            density, self.value, self.cov, rng=rng, starts=self.starts, covs=self.covs
+            density,
+            self.value,
+            self.cov,
+            rng=rng,
+            starts=self.starts,
+            covs=self.covs,
+            n_round=n_round,
         )
 
     def of(self, coordinates: Coordinates) -> Optima:
