@@ -529,18 +529,18 @@ def test_the_first_line_says_which_column_is_which_and_what_is_not_read(tmp_path
         ["fit", str(file), "--formula", "a + b*x", "--x", "U", "--y", "I", *out],
         standalone_mode=False,
     )
-    assert done.output.splitlines()[0] == first
+    assert done.stdout.splitlines()[0] == first
     done = runner().invoke(
         cli, ["new", str(tmp_path / "iv"), "--from", str(file)], standalone_mode=False
     )
-    assert done.output.splitlines()[0] == first
+    assert done.stdout.splitlines()[0] == first
     done = runner().invoke(cli, ["fit", str(tmp_path / "iv.toml"), *out], standalone_mode=False)
-    assert done.output.splitlines()[0] == first
+    assert done.stdout.splitlines()[0] == first
     done = runner().invoke(
         cli, ["line", str(file), "--x", "U", "--y", "I", *out], standalone_mode=False
     )
     assert (
-        done.output.splitlines()[0]
+        done.stdout.splitlines()[0]
         == "columns: x = U (V), y = I (mA), u_x = u_U (V), u_y = u(I) (mA); columns not used: T"
     )
 

@@ -110,8 +110,10 @@ class CountedResiduals:
 
     @property
     def slopes_at_fit(self) -> FloatArray:
-        """(n_obs, n_par) minus the derivatives of each residual."""
-        return self.root
+        """(n_obs, n_par) 0: where few were counted, the residual of a bin that a parameter follows
+        is not as small as its derivatives say.
+        """
+        return np.zeros_like(self.root)
 
     def drawn(self, n_sim: int, rng: np.random.Generator) -> FloatArray:
         mean = np.repeat(self.mean[:, None], n_sim, axis=1)
