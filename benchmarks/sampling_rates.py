@@ -23,8 +23,8 @@ _TIMES = 10.0
 
 def rates(seed: int) -> tuple[float, float]:
     """Of the chain and of importance sampling."""
+    from estim.checks import optima_of
     from estim.common import Stream, stream
-    from estim.pipeline import _optima_of
     from estim.sampling import Target
     from estim.sampling.certificate import certify
     from estim.sampling.chain import sample_posterior
@@ -33,7 +33,7 @@ def rates(seed: int) -> tuple[float, float]:
     from estim.sampling.ridges import ridge_proposal
 
     fit = posed()
-    density, optima, support = fit.posterior, _optima_of(fit), fit.problem.support()
+    density, optima, support = fit.posterior, optima_of(fit), fit.problem.support()
     rng = stream(seed, Stream.PROPOSAL)
     adapted = adapt_proposal(
         density, optima.value, optima.cov, starts=optima.starts, covs=optima.covs, rng=rng
