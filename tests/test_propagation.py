@@ -311,6 +311,15 @@ def test_what_linear_propagation_cannot_do_is_said(function, sentence):
     assert propagate_linear(log_x, LOG_INPUT).notes == ()
 
 
+def test_noise_of_a_function_that_an_input_hardly_moves_is_no_jump(rng):
+    def noisy(q):
+        return q["a"] + 1e-12 * q["b"] + 1e-9 * rng.standard_normal()
+
+    for _ in range(20):
+        result = propagate_linear(noisy, [Input("a", 1.0, 0.1), Input("b", 1.0, 0.1)])
+        assert result.u == pytest.approx(0.1, rel=1e-3)
+
+
 def test_an_undefined_output_of_a_curve_leaves_the_others_alone():
     x = np.array([-1.0, 0.0, 1.0])
     curve = propagate_linear(lambda q: np.sqrt(x + q["a"]), [Input("a", 0.5, 0.01)])

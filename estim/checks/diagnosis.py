@@ -30,9 +30,9 @@ from estim.words import describe
 
 # curvature of the log prior along a direction, 1 for a normal prior, below which it does not hold
 # it
+_FLAT = 0.05
 # of a range, the part beside each limit, and of the draws, how many may lie there
 _EDGE, _AT_EDGES = 0.05, 0.01
-_FLAT = 0.05
 
 # standard deviations of a parameter, by which a run whose covariance is held may move those of
 # others

@@ -232,7 +232,7 @@ def unsigned(fit: Fit) -> BoolArray:
 
 def _of_one_sign(ends: tuple[float, float], value: float) -> tuple[float, float]:
     """The part of an interval with the sign of `value`."""
-    return (max(ends[0], 0.0), ends[1]) if value > 0.0 else (ends[0], min(ends[1], 0.0))
+    return (max(ends[0], 0.0), ends[1]) if value >= 0.0 else (ends[0], min(ends[1], 0.0))
 
 
 def _has_one_sign(ends: Ends, symmetric: Ends) -> bool:

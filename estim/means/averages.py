@@ -313,7 +313,7 @@ def _of_readings(x: FloatArray, probability: float) -> Mean:
         reason = phrase(
             "the readings drift, or each depends on the one before ({p}), so that their mean is "
             "less certain than their scatter says (GUM 4.2.7): take readings that are independent, "
-            "or state which of them share an error (groups)",
+            "or, where those of a day or a setting share an error, name these groups",
             p=format_p(goodness.checks[in_order[0]].p_value, P_FLOOR),
         )
     else:

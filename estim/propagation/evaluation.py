@@ -221,12 +221,13 @@ def gradient(function: MeasurementFunction, inputs: Sequence[Input]) -> Gradient
 
 
 def _jumps(right: FloatArray, left: FloatArray) -> BoolArray:
-    """() or (n_out,) whether the function is not continuous: its values on both sides, right and
-    left (n_step, ...), come no closer with the steps.
+    """() or (n_out,) whether the function is not continuous: its values right and left (n_step,
+    ...) settle with the steps, but not on each other.  Those of a function with noise do not
+    settle.
     """
-    across = np.abs(right - left)
+    sides = np.maximum(*(np.ptp(side[_SETTLED:], axis=0) for side in (right, left)))
     rounding = 100.0 * np.finfo(float).eps * np.maximum(np.abs(right), np.abs(left))[-1]
-    return (across[-1] > 0.5 * across[_SETTLED]) & (across[-1] > rounding)
+    return np.abs(right - left)[-1] > np.maximum(4.0 * sides, rounding)
 
 
 def _kink(value: FloatArray, right: FloatArray, left: FloatArray, steps: FloatArray) -> FloatArray:
